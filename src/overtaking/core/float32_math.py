@@ -3,7 +3,7 @@
 NumPy's and libm's last bits depend on the CPU and the version, so the simulator uses these instead:
 only additions, multiplications, divisions, comparisons and integer shifts of float32, written once
 here and once in `crates/overtaking-core/src/elementary.rs`, with the same operations in the same
-order. The argument reductions and minimax polynomials are those of the Cephes library, single
+order. The argument reductions and minimax polynomials come from the Cephes library, single
 precision (Moshier, *Methods and Programs for Mathematical Functions*, 1989). Tests bound the error
 against mpmath.
 """

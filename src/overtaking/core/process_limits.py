@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
 import re
@@ -22,26 +21,26 @@ if TYPE_CHECKING:
 
 
 THREADS_VARIABLE = "RAYON_NUM_THREADS"
-"""Environment variable that says how many the engine may use."""
+"""Environment variable with the largest number of threads of the engine."""
 
 CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
 """Linux's file with the CPU quota of a container: microseconds of quota and of its period."""
 
 
 def available_processors() -> int:
-    """Processors that the system lets this process use."""
-    known = os.cpu_count() or 1
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else known
-    with suppress(OSError, ValueError):  # No container, or one without a limit.
+    """Number of processors that the system lets this process use."""
+    num_installed = os.cpu_count() or 1
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else num_installed
+    with suppress(OSError, ValueError):  # No container, or a container without a limit.
         time, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
         return max(1, min(allowed, int(time) // int(period)))
     return allowed
 
 
 def processors_to_use() -> int:
-    """Processors to use: those that it may use, or fewer if the environment asks for fewer."""
-    asked = os.environ.get(THREADS_VARIABLE, "")
-    limit = int(asked) if asked.isascii() and asked.isdigit() else 0
+    """Number of processors to use: the available ones, or fewer if `RAYON_NUM_THREADS` is lower."""
+    setting = os.environ.get(THREADS_VARIABLE, "")
+    limit = int(setting) if setting.isascii() and setting.isdigit() else 0
     return min(available_processors(), limit) if limit else available_processors()
 
 
@@ -378,14 +377,14 @@ BYTES_PER_MIB = 1024 * 1024
 def limit_process(
     memory_mib: int, *, open_files: int | None = None, processor_s: int | None = None
 ) -> None:
-    """Forbid this process to write files, and bound its memory.
+    """Forbid this process to write files, and limit its memory.
 
-    Linux knows all of these bounds. macOS does not bound memory, Windows knows none.
+    Linux has all of these limits. macOS does not limit memory, and Windows has no such limits.
 
     Args:
-        memory_mib: Memory beyond what it uses now [MiB].
-        open_files: Number of files that may be open, None for no bound.
-        processor_s: Time of a processor after which SIGXCPU ends it [s], None for no bound.
+        memory_mib: Memory in addition to the present use [MiB].
+        open_files: Largest number of open files; None for no limit.
+        processor_s: Processor time after which SIGXCPU ends the process [s]; None for no limit.
     """
     try:
         import resource
@@ -394,71 +393,76 @@ def limit_process(
     statm = Path("/proc/self/statm")
     pages = int(statm.read_text(encoding="ascii").split()[5]) if statm.exists() else 0
     in_use = pages * resource.getpagesize()
-    # Private memory that can be written. RLIMIT_AS would count what threads only reserve.
+    # RLIMIT_DATA counts private writable memory. RLIMIT_AS would also count addresses that threads
+    # reserve and never use.
     memory = in_use + memory_mib * BYTES_PER_MIB
-    bounds = {
+    limits = {
         resource.RLIMIT_DATA: (memory, memory),
         resource.RLIMIT_FSIZE: (0, 0),
         resource.RLIMIT_CORE: (0, 0),
     }
     if open_files is not None:
-        bounds[resource.RLIMIT_NOFILE] = (open_files, open_files)
+        limits[resource.RLIMIT_NOFILE] = (open_files, open_files)
     if processor_s is not None:
-        # At the second of them the signal would be SIGKILL, which may come from anywhere.
-        bounds[resource.RLIMIT_CPU] = (processor_s, processor_s + 1)
-    for bound, value in bounds.items():
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(bound, value)
+        # The hard limit is a second later: it sends SIGKILL, which does not tell its cause.
+        limits[resource.RLIMIT_CPU] = (processor_s, processor_s + 1)
+    for limit, soft_and_hard in limits.items():
+        with suppress(ValueError, OSError):
+            resource.setrlimit(limit, soft_and_hard)
 
 
 def check_query_limits(where: str, *, max_rows: int, timeout_s: float, memory_mib: int) -> None:
-    """Refuse bounds that no question can be answered in.
+    """Refuse limits under which no query can be answered.
 
     Args:
-        where: The command that asks.
-        max_rows: Most rows of an answer, 1 to 1e9.
-        timeout_s: Most time [s], 0.001 to 1e9.
-        memory_mib: Most memory [MiB], 16 to 1e9.
+        where: The command of the query, for the message.
+        max_rows: Largest number of rows of an answer, 1 to 1e9.
+        timeout_s: Longest time [s], 0.001 to 1e9.
+        memory_mib: Largest memory [MiB], 16 to 1e9.
 
     Raises:
-        ConfigError: One of them is out of its range.
+        ConfigError: A limit is out of its range.
     """
-    for what, value, low in (
+    for name, value, low in (
         ("rows", max_rows, 1),
         ("time in seconds", timeout_s, 0.001),
         ("memory in MiB", memory_mib, 16),
     ):
         if not low <= value <= 1e9:
-            raise ConfigError.out_of_range(what=what, where=where, low=low, got=value)
+            raise ConfigError.out_of_range(what=name, where=where, low=low, got=value)
 
 
 ANSWER_MEMORY_SHARE = 8
-"""The answer may take an eighth of the memory: the process that asks holds it, and makes a text of
-it."""
+"""An answer may use this fraction of the memory, an eighth: the parent process stores it beside the
+text that it formats."""
 
 
-def remaining_answer_bytes(room: int | None, rows: object, where: str, memory_mib: int) -> int:
-    """Memory left for an answer after further rows [bytes].
+def remaining_answer_bytes(remaining: int | None, rows: object, where: str, memory_mib: int) -> int:
+    """Subtract further rows of an answer from the memory that is left for it [bytes].
 
     Args:
-        room: The remaining room; None at the beginning.
+        remaining: Memory that is left before these rows [bytes]; None for the first rows.
         rows: The rows.
-        where: The command that asks.
-        memory_mib: Most memory of the question [MiB].
+        where: The command of the query, for the message.
+        memory_mib: Largest memory of the query [MiB].
+
+    Returns:
+        Memory that is left after these rows [bytes].
 
     Raises:
         ConfigError: The answer is too large.
     """
-    most_mib = memory_mib / ANSWER_MEMORY_SHARE
-    left = (int(most_mib * BYTES_PER_MIB) if room is None else room) - deep_size(rows)
-    if left < 0:
-        most = f"an answer of at most {most_mib:g} MiB, 1/{ANSWER_MEMORY_SHARE} of the memory"
-        raise query_limit_error(where, most, "a larger one")
-    return left
+    max_mib = memory_mib / ANSWER_MEMORY_SHARE
+    remaining = int(max_mib * BYTES_PER_MIB) if remaining is None else remaining
+    remaining -= deep_size(rows)
+    if remaining < 0:
+        expected = f"an answer of at most {max_mib:g} MiB, 1/{ANSWER_MEMORY_SHARE} of the memory"
+        raise query_limit_error(where, expected, "a larger one")
+    return remaining
 
 
 def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
-    """The error of a question that needs more than it may."""
+    """The error for a query that exceeds one of its limits."""
     return ConfigError(
         what="query",
         where=where,
@@ -469,10 +473,10 @@ def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
 
 
 def deep_size(value: Any) -> int:
-    """Memory that a value of an answer takes, with all that it holds [bytes]."""
-    parts = value.values() if isinstance(value, dict) else value
-    held = sum(map(deep_size, parts)) if isinstance(value, dict | list | tuple) else 0
-    return sys.getsizeof(value) + held
+    """Memory of a value of an answer and of its elements [bytes]."""
+    elements = value.values() if isinstance(value, dict) else value
+    size = sum(map(deep_size, elements)) if isinstance(value, dict | list | tuple) else 0
+    return sys.getsizeof(value) + size
 
 
 A = TypeVar("A")
@@ -480,27 +484,31 @@ B = TypeVar("B")
 
 
 def thread_pool(name: str, threads: int) -> ThreadPoolExecutor:
-    """The threads of a name, the same ones as long as the process lives.
+    """A pool of threads that lasts as long as the process.
 
-    Allocators keep memory for each thread that they have met: with new threads for every shard it
+    Allocators keep memory for each thread that has existed: with new threads for every shard it
     would grow with the number of shards.
+
+    Args:
+        name: Purpose of the pool. Each name and number of threads has one pool.
+        threads: Number of threads.
     """
     return _process_pool(os.getpid(), name, threads)
 
 
 @cache
 def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
-    """The threads of a name in one process: a forked child has none of its parent's threads."""
+    """The pool of one process: a forked child does not inherit the threads of its parent."""
     del process  # Only part of the key of the cache.
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 
 def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
-    """Submit work to a pool of `pool_of`.
+    """Submit work to a pool from `thread_pool`.
 
     Raises:
         SystemLimitError: The system starts no more threads. The pool has then carried out or
-            dropped all its work, and the next call of `pool_of` returns a new one.
+            dropped all its work, and the next call of `thread_pool` returns a new pool.
     """
     try:
         return pool.submit(work, item)
@@ -513,15 +521,18 @@ def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[
 
 
 def ordered_map(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
-    """`work` of each item, in order, with as many under way as there are threads.
+    """Call a function with each item in threads, and return the results in order.
 
-    NumPy and the engine leave the interpreter to others while they compute, so threads are enough;
-    and no more results wait than there are threads, so memory stays flat.
+    Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
+    At most as many results wait as there are threads, so that memory does not grow.
 
     Args:
-        work: The work of one piece; it must not depend on earlier pieces.
-        items: With what.
-        threads: How many at a time; 1 works without a thread of its own.
+        work: The function. Its result must not depend on earlier items.
+        items: The items.
+        threads: Number of threads; 1 calls the function in this thread.
+
+    Yields:
+        The result of each item.
     """
     if threads == 1:
         yield from map(work, items)

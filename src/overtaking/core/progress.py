@@ -3,23 +3,23 @@
 from collections.abc import Callable
 
 ProgressCallback = Callable[[int, int], None]
-"""Called with the number of steps that are done, and of all."""
+"""A function that receives the number of completed steps and of all steps."""
 
 
 class ProgressCounter:
-    """Counts steps, and reports them.
+    """Counts completed steps and reports them.
 
     Args:
-        total: The number of steps.
-        progress: Called after each step; None to report nothing.
+        total: Number of all steps.
+        progress: The function to call after each step; None for no report.
     """
 
     def __init__(self, total: int, progress: ProgressCallback | None) -> None:
-        """Begin with nothing done."""
-        self._done, self._total, self._progress = 0, total, progress
+        """Start at zero."""
+        self._completed, self._total, self._progress = 0, total, progress
 
     def __call__(self, number: int = 1) -> None:
-        """Add steps that are done."""
-        self._done += number
+        """Add completed steps."""
+        self._completed += number
         if self._progress is not None:
-            self._progress(self._done, self._total)
+            self._progress(self._completed, self._total)

@@ -39,7 +39,7 @@ class Stream(enum.IntEnum):
     MOTION = 0x300  # + slot: gusts and errors of perception while driving
     GLANCES = 0x400  # + slot: looks over the shoulder
     SENSOR = 0x500  # + role: errors of another driver's sensors
-    BEING_PASSED = 0x600  # + slot: what a driver does while being passed
+    BEING_PASSED = 0x600  # + slot: reactions of a driver to a vehicle that passes
 
 
 def philox4x32(
@@ -102,8 +102,13 @@ def box_muller(u: F32, v: F32) -> tuple[F32, F32]:
 class PhiloxStream:
     """Successive uniform and normal numbers of one stream, for a batch of simulations.
 
-    The n-th number asked of a stream is always the same, whatever the batch. Shape of each: that of
-    `index` broadcast against `stream`.
+    The n-th number of a stream is the same in every batch. The numbers are arrays with the shape of
+    `scenario_index` broadcast against `stream`.
+
+    Args:
+        seed: Seed of the data set, 0 <= seed < 2**64.
+        scenario_index: Number of the scenario of each simulation.
+        stream: `Stream` number(s), plus the vehicle slot where one applies.
     """
 
     def __init__(self, seed: int, scenario_index: U64, stream: U32 | int) -> None:
@@ -115,11 +120,11 @@ class PhiloxStream:
     def next_word(self) -> U32:
         """The next 32-bit word."""
         if not self._ready:
-            self._ready = list(self._words(self._block))
+            self._ready = list(self._block_words(self._block))
             self._block += 1
         return self._ready.pop(0)
 
-    def _words(self, draw: int) -> tuple[U32, U32, U32, U32]:
+    def _block_words(self, draw: int) -> tuple[U32, U32, U32, U32]:
         """The words of a block."""
         return philox_words(self._seed, self._index, self._stream, draw)
 

@@ -16,8 +16,8 @@ def format_count(number: int, noun: str) -> str:
     """A number with its noun.
 
     Args:
-        number: How many.
-        noun: What, in the singular, with a plural in s.
+        number: The number.
+        noun: The noun in the singular; its plural ends in s.
 
     Examples:
         >>> format_count(1, "simulation"), format_count(1000, "simulation")
@@ -60,27 +60,28 @@ def json_values(value: Any) -> Any:
     if isinstance(value, bytes | bytearray | memoryview):
         return bytes(value).hex()
     if isinstance(value, Mapping):
-        return {str(name): json_values(one) for name, one in value.items()}
+        return {str(name): json_values(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [json_values(one) for one in value]
+        return [json_values(item) for item in value]
     if dataclasses.is_dataclass(value):
         return {
-            one.name: json_values(getattr(value, one.name)) for one in dataclasses.fields(value)
+            field.name: json_values(getattr(value, field.name))
+            for field in dataclasses.fields(value)
         }
     return str(value)
 
 
 MAX_SHOWN_ROWS = 60
-"""Most rows of a table that is shown, as in pandas."""
+"""Largest number of rows of a table on the screen, as in pandas."""
 
 MAX_SHOWN_CHARACTERS = 50
-"""Most characters of a cell that is shown, as in pandas."""
+"""Largest number of characters of a cell on the screen, as in pandas."""
 _LINE_WIDTH = 100  # Wider tables continue below.
 _PLAIN = (str, int, float, Path)
 
 
 class CompactRepr:
-    """Base of dataclasses whose `repr` shall not show all that they hold."""
+    """Base of dataclasses whose `repr` is a summary, because their arrays are large."""
 
     __slots__ = ()
 
@@ -92,27 +93,27 @@ class CompactRepr:
             cls.__repr__ = next(base.__repr__ for base in summarized if "__repr__" in vars(base))
 
     def summary(self) -> Mapping[str, object]:
-        """Names and values to show: fields with one value, and how many the others have."""
+        """Names and values to show: a number or a text as it is, of a collection its length."""
         import numpy as np  # As in `json_values`.
 
-        found: dict[str, object] = {}
+        summary: dict[str, object] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             with contextlib.suppress(
                 AttributeError
             ):  # A field that is not computed yet is left out.
                 value = object.__getattribute__(self, field.name)
-                if isinstance(value, np.ndarray):  # All of them lead with this axis.
-                    found.setdefault("simulations", len(value))
+                if isinstance(value, np.ndarray):  # The first axis of all arrays is simulation.
+                    summary.setdefault("simulations", len(value))
                 elif isinstance(value, _PLAIN):
-                    found[field.name] = value
+                    summary[field.name] = value
                 elif isinstance(value, tuple | list | dict | frozenset):
-                    found[field.name] = len(value)
-        return found
+                    summary[field.name] = len(value)
+        return summary
 
     def __repr__(self) -> str:
         """The summary in one line."""
-        shown = ", ".join(f"{name}={value!r}" for name, value in self.summary().items())
-        return f"{type(self).__name__}({shown})"
+        entries = ", ".join(f"{name}={value!r}" for name, value in self.summary().items())
+        return f"{type(self).__name__}({entries})"
 
     def _repr_html_(self) -> str:
         """The same as a table, for notebooks."""

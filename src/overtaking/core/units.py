@@ -41,7 +41,7 @@ NAME_SUFFIXES = {
     "N s": "_newton_s",
     "W": "_w",
 }
-"""The ending of a name for each unit, wherever numbers leave memory: columns, keys of files."""
+"""Suffix of a name for each unit, in columns of tables and in keys of files."""
 
 INTEGER_UNITS = {
     "mm": ("m", 1000),
@@ -51,7 +51,8 @@ INTEGER_UNITS = {
     "0.1 mrad": ("rad", 10_000),
     "0.1 mrad/s": ("rad/s", 10_000),
 }
-"""The SI unit and the number of steps in it, for each unit of recorded integers."""
+"""The SI unit, and the number of steps in it, of each unit of recorded integers."""
+
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
 _DEG_PER_RAD = 180.0 / math.pi
@@ -104,7 +105,7 @@ _OTHER_SYMBOLS = {
 # file and 120 km/h on the command line are the same bits.
 _SHARED: dict[str, Callable[[float], float]] = {"km/h": mps_from_kmh, "deg": rad_from_deg}
 
-# What a name may end in to say that its value stays in the unit as written.
+# Suffixes of the names of knowledge entries whose values are not converted to SI.
 SUFFIXES = {
     "_mm": "mm",
     "_inch": "inch",
@@ -120,22 +121,22 @@ _UNIT = re.compile(rf"({_PRODUCT})(?:/(?:({_FACTOR})|\(({_PRODUCT})\)))?")
 
 
 def _powers(unit: str) -> list[tuple[str, int]] | None:
-    """Symbols of a unit text with their powers, or None where the text is no unit."""
-    found = _UNIT.fullmatch(unit)
-    if found is None:
+    """The symbols of a unit with their powers; None for a text that is not a unit."""
+    match = _UNIT.fullmatch(unit)
+    if match is None:
         return None
     powers: list[tuple[str, int]] = []
-    for product, sign in ((found[1], 1), (found[2] or found[3] or "", -1)):
+    for product, sign in ((match[1], 1), (match[2] or match[3] or "", -1)):
         for factor in product.split():
             symbol, _, power = factor.partition("^")
             powers.append((symbol, sign * int(power or 1)))
-    known = all(symbol in _SI_SYMBOLS or symbol in _OTHER_SYMBOLS for symbol, _ in powers)
-    return powers if known else None
+    is_valid = all(symbol in _SI_SYMBOLS or symbol in _OTHER_SYMBOLS for symbol, _ in powers)
+    return powers if is_valid else None
 
 
 def si_unit(unit: str) -> str:
     """The SI unit of the same dimension, spelt the same way: `m/s` for `km/h`."""
-    return re.sub(r"[A-Za-z]+", lambda found: _OTHER_SYMBOLS.get(found[0], (found[0],))[0], unit)
+    return re.sub(r"[A-Za-z]+", lambda match: _OTHER_SYMBOLS.get(match[0], (match[0],))[0], unit)
 
 
 def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
@@ -153,21 +154,23 @@ def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
     """
     powers = _powers(unit)
     if powers is None:
-        known = ", ".join(sorted(_SI_SYMBOLS | _OTHER_SYMBOLS.keys()))
+        symbols = ", ".join(sorted(_SI_SYMBOLS | _OTHER_SYMBOLS.keys()))
         raise KnowledgeError(
             what="unit",
             where=where,
             expected="a product of known symbols",
             got=repr(unit),
-            next_step=f"write one with {known}",
+            next_step=f"write one with {symbols}",
         )
     if unit in _SHARED:
         return _SHARED[unit]
     numerator = denominator = 1.0
     for symbol, power in powers:
-        _, over, under = _OTHER_SYMBOLS.get(symbol, (symbol, 1.0, 1.0))
-        numerator *= (over if power > 0 else under) ** abs(power)
-        denominator *= (under if power > 0 else over) ** abs(power)
+        _, multiplier, divisor = _OTHER_SYMBOLS.get(symbol, (symbol, 1.0, 1.0))
+        if power < 0:
+            multiplier, divisor = divisor, multiplier
+        numerator *= multiplier ** abs(power)
+        denominator *= divisor ** abs(power)
     return lambda number: number * numerator / denominator
 
 

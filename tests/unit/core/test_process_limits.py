@@ -1,9 +1,13 @@
-"""Errors name the refused resource; memory is compared with every limit before it is used."""
+"""Limits of memory, threads, files and processors; the error names the resource that is refused."""
 
 from __future__ import annotations
 
 import errno
-from typing import TYPE_CHECKING
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pyarrow as pa
 import pytest
@@ -12,9 +16,6 @@ from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError, DatasetError, SystemLimitError
 from overtaking.core.files import unreadable_error
 from overtaking.core.process_limits import check_memory, explain_refusals, refusal_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MIB = 1 << 20
 
@@ -119,3 +120,58 @@ def test_work_larger_than_the_rest_of_the_address_space_is_refused(monkeypatch):
     check_memory(200 * MIB, "simulate", "simulate fewer")
     with pytest.raises(SystemLimitError, match=r"leaves \(ulimit -v\), got work that needs 419 MB"):
         check_memory(400 * MIB, "simulate", "simulate fewer")
+
+
+def test_processors_that_a_process_may_not_use_do_not_count(monkeypatch):
+    monkeypatch.setattr(process_limits, "CGROUP_QUOTA_FILE", Path("/none"))
+    if not hasattr(os, "sched_getaffinity"):  # Then all may be used.
+        assert process_limits.available_processors() == os.cpu_count()
+        return
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(before)})
+        assert process_limits.available_processors() == 1
+    finally:
+        os.sched_setaffinity(0, before)
+    assert process_limits.available_processors() == len(before)
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("1600000 100000", 8), ("", 8)],
+)
+def test_a_container_has_as_many_as_its_time_fills(limit, expected, tmp_path, monkeypatch):
+    (tmp_path / "cpu.max").write_text(f"{limit}\n")
+    monkeypatch.setattr(process_limits, "CGROUP_QUOTA_FILE", tmp_path / "cpu.max")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
+    assert process_limits.available_processors() == expected
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"), [("", 4), ("0", 4), ("3", 3), ("64", 4), ("-1", 4), ("some", 4)]
+)
+def test_the_environment_may_ask_for_fewer(asked, expected, monkeypatch):
+    monkeypatch.setattr(process_limits, "available_processors", lambda: 4)
+    monkeypatch.setenv(process_limits.THREADS_VARIABLE, asked)
+    assert process_limits.processors_to_use() == expected
+
+
+def test_a_system_without_affinity_says_how_many_there_are(monkeypatch):
+    monkeypatch.setattr(process_limits, "CGROUP_QUOTA_FILE", Path("/none"))
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert process_limits.available_processors() == 1
+
+
+SPINS = """
+from overtaking.core.process_limits import limit_process
+limit_process(64, processor_s=1)
+while True:
+    pass
+"""
+
+
+@pytest.mark.ci
+def test_a_process_that_exceeds_its_processor_time_ends_by_a_signal():
+    pytest.importorskip("resource", reason="Windows bounds no process")
+    assert subprocess.run([sys.executable, "-c", SPINS], check=False).returncode == -signal.SIGXCPU

@@ -1,8 +1,9 @@
-"""A worker does what it is told, and nothing of it is left, however it or its parent ends."""
+"""Messages between processes; nothing of a worker is left, however it or its parent ends."""
 
 from __future__ import annotations
 
 import gc
+import io
 import os
 import signal
 import subprocess
@@ -16,10 +17,11 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.processes import eventually, is_running
 
-from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess, read_frame, write_frame
 
 if TYPE_CHECKING:
     from collections.abc import Generator
+
 
 MODULE = "tests.support.obedient"
 ROUNDS = 8
@@ -220,3 +222,24 @@ def test_a_worker_that_was_not_closed_ends_with_its_parent_in_silence():
         said, complaints = process.communicate(timeout=60)
     assert (process.returncode, complaints) == (0, "")
     assert not is_running(int(said))
+
+
+FRAMES = [b"a word", b"", b"\0" * 70_000]
+
+
+def test_frames_arrive_one_by_one_until_there_are_no_more():
+    stream = io.BytesIO()
+    for frame in FRAMES:
+        write_frame(stream, frame)
+    stream.seek(0)
+    assert [read_frame(stream) for _ in FRAMES] == FRAMES
+    with pytest.raises(EOFError):
+        read_frame(stream)
+
+
+@pytest.mark.parametrize("length", [1, 7, 8, 9, 20])
+def test_a_frame_that_is_cut_off_is_the_end(length):
+    stream = io.BytesIO()
+    write_frame(stream, b"a sentence without an end")
+    with pytest.raises(EOFError):
+        read_frame(io.BytesIO(stream.getvalue()[:length]))
