@@ -210,10 +210,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 mode DISABLED an environment whose episode has ended was not reset.
         """
         episodes, was_over = self._check_all_running(), self._has_ended.copy()
-        action, is_clipped = clip_actions(actions, self._settings.action, self.num_envs)
+        clipped = clip_actions(actions, self._settings.action, self.num_envs)
         observation = episodes.observation
-        episodes.num_clipped += is_clipped & episodes.is_running
-        episodes.step(action)
+        episodes.num_clipped += clipped.was_clipped & episodes.is_running
+        episodes.step(clipped.values)
         has_crashed = episodes.has_crashed & ~was_over
         is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
         terminated = (has_crashed | is_done) & ~was_over
@@ -226,7 +226,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         reward = np.zeros(self.num_envs)
         if self._reward is not None:
             next_observation = episodes.observation
-            values = self._reward(observation, action, next_observation, outcome)
+            values = self._reward(observation, clipped.values, next_observation, outcome)
             reward = np.where(was_over, 0.0, values)
         info = self._describe(episodes, ended, verdicts)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():

@@ -62,6 +62,31 @@ class ScenarioRef(NamedTuple):
     row: int
 
 
+class SortedRefs(NamedTuple):
+    """References to scenarios, sorted by batch, so that each batch is indexed once.
+
+    Attributes:
+        batches: The sampled batches, each once.
+        rows: Rows of each batch.
+        restore: Order that puts the joined rows into the original order.
+    """
+
+    batches: list[SampledScenarios]
+    rows: list[NDArray[np.int64]]
+    restore: NDArray[np.int64]
+
+
+def sort_refs(refs: Sequence[ScenarioRef]) -> SortedRefs:
+    """Sort references by batch."""
+    batches = list(dict.fromkeys(ref.batch for ref in refs))
+    positions = [
+        [position for position, ref in enumerate(refs) if ref.batch is batch] for batch in batches
+    ]
+    rows = [np.array([refs[position].row for position in of_batch]) for of_batch in positions]
+    order = [position for of_batch in positions for position in of_batch]
+    return SortedRefs(batches, rows, np.argsort(order))
+
+
 class ScenarioSupply:
     """The scenarios of several environments.
 
@@ -189,7 +214,7 @@ class EpisodeBatch:
         """Begin the first episode of each environment."""
         num_envs = settings.num_envs
         self._supply, self._settings, self._refs = supply, settings, list(refs)
-        params = join_parameters(self._refs)
+        params = join_parameters(sort_refs(self._refs))
         max_decisions = int(params.simulation[_LAST_STEP].max()) // SUBSTEPS + 1
         # All actions are kept: labels, pictures and copies of the batch simulate them again.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
@@ -250,7 +275,7 @@ class EpisodeBatch:
         refs = self._supply.take(rows) if indices is None else self._supply.draw(indices)
         for row, ref in zip(rows, refs, strict=True):
             self._refs[row] = ref
-        params = join_parameters(refs)
+        params = join_parameters(sort_refs(refs))
         self.observations[rows], self.is_running[rows], _ = self._stepper.renew(rows, params)
         self._vehicle[:, rows] = [row[0] for row in params.of_vehicles]
         self.scenario_index[rows] = params.index
@@ -258,7 +283,7 @@ class EpisodeBatch:
 
     def judge(self, rows: NDArray[np.int64]) -> EpisodeVerdicts:
         """Labels of the whole simulation of some episodes that have ended."""
-        refs = [self._refs[row] for row in rows]
+        refs = sort_refs([self._refs[row] for row in rows])
         # Rules judge a whole simulation, and a stepper records nothing, so the actions are replayed
         # with recording. It costs more than the episode; with_labels=False leaves it out.
         trajectories = self._simulate(refs, join_parameters(refs), rows)
@@ -272,7 +297,7 @@ class EpisodeBatch:
 
     def record(self, row: int) -> Trajectories:
         """The episode of a row from its start until now."""
-        refs = [self._refs[row]]
+        refs = sort_refs([self._refs[row]])
         params = join_parameters(refs)
         simulation = params.simulation.copy()
         simulation[_LAST_STEP] = np.minimum(
@@ -320,7 +345,7 @@ class EpisodeBatch:
         self.is_running = observed.runs
 
     def _simulate(
-        self, refs: list[ScenarioRef], params: Parameters, rows: NDArray[np.int64]
+        self, refs: SortedRefs, params: Parameters, rows: NDArray[np.int64]
     ) -> Trajectories:
         """Simulate episodes again from the actions that were carried out."""
         num_decisions = self.num_decisions[rows]
@@ -334,7 +359,7 @@ class EpisodeBatch:
 
     def _replay_actions(self) -> Renewable:
         """A new stepper in which every episode has its present state."""
-        params = join_parameters(self._refs)
+        params = join_parameters(sort_refs(self._refs))
         stepper = Renewable(params, self._kind, is_true=self._settings.observes_truth)
         stepper.begin()
         # Rows have different ages. Each begins when as many decisions are left as it has carried
@@ -343,7 +368,8 @@ class EpisodeBatch:
         start = duration - self.num_decisions
         for decision in range(duration + 1):
             if len(rows := np.flatnonzero((start == decision) & (start > 0))):
-                stepper.renew(rows, join_parameters([self._refs[row] for row in rows]))
+                refs = sort_refs([self._refs[row] for row in rows])
+                stepper.renew(rows, join_parameters(refs))
             if decision < duration:
                 values = np.zeros((self._settings.num_envs, MAX_ACTION_PARTS), np.int32)
                 rows = np.flatnonzero(start <= decision)
@@ -352,9 +378,9 @@ class EpisodeBatch:
         return stepper
 
 
-def join_parameters(refs: Sequence[ScenarioRef]) -> Parameters:
-    """Parameters of scenarios of one or several batches, as one batch in their order."""
-    batches, rows, restore = _sort_refs(refs)
+def join_parameters(refs: SortedRefs) -> Parameters:
+    """Parameters of scenarios of one or several batches, as one batch in their original order."""
+    batches, rows, restore = refs
 
     def join(name: str) -> NDArray[Any]:
         """One array of the parameters; its last axis is the simulation."""
@@ -368,26 +394,8 @@ def join_parameters(refs: Sequence[ScenarioRef]) -> Parameters:
     return dataclasses.replace(batches[0].parameters, **{name: join(name) for name in names})
 
 
-def join_scenarios(refs: Sequence[ScenarioRef]) -> Scenario:
-    """Scenarios of one or several batches, as one batch in their order."""
-    batches, rows, restore = _sort_refs(refs)
+def join_scenarios(refs: SortedRefs) -> Scenario:
+    """Scenarios of one or several batches, as one batch in their original order."""
+    batches, rows, restore = refs
     parts = [batch.scenario.select(of_batch) for batch, of_batch in zip(batches, rows, strict=True)]
     return concatenate(parts).select(restore)
-
-
-class _SortedRefs(NamedTuple):
-    """References sorted by batch; `restore` puts joined rows into the original order."""
-
-    batches: list[SampledScenarios]
-    rows: list[NDArray[np.int64]]
-    restore: NDArray[np.int64]
-
-
-def _sort_refs(refs: Sequence[ScenarioRef]) -> _SortedRefs:
-    batches = list(dict.fromkeys(ref.batch for ref in refs))
-    positions = [
-        [position for position, ref in enumerate(refs) if ref.batch is batch] for batch in batches
-    ]
-    rows = [np.array([refs[position].row for position in of_batch]) for of_batch in positions]
-    order = [position for of_batch in positions for position in of_batch]
-    return _SortedRefs(batches, rows, np.argsort(order))

@@ -1,7 +1,7 @@
 """Spaces of observations and actions: names, units, bounds and scales of their numbers."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -137,16 +137,25 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 
-def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float64], Mask]:
-    """Actions of all environments, shape (simulation, part), within their bounds.
+class ClippedActions(NamedTuple):
+    """Actions within their limits.
+
+    Attributes:
+        values: The actions, shape (env, part).
+        was_clipped: Whether an action was outside its limits, shape (env,).
+    """
+
+    values: NDArray[np.float64]
+    was_clipped: Mask
+
+
+def clip_actions(actions: Any, action: str, rows: int) -> ClippedActions:
+    """Clip the actions of all environments to their limits.
 
     Args:
-        actions: Actions of all environments.
+        actions: Actions, shape (env, part), or (env,) for actions of one part.
         action: Kind of the actions, a name in `CONTROLS`.
-        rows: Environments.
-
-    Returns:
-        The actions, and which were beyond the bounds, shape (simulation,).
+        rows: Number of environments.
 
     Raises:
         ConfigError: They have another shape, or are not finite.
@@ -164,4 +173,4 @@ def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float
             got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the agent",
         )
-    return limited(values, parts)
+    return ClippedActions(*limited(values, parts))
