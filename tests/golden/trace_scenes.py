@@ -23,7 +23,13 @@ from overtaking.analysis.validation.passes import (
     passes,
 )
 from overtaking.model.road_course import ZoneKind
-from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage, Trajectories
+from overtaking.model.trajectories import (
+    NO_VEHICLE,
+    Lights,
+    PerceivedVehicle,
+    Stage,
+    Trajectories,
+)
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
@@ -132,7 +138,7 @@ def gives_up(run: Trajectories) -> NDArray[np.bool_]:
     """The ego falls back behind the vehicle that it was to pass, and goes on following it."""
     first = (run.stage == Stage.ABORT).argmax(axis=1)
     rows = np.arange(len(first))
-    target = run.percepts.slot[rows, 0, 0]
+    target = run.percepts.slot[rows, 0, PerceivedVehicle.LEADER]
     target = np.where(target == NO_VEHICLE, EGO_SLOT, target)
     last = run.num_frames - 1
     behind = run.states.s[rows, 0, last] < run.states.s[rows, target, last]

@@ -98,6 +98,17 @@ class ManoeuvreKind(IntEnum):
     CANCEL = 2
 
 
+class PerceivedVehicle(IntEnum):
+    """The vehicles that a percept is about, the order of its last axis."""
+
+    LEADER = 0
+    """The vehicle ahead in the ego's lane."""
+    NEW_LEADER = 1
+    """The vehicle ahead in the lane that the ego enters."""
+    NEW_FOLLOWER = 2
+    """The vehicle behind in the lane that the ego enters."""
+
+
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class States(Batch):
@@ -241,12 +252,11 @@ _truth = partial(FieldSpec, null_unless=".slot")
 class Percepts(Batch):
     """Beliefs of the ego's driver at each decision.
 
-    Arrays have shape (simulation, decision), or a last axis of three: the leader, and the new
-    leader and the new follower in the lane that the ego enters. Without a neighbour its slot is
-    `NO_VEHICLE`.
+    Arrays have shape (simulation, decision), or a last axis of the vehicles in `PerceivedVehicle`.
+    Without a neighbour its slot is `NO_VEHICLE`.
     """
 
-    AXES = ("simulation", "decision", 3)
+    AXES = ("simulation", "decision", len(PerceivedVehicle))
 
     valid: Annotated[Mask, _decision("Whether the row holds a decision", column=None)]
     kind: Annotated[
@@ -282,7 +292,8 @@ class Percepts(Batch):
     @classmethod
     def empty(cls, num_simulations: int, num_rows: int) -> "Percepts":
         """Rows without a recorded decision."""
-        pair, triple = (num_simulations, num_rows), (num_simulations, num_rows, 3)
+        pair = (num_simulations, num_rows)
+        triple = (*pair, len(PerceivedVehicle))
         return cls(
             valid=np.zeros(pair, bool),
             kind=np.zeros(pair, np.uint8),

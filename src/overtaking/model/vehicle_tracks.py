@@ -19,6 +19,7 @@ from overtaking.model.trajectories import (
     STATE_RESOLUTION,
     Lights,
     ManoeuvreKind,
+    PerceivedVehicle,
     Trajectories,
 )
 from overtaking.model.vehicles import EGO_SLOT
@@ -194,7 +195,7 @@ def _likely_target(simulation: Trajectories) -> int:
     percepts = simulation.percepts
     pull_outs = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in simulation.unknown and len(pull_outs):
-        return int(percepts.slot[0, pull_outs[-1], 0])
+        return int(percepts.slot[0, pull_outs[-1], PerceivedVehicle.LEADER])
     lane, s = simulation.states.lane[0, :, 0], simulation.states.s[0, :, 0]
     is_ahead = simulation.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
     distance = np.where(is_ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)

@@ -15,7 +15,10 @@ from overtaking.knowledge.glossary import terms
 from overtaking.labels.law import POLICIES, PORTUGAL, default_policy
 from overtaking.model.batch import batch_fields
 from overtaking.model.safety_measures import PassingSafety
-from overtaking.model.trajectories import Stage
+from overtaking.model.trajectories import (
+    PerceivedVehicle,
+    Stage,
+)
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
@@ -233,7 +236,7 @@ def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]
             "time_s": row["time_s"],
             "neighbours": {
                 who: _percept(row, who, law.get((row["percept"], place)))
-                for place, who in enumerate(NEIGHBOURS)
+                for place, who in zip(PerceivedVehicle, NEIGHBOURS, strict=True)
             },
         }
         for row in _rows(run, "percepts")

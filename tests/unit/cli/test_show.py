@@ -19,7 +19,13 @@ from overtaking.cli.show import MAX_INSTANTS, render
 from overtaking.cli.timeline import event_lines
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge.glossary import terms
-from overtaking.model.trajectories import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
+from overtaking.model.trajectories import (
+    NO_VEHICLE,
+    UNKNOWNS,
+    PerceivedVehicle,
+    Stage,
+    Trajectories,
+)
 from overtaking.show.description import describe, lane_name
 from overtaking.show.judgement import EVENTS, Values
 from overtaking.show.wording import SYMBOLS, margin_words, symbol
@@ -152,13 +158,13 @@ def test_beliefs_are_told_beside_the_truth_and_the_law(labelled, runs, stories):
     number = next(
         n
         for n in range(NUM_SIMULATIONS)
-        if runs.percepts.valid[n].any() and runs.percepts.is_detected[n, 0, 0]
+        if runs.percepts.valid[n].any() and runs.percepts.is_detected[n, 0, PerceivedVehicle.LEADER]
     )
     decision = stories[number]["decisions"][0]
     assert decision["kind"] == "PULL_OUT"
     leader = decision["neighbours"]["leader"]
-    assert leader["gap_m"] == runs.percepts.gap[number, 0, 0] / 1000
-    assert leader["true_gap_m"] == runs.percepts.true_gap[number, 0, 0] / 1000
+    assert leader["gap_m"] == runs.percepts.gap[number, 0, PerceivedVehicle.LEADER] / 1000
+    assert leader["true_gap_m"] == runs.percepts.true_gap[number, 0, PerceivedVehicle.LEADER] / 1000
     assert leader["law"]["rule"] == "L3"
     text = drawn(one(labelled, number))
     assert f"{leader['gap_m']:.1f} ({leader['true_gap_m']:.1f})" in text

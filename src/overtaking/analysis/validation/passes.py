@@ -13,7 +13,13 @@ import numpy as np
 
 from overtaking.analysis.validation.tally import ratio
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Stage, Trajectories
+from overtaking.model.trajectories import (
+    NO_VEHICLE,
+    ManoeuvreKind,
+    PerceivedVehicle,
+    Stage,
+    Trajectories,
+)
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.world.road_parameters import road_parameters
 from overtaking.world.sight_distance import sight_at
@@ -162,7 +168,8 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     start = int(out[np.flatnonzero(np.diff(out, prepend=-9) > 1)[-1]])
     kind, valid = runs.percepts.kind[row], runs.percepts.valid[row]
     decided = np.flatnonzero(valid & (kind == ManoeuvreKind.PULL_OUT))
-    target = int(runs.percepts.slot[row, decided[-1], 0]) if decided.size else NO_VEHICLE
+    leaders = runs.percepts.slot[row, :, PerceivedVehicle.LEADER]
+    target = int(leaders[decided[-1]]) if decided.size else NO_VEHICLE
     offset = road.overtaking_sign * 1e-3 * states.d[row, EGO_SLOT, start:frames]
     line = road.overtaking_sign * float(road.lane_boundaries[-1])
     beyond = np.flatnonzero(offset > line - 0.5 * float(specs.width[row, EGO_SLOT])) + start

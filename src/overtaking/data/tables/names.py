@@ -4,7 +4,11 @@ from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.model.driver_interface import Move
 from overtaking.model.overtake_events import Outcome, OutcomeDetail
 from overtaking.model.road import RoadMark
-from overtaking.model.trajectories import ManoeuvreKind, Stage
+from overtaking.model.trajectories import (
+    ManoeuvreKind,
+    PerceivedVehicle,
+    Stage,
+)
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.verdicts import Belief, OvertakeClass, Severity, Verdict
 
@@ -21,8 +25,8 @@ INDICATORS = ("off", "left", "right", "both")
 FLAGS = ("brake", "low_beam", "high_beam", "rear_fog")
 """The bits of the `lights` column: those of `Lights` above the two of the indicator."""
 
-NEIGHBOURS = ("leader", "new_leader", "new_follower")
-"""Last axis of `Percepts`: the leader, and the new leader and follower in the lane entered."""
+NEIGHBOURS = tuple(vehicle.name.lower() for vehicle in PerceivedVehicle)
+"""Names of the vehicles of a percept, the prefixes of their columns."""
 
 EVENTS = (
     *("following_begin", "attempt", "line_crossed", "overlap_begin", "overlap_end"),

@@ -27,7 +27,14 @@ from overtaking.model.overtake_features import (
 )
 from overtaking.model.safety_measures import MEASURED_MOMENTS, SafetyMeasures
 from overtaking.model.scenario import MAX_VEHICLES, Scenario
-from overtaking.model.trajectories import Contacts, Lights, Percepts, States, Trajectories
+from overtaking.model.trajectories import (
+    Contacts,
+    Lights,
+    PerceivedVehicle,
+    Percepts,
+    States,
+    Trajectories,
+)
 from overtaking.model.vehicles import DriverTraits, VehicleSpecs
 from overtaking.model.verdicts import Findings, Labels
 from overtaking.model.weather import Weather
@@ -207,12 +214,16 @@ _RECORDED: dict[str, list[Column]] = {
             "percept", np.int32, FieldSpec("Number of the percept in its simulation", is_key=True)
         ),
         *_percepts(only=("kind", "time")),
-        *_perceived(prefix="leader_", about="the vehicle ahead", index=0),
+        *_perceived(prefix="leader_", about="the vehicle ahead", index=PerceivedVehicle.LEADER),
         *_perceived(
-            prefix="new_leader_", about="the vehicle ahead in the lane that is entered", index=1
+            prefix="new_leader_",
+            about="the vehicle ahead in the lane that is entered",
+            index=PerceivedVehicle.NEW_LEADER,
         ),
         *_perceived(
-            prefix="new_follower_", about="the vehicle behind in the lane that is entered", index=2
+            prefix="new_follower_",
+            about="the vehicle behind in the lane that is entered",
+            index=PerceivedVehicle.NEW_FOLLOWER,
         ),
     ],
     "actions": [
@@ -314,9 +325,19 @@ _LABELS: dict[str, list[Column]] = {
         ),
         *columns_of(LawMarginsOnPullOut, "law", nullable=True),
         *columns_of(BeliefsAtPullOut, "beliefs", only=("age",), nullable=True),
-        *_beliefs(prefix="believed_leader_", about="the vehicle ahead", index=0),
-        *_beliefs(prefix="believed_new_leader_", about="the vehicle ahead on the left", index=1),
-        *_beliefs(prefix="believed_new_follower_", about="the vehicle behind on the left", index=2),
+        *_beliefs(
+            prefix="believed_leader_", about="the vehicle ahead", index=PerceivedVehicle.LEADER
+        ),
+        *_beliefs(
+            prefix="believed_new_leader_",
+            about="the vehicle ahead on the left",
+            index=PerceivedVehicle.NEW_LEADER,
+        ),
+        *_beliefs(
+            prefix="believed_new_follower_",
+            about="the vehicle behind on the left",
+            index=PerceivedVehicle.NEW_FOLLOWER,
+        ),
     ],
     "safety": [
         _SIMULATION,

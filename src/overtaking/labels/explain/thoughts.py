@@ -7,9 +7,6 @@ import numpy as np
 
 from overtaking.labels.law import Finding, Pack
 from overtaking.labels.law.beliefs import (
-    FRONT,
-    LEADER,
-    REAR,
     Margin,
     belief,
     decision_at,
@@ -17,15 +14,15 @@ from overtaking.labels.law.beliefs import (
 )
 from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap
 from overtaking.labels.law.gaps import L3, L4, L5, L8
-from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Belief, Case
 
-_MARGINS: dict[tuple[ManoeuvreKind, int], tuple[Callable[[Case], Finding], Margin]] = {
-    (ManoeuvreKind.PULL_OUT, LEADER): (L3.check, margin_of_gap),
-    (ManoeuvreKind.PULL_OUT, FRONT): (L4.check, margin_ahead),
-    (ManoeuvreKind.PULL_OUT, REAR): (L5.check, margin_behind),
-    (ManoeuvreKind.RETURN, FRONT): (L8.check, margin_of_gap),
-    (ManoeuvreKind.RETURN, REAR): (L8.check, margin_behind),
+_MARGINS: dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[Callable[[Case], Finding], Margin]] = {
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): (L3.check, margin_of_gap),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, margin_ahead),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, margin_behind),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_of_gap),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): (L8.check, margin_behind),
 }
 """By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 
@@ -36,7 +33,7 @@ class Thought:
 
     Attributes:
         decision: Row of the percepts.
-        whom: `LEADER`, `FRONT` or `REAR` of `labels.law.beliefs`.
+        whom: The neighbour.
         code: Of the rule.
         margin: By the true gap and closing speed [m].
         believed_margin: By those believed; None for a vehicle that was not noticed [m].
@@ -44,7 +41,7 @@ class Thought:
     """
 
     decision: int
-    whom: int
+    whom: PerceivedVehicle
     code: str
     margin: float
     believed_margin: float | None
@@ -68,7 +65,7 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
     comparisons = list[Thought]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = ManoeuvreKind(int(percepts.kind[0, row]))
-        for whom in (LEADER, FRONT, REAR):
+        for whom in PerceivedVehicle:
             has_neighbour = percepts.slot[0, row, whom] != NO_VEHICLE
             if has_neighbour and (kind, whom) in _MARGINS:
                 check, margin = _MARGINS[kind, whom]
@@ -78,7 +75,7 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
     return tuple(comparisons)
 
 
-def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thought:
+def _thought(case: Case, row: int, whom: PerceivedVehicle, code: str, margin: Margin) -> Thought:
     percepts, at = case.trajectories.percepts, (slice(0, 1), row, whom)
     decision = decision_at(case, np.array([row]), np.array([True]), percepts.time[:1, row])
     true, believed = (float(one[0]) for one in margins_of(percepts, at, decision, margin))

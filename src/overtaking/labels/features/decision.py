@@ -45,7 +45,12 @@ from overtaking.model.overtake_features import (
     RoadAndWeather,
 )
 from overtaking.model.safety_measures import Encounter
-from overtaking.model.trajectories import POSITION_RESOLUTION, Lights, ManoeuvreKind
+from overtaking.model.trajectories import (
+    POSITION_RESOLUTION,
+    Lights,
+    ManoeuvreKind,
+    PerceivedVehicle,
+)
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 from overtaking.world.surrogate_safety import looming, mttc
@@ -53,7 +58,6 @@ from overtaking.world.visibility import meteorological_range
 from overtaking.world.weather_parameters import weather_effects
 
 _INDICATORS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
-_PERCEIVED = 3
 _LEAST_SPEED = np.float32(0.1)
 """Below this a power would mean an endless force [m/s]."""
 _PERCENT = np.float32(0.01)
@@ -213,7 +217,7 @@ def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
 
 def _nothing(count: int) -> BeliefsAtPullOut:
     """Nothing believed in any simulation."""
-    zero, wide = np.zeros(count, np.float32), np.zeros((count, _PERCEIVED), np.float32)
+    zero, wide = np.zeros(count, np.float32), np.zeros((count, len(PerceivedVehicle)), np.float32)
     return BeliefsAtPullOut(
         exists=zero > 0, age=zero, is_detected=wide > 0, gap=wide, closing_speed=wide
     )

@@ -13,11 +13,8 @@ from overtaking.labels.law.distances import sure_decel
 from overtaking.labels.law.frames import frames_of
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
-from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Percepts
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle, Percepts
 from overtaking.model.verdicts import Belief, Case
-
-LEADER, FRONT, REAR = 0, 1, 2
-"""Whom percepts are about: the leader, and the two in the lane that is entered."""
 
 _LATEST_PULL_OUT = 1.0
 """A pull-out is decided before it can be seen, and gusts may be taken for its start [s]."""
@@ -58,7 +55,7 @@ def going_back(case: Case) -> Decision:
     return _last(case, ManoeuvreKind.RETURN, case.events.return_end)
 
 
-def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
+def belief(case: Case, decision: Decision, conditions: dict[PerceivedVehicle, Margin]) -> U8:
     """`Belief` of each simulation.
 
     Args:
@@ -72,8 +69,8 @@ def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
         return np.full(len(simulation), Belief.NONE, np.uint8)
     right = believed = np.ones(len(decision.row), np.bool_)
     anybody = np.zeros(len(decision.row), np.bool_)
-    for whom, margin in conditions.items():
-        place = (simulation, decision.row, whom)
+    for vehicle, margin in conditions.items():
+        place = (simulation, decision.row, vehicle)
         there = percepts.slot[place] != NO_VEHICLE
         noticed = there & percepts.is_detected[place]
         true, thought = margins_of(percepts, place, decision, margin)

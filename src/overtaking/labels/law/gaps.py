@@ -4,7 +4,7 @@ import numpy as np
 
 from overtaking.core.float32_math import minimum
 from overtaking.labels.instants import at
-from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, belief, going_back, pull_out
+from overtaking.labels.law.beliefs import belief, going_back, pull_out
 from overtaking.labels.law.distances import (
     beside,
     margin_ahead,
@@ -35,6 +35,7 @@ from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.rule import Finding, Grade, Rule, inapplicable
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import PerceivedVehicle
 from overtaking.model.verdicts import Case
 
 _REACTION_AND_DECEL = (
@@ -63,7 +64,7 @@ SAFE_RETURN = (
 
 def _follows_safely(case: Case) -> Finding:
     """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
-    believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
+    believed = belief(case, pull_out(case), {PerceivedVehicle.LEADER: margin_of_gap})
     return never_negative(stretches(case).follow, settled(case), belief=believed)
 
 
@@ -96,7 +97,7 @@ def _room_ahead(case: Case) -> Finding:
         sure_decel(at(seen.friction, frame)),
     )
     margin = margin_ahead(other.gap, at(seen.speed, frame), other.closing_speed, decel)
-    believed = belief(case, pull_out(case), {FRONT: margin_ahead})
+    believed = belief(case, pull_out(case), {PerceivedVehicle.NEW_LEADER: margin_ahead})
     return instant(frame, margin, other.valid, belief=believed)
 
 
@@ -127,7 +128,7 @@ def _room_behind(case: Case) -> Finding:
         sure_decel(at(seen.friction, frame)),
     )
     margin = margin_behind(other.gap, at(seen.speed, frame), other.closing_speed, decel)
-    believed = belief(case, pull_out(case), {REAR: margin_behind})
+    believed = belief(case, pull_out(case), {PerceivedVehicle.NEW_FOLLOWER: margin_behind})
     return instant(frame, margin, other.valid, belief=believed)
 
 
@@ -162,7 +163,11 @@ def _safe_return(case: Case) -> Finding:
     margin = minimum(
         np.where(behind.valid, room_behind, ENDLESS), np.where(ahead.valid, room_ahead, ENDLESS)
     )
-    believed = belief(case, going_back(case), {REAR: margin_behind, FRONT: margin_of_gap})
+    believed = belief(
+        case,
+        going_back(case),
+        {PerceivedVehicle.NEW_FOLLOWER: margin_behind, PerceivedVehicle.NEW_LEADER: margin_of_gap},
+    )
     return instant(frame, margin, behind.valid | ahead.valid, belief=believed)
 
 

@@ -17,6 +17,7 @@ from overtaking.model.trajectories import (
     POSITION_RESOLUTION,
     SPEED_RESOLUTION,
     ManoeuvreKind,
+    PerceivedVehicle,
 )
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world.constants import DECISIONS_PER_SECOND
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 
 _IMAGINED_SIZE_M = (4.5, 1.8)
 """Length and width of a drawn vehicle that exists only in the driver's belief."""
-
-_LEADER, _NEW_LEADER, _NEW_FOLLOWER = range(3)
-"""Columns of the vehicles in a percept; the new leader and follower are in the new lane."""
 
 _ALWAYS_WATCHED = ("leader", "oncoming", "second_oncoming")
 
@@ -218,33 +216,35 @@ def _nearest_slots(
 def _recorded_beliefs(trajectories: Trajectories) -> Iterator[dict[str, Any]]:
     percepts = trajectories.percepts
     for row in np.flatnonzero(percepts.valid[0]).tolist():
-        for place in (_LEADER, _NEW_LEADER, _NEW_FOLLOWER):
-            exists = percepts.slot[0, row, place] != NO_VEHICLE
-            if exists or percepts.is_detected[0, row, place]:
-                yield _recorded_belief(trajectories, row, place)
+        for vehicle in PerceivedVehicle:
+            exists = percepts.slot[0, row, vehicle] != NO_VEHICLE
+            if exists or percepts.is_detected[0, row, vehicle]:
+                yield _recorded_belief(trajectories, row, vehicle)
 
 
-def _recorded_belief(trajectories: Trajectories, row: int, place: int) -> dict[str, Any]:
+def _recorded_belief(
+    trajectories: Trajectories, row: int, vehicle: PerceivedVehicle
+) -> dict[str, Any]:
     """One vehicle of a percept."""
     percepts, states = trajectories.percepts, trajectories.states
-    slot = int(percepts.slot[0, row, place])
-    is_seen, exists = bool(percepts.is_detected[0, row, place]), slot != NO_VEHICLE
+    slot = int(percepts.slot[0, row, vehicle])
+    is_seen, exists = bool(percepts.is_detected[0, row, vehicle]), slot != NO_VEHICLE
     time_ms, last_frame = int(percepts.time[0, row]), int(trajectories.num_frames[0]) - 1
     frame = min(time_ms // trajectories.scenario.frame_interval_ms, last_frame)
     length, width = _length_and_width(trajectories, slot) if exists else _IMAGINED_SIZE_M
     columns = (percepts.gap, percepts.closing_speed)
     if not is_seen:
         columns = (percepts.true_gap, percepts.true_closing_speed)
-    gap, closing_speed = (int(column[0, row, place]) * POSITION_RESOLUTION for column in columns)
-    direction = -1 if place == _NEW_FOLLOWER else 1
+    gap, closing_speed = (int(column[0, row, vehicle]) * POSITION_RESOLUTION for column in columns)
+    direction = -1 if vehicle == PerceivedVehicle.NEW_FOLLOWER else 1
     reach = gap + 0.5 * (length + _length_and_width(trajectories, EGO_SLOT)[0])
     ego_s = states.s[0, EGO_SLOT, frame] * POSITION_RESOLUTION
     ego_speed = states.speed[0, EGO_SLOT, frame] * SPEED_RESOLUTION
-    true_gap = int(percepts.true_gap[0, row, place]) * POSITION_RESOLUTION
+    true_gap = int(percepts.true_gap[0, row, vehicle]) * POSITION_RESOLUTION
     if exists:
         d = states.d[0, slot, frame] * POSITION_RESOLUTION
     else:
-        d = _middle_of_believed_lane(trajectories, row, place, frame)
+        d = _middle_of_believed_lane(trajectories, row, vehicle, frame)
     return {
         "time_s": time_ms / 1000.0,
         "decision": ManoeuvreKind(int(percepts.kind[0, row])).name,
@@ -266,11 +266,13 @@ def _length_and_width(trajectories: Trajectories, slot: int) -> tuple[float, flo
     return float(bodies.length[0, slot]), float(bodies.width[0, slot])
 
 
-def _middle_of_believed_lane(trajectories: Trajectories, row: int, place: int, frame: int) -> float:
+def _middle_of_believed_lane(
+    trajectories: Trajectories, row: int, vehicle: PerceivedVehicle, frame: int
+) -> float:
     """Lateral position of the middle of a lane in which the driver believes a vehicle [m]."""
     road = trajectories.road
     lane = int(trajectories.states.lane[0, EGO_SLOT, frame])
-    if place != _LEADER:
+    if vehicle != PerceivedVehicle.LEADER:
         is_pull_out = trajectories.percepts.kind[0, row] == ManoeuvreKind.PULL_OUT
         lane += 1 if is_pull_out else -1
     return float(road.lane_centres[min(max(lane, 0), road.num_lanes - 1)])

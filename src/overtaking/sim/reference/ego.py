@@ -58,6 +58,7 @@ def decide(
     else:
         intent = obey(state, given, p, orders)
     _wait(state, given, p, moment.believed, ego)
+    # Roles in the order of `PerceivedVehicle`.
     front = FAST_LEAD if moment.met is None else ONCOMING
     for mask, kind, roles in (
         (intent.go_out, ManoeuvreKind.PULL_OUT, (LEAD, front, FAST_REAR)),

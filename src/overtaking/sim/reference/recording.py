@@ -15,6 +15,7 @@ from overtaking.model.trajectories import (
     Contacts,
     Lights,
     ManoeuvreKind,
+    PerceivedVehicle,
     Percepts,
     States,
     Trajectories,
@@ -210,7 +211,10 @@ class Recorder:
         step: int,
         oncoming: Oncoming | None = None,
     ) -> None:
-        """Write down what the ego believed at a decision, as long as there is room."""
+        """Record the ego's beliefs at a decision, as long as there is room.
+
+        `roles` are those of the vehicles in `PerceivedVehicle`.
+        """
         mask = mask & (state.num_percepts < MAX_PERCEPTS) & (np.float32(step) <= state.end_step)
         rows = np.flatnonzero(mask)
         if not len(rows):
@@ -219,14 +223,14 @@ class Recorder:
         b = self.beliefs
         b.valid[rows, at], b.kind[rows, at] = True, np.uint8(kind)
         b.time[rows, at] = np.int32(step * STEP_MS)
-        for column, role in enumerate(roles):
+        for vehicle, role in zip(PerceivedVehicle, roles, strict=True):
             if role == ONCOMING and oncoming is not None:
                 told = _oncoming_and_truth(state, oncoming)
             else:
                 told = _belief_and_truth(state, near, believed, role)
             for name, numbers in told.items():
                 array = getattr(b, name)
-                array[rows, at, column] = numbers[rows].astype(array.dtype)
+                array[rows, at, vehicle] = numbers[rows].astype(array.dtype)
         state.num_percepts = np.where(
             mask, state.num_percepts + np.float32(1.0), state.num_percepts
         )

@@ -17,7 +17,10 @@ from overtaking.analysis.whatif.fan import TOO_FEW
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out, scene_of
 from overtaking.core.errors import ConfigError
-from overtaking.model.trajectories import Stage
+from overtaking.model.trajectories import (
+    PerceivedVehicle,
+    Stage,
+)
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video.twin import TwinFilm
 from overtaking.show.video.view import SCENE_BOTTOM
@@ -265,12 +268,12 @@ def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Datase
     assert (drivers.time_gap[:, 0] == drivers.time_gap[0, 0]).all()
     assert len(np.unique(drivers.time_gap[:, 1])) > TOO_FEW
     # What is noticed lies where the ego's errors would have it, not where it is.
-    gaps = kept.percepts.true_gap[:, 0, 0] * 1e-3
+    gaps = kept.percepts.true_gap[:, 0, PerceivedVehicle.LEADER] * 1e-3
     if percept.detected[0]:
         assert np.std(gaps) > 0.1
-        assert (
-            abs(np.mean(kept.percepts.gap[:, 0, 0] * 1e-3) - percept.gap[0]) < 0.1 * percept.gap[0]
-        )
+        believed = percept.gap[PerceivedVehicle.LEADER]
+        mean = np.mean(kept.percepts.gap[:, 0, PerceivedVehicle.LEADER] * 1e-3)
+        assert abs(mean - believed) < 0.1 * believed
 
 
 def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):

@@ -13,8 +13,10 @@ from overtaking.labels.explain import explain
 from overtaking.labels.explain.thoughts import thoughts
 from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, policy
-from overtaking.labels.law.beliefs import FRONT, LEADER, REAR
-from overtaking.model.trajectories import ManoeuvreKind
+from overtaking.model.trajectories import (
+    ManoeuvreKind,
+    PerceivedVehicle,
+)
 from overtaking.model.verdicts import Belief, Verdict
 
 NUM_SIMULATIONS = 48
@@ -114,7 +116,7 @@ def leader(gap: float, true_gap: float, **changes) -> Believed:
 )
 def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
     (thought,) = thoughts(crossing(beliefs=(believed,)), PORTUGAL)
-    assert (thought.whom, thought.code, thought.belief) == (LEADER, "L3", belief)
+    assert (thought.whom, thought.code, thought.belief) == (PerceivedVehicle.LEADER, "L3", belief)
     # At equal speeds a second of way is asked for: 30 m.
     assert thought.margin == pytest.approx(believed.true_gap - 30.0, abs=1e-3)
     if believed.detected:
@@ -126,10 +128,10 @@ def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
 @pytest.mark.parametrize(
     ("kind", "whom", "code"),
     [
-        (ManoeuvreKind.PULL_OUT, FRONT, "L4"),
-        (ManoeuvreKind.PULL_OUT, REAR, "L5"),
-        (ManoeuvreKind.RETURN, FRONT, "L8"),
-        (ManoeuvreKind.RETURN, REAR, "L8"),
+        (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER, "L4"),
+        (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER, "L5"),
+        (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER, "L8"),
+        (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER, "L8"),
     ],
 )
 def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
@@ -141,11 +143,11 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
 @pytest.mark.parametrize(
     ("kind", "whom", "rear", "lead"),
     [
-        (ManoeuvreKind.PULL_OUT, LEADER, 30.0, 20.0),
-        (ManoeuvreKind.PULL_OUT, FRONT, 30.0, 20.0),
-        (ManoeuvreKind.PULL_OUT, REAR, 40.0, 30.0),
-        (ManoeuvreKind.RETURN, FRONT, 30.0, 20.0),
-        (ManoeuvreKind.RETURN, REAR, 40.0, 30.0),
+        (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER, 30.0, 20.0),
+        (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER, 30.0, 20.0),
+        (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER, 40.0, 30.0),
+        (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER, 30.0, 20.0),
+        (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER, 40.0, 30.0),
     ],
 )
 def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):

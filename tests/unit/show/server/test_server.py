@@ -15,6 +15,7 @@ import overtaking as ot
 from overtaking.cli import main
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.scenario import ForcedDecision
+from overtaking.model.trajectories import PerceivedVehicle
 from overtaking.show.description import describe
 from overtaking.show.server.index import ordering
 from overtaking.show.server.whatif import DECISIONS
@@ -140,14 +141,15 @@ def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
         lead = next((one for one in told["roles"] if one["role"] == "leader"), None)
         for row in np.flatnonzero(percepts.valid[0]):
             at = round(percepts.time[0, row] / told["interval_ms"])
-            if percepts.slot[0, row, 0] == 255:
+            place = (0, row, PerceivedVehicle.LEADER)
+            if percepts.slot[place] == 255:
                 continue
             assert lead is not None
-            assert lead["slot"][at] == percepts.slot[0, row, 0]
-            assert (lead["seen"][at] == 1) == percepts.is_detected[0, row, 0]
-            assert abs(lead["true_gap_mm"][at] - percepts.true_gap[0, row, 0]) <= 1
-            if percepts.is_detected[0, row, 0]:
-                assert abs(lead["gap_mm"][at] - percepts.gap[0, row, 0]) <= 1
+            assert lead["slot"][at] == percepts.slot[place]
+            assert (lead["seen"][at] == 1) == percepts.is_detected[place]
+            assert abs(lead["true_gap_mm"][at] - percepts.true_gap[place]) <= 1
+            if percepts.is_detected[place]:
+                assert abs(lead["gap_mm"][at] - percepts.gap[place]) <= 1
                 checked += 1
     assert checked > 5
 
