@@ -68,7 +68,7 @@ def corpus(folder: Path) -> Sequence[Call]:
         batches += [
             ("simulate", {"scenario": scenario}),
             ("simulate", {"scenario": scenario}),
-            ("label", {"runs": ot.simulate(scenario)}),
+            ("label", {"trajectories": ot.simulate(scenario)}),
             ("branch", {"source": scenario, **changed}),
         ]
     given = {

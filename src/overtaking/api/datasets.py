@@ -221,7 +221,7 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
 
 @check_arguments
 def relabel_dataset(
-    data: str | Path,
+    dataset: str | Path,
     *,
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
@@ -229,7 +229,7 @@ def relabel_dataset(
     """Write the labels of a data set again, by the rules of this version.
 
     Args:
-        data: Folder of the data set.
+        dataset: Folder of the data set.
         errors: As in `label`. The column `rule_set` names the standard deviations.
         progress: Called with the number of simulations that are done, and of all.
 
@@ -240,7 +240,7 @@ def relabel_dataset(
     """
     from overtaking.data.relabel import relabel as written_anew
 
-    return written_anew(folder_of(data, "label anew"), get_simulator("engine"), progress, errors)
+    return written_anew(folder_of(dataset, "label anew"), get_simulator("engine"), progress, errors)
 
 
 def _keep(name: str) -> Keep:

@@ -21,7 +21,7 @@ A rule is a function of a case, with its description; a pack is a list of rules:
     )
     PACK = law.Pack(name="mine", version="mine-1", rules=(SLOW,))
 
-`overtaking.label(runs, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
+`overtaking.label(trajectories, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
 """
 
 import importlib

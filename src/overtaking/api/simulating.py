@@ -147,7 +147,7 @@ def branch(
 
 @check_arguments
 def label(
-    runs: Trajectories,
+    trajectories: Trajectories,
     *,
     errors: MeasurementErrors | None = None,
     law: str | Pack = PORTUGAL,
@@ -156,7 +156,7 @@ def label(
     """Label recorded simulations: events, law, classes and features.
 
     Args:
-        runs: A batch from `simulate`, `branch` or any other source.
+        trajectories: A batch from `simulate`, `branch` or any other source.
         errors: Standard deviations of recorded positions and speeds; None for a recording without
             errors. A rule is undecidable where its margin is less than two standard errors.
         law: A pack of rules, or `pt`, `de` or `module:NAME`, as in `law.load_pack`.
@@ -170,9 +170,11 @@ def label(
             or policy.
         SystemLimitError: The system grants too little memory or too few threads.
     """
-    check_memory(BYTES_PER_LABELLED_FRAME * runs.stage.size, "label", "label fewer at a time")
+    check_memory(
+        BYTES_PER_LABELLED_FRAME * trajectories.stage.size, "label", "label fewer at a time"
+    )
     pack = load_pack(law)
-    return labelled(runs, pack=pack, policies=policies_for(pack, policies), errors=errors)
+    return labelled(trajectories, pack=pack, policies=policies_for(pack, policies), errors=errors)
 
 
 def check_runnable(scenario: Scenario, where: str) -> None:

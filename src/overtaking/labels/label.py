@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from importlib import import_module
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -65,6 +66,16 @@ class LabelledTrajectories(IdentityBatch):
     def summary(self) -> Mapping[str, object]:
         """That of the recording."""
         return self.trajectories.summary()
+
+    def to_pandas(self) -> Any:
+        """The labels in words: a pandas DataFrame.
+
+        Returns:
+            One row per simulation and policy, with the columns of the table `labels` of a data set,
+            less `balance_weight`. The column `simulation` holds positions in the batch, from 0.
+        """
+        # By name, because this package loads no table library.
+        return import_module("overtaking.data.tables.data_frames").labels_frame(self)
 
     @property
     def features(self) -> tuple[PaperFeatures, PaperFeatures]:

@@ -431,6 +431,21 @@ class Trajectories(IdentityBatch):
             table, **options
         )
 
+    def to_pandas(self, row: int = 0) -> Any:
+        """The states of one simulation in SI units: a pandas DataFrame.
+
+        Args:
+            row: Position of the simulation in the batch, from 0.
+
+        Returns:
+            One row per vehicle and frame, with the columns of the table `states` of a data set.
+
+        Raises:
+            NoSuchSimulationError: The batch has no such row.
+        """
+        # By name, because this package loads no table library.
+        return import_module("overtaking.data.tables.data_frames").states_frame(self, row)
+
     @property
     def import_report(self) -> Any:
         """The findings of the examination of the recordings: a pandas DataFrame, one row each.
