@@ -16,11 +16,11 @@ from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 LEADER, FRONT, REAR = range(3)  # The last axis of percepts.
 
 
-def pull_outs(runs: ot.Trajectories) -> pd.DataFrame:
+def pull_outs(trajectories: ot.Trajectories) -> pd.DataFrame:
     """One row for each decision to pull out; lengths in metres."""
-    percepts = runs.percepts
+    percepts = trajectories.percepts
     simulation, row = np.nonzero(percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT))
-    weather = runs.scenario.weather.preset[simulation]
+    weather = trajectories.scenario.weather.preset[simulation]
     followed = percepts.slot[simulation, row, REAR] != NO_VEHICLE
     return pd.DataFrame(
         {
@@ -35,8 +35,8 @@ def pull_outs(runs: ot.Trajectories) -> pd.DataFrame:
 
 def main() -> None:
     """Print how well gaps were judged in each weather."""
-    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1000, seed=1))
-    decisions = pull_outs(runs)
+    trajectories = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1000, seed=1))
+    decisions = pull_outs(trajectories)
     decisions["error_m"] = (decisions.believed_gap_m - decisions.gap_m).abs()
     groups = decisions.groupby("weather")
     table = pd.DataFrame(

@@ -146,15 +146,15 @@ class HumanEgo:
 
 def main() -> None:
     """Compare it with the built-in ego."""
-    scenes = ot.sample("pinto2023-physical", num_simulations=100, seed=1)
-    ours = ot.simulate(scenes)
-    runs = ot.drive(scenes, HumanEgo(), observation="human", action="decision")
-    same = (runs.trace_hash == ours.trace_hash).all(axis=1)
+    scenario = ot.sample("pinto2023-physical", num_simulations=100, seed=1)
+    ours = ot.simulate(scenario)
+    trajectories = ot.drive(scenario, HumanEgo(), observation="human", action="decision")
+    same = (trajectories.trace_hash == ours.trace_hash).all(axis=1)
     print("100 scenes of pinto2023-physical, percepts to decisions")
     print(f"  same trace as the built-in ego: {same.sum()}")
-    print(f"  overtakes begun: {(runs.stage == ot.Stage.PULL_OUT).any(axis=1).sum()}")
-    assert runs.actions is not None
-    print(f"  changes of what it does: {runs.actions.is_change.sum()}")
+    print(f"  overtakes begun: {(trajectories.stage == ot.Stage.PULL_OUT).any(axis=1).sum()}")
+    assert trajectories.actions is not None
+    print(f"  changes of what it does: {trajectories.actions.is_change.sum()}")
 
 
 if __name__ == "__main__":

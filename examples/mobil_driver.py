@@ -65,10 +65,10 @@ class MobilDriver:
 
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
-    scenes = ot.sample("motorway", num_simulations=40, seed=1)
-    runs = ot.drive(scenes, MobilDriver(), observation="human")
+    scenario = ot.sample("motorway", num_simulations=40, seed=1)
+    trajectories = ot.drive(scenario, MobilDriver(), observation="human")
     print("40 scenes of motorway     like the others  built-in")
-    labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
+    labels = [ot.label(each).labels for each in (trajectories, ot.simulate(scenario))]
     for outcome in ot.Outcome:
         counts = [int((each.outcome == outcome).sum()) for each in labels]
         print(f"  {outcome.name.lower():<22} {counts[0]:>16} {counts[1]:>9}")

@@ -31,10 +31,10 @@ def patient(observation: ot.Observation) -> NDArray[np.float64]:
 
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
-    scenes = ot.sample("pinto2023-physical", num_simulations=200, seed=1)
-    runs = ot.drive(scenes, patient, observation="human", action="speed_lane")
+    scenario = ot.sample("pinto2023-physical", num_simulations=200, seed=1)
+    trajectories = ot.drive(scenario, patient, observation="human", action="speed_lane")
     print("200 scenes of pinto2023-physical   patient  built-in")
-    labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
+    labels = [ot.label(each).labels for each in (trajectories, ot.simulate(scenario))]
     for outcome in ot.Outcome:
         counts = [int((each.outcome == outcome).sum()) for each in labels]
         print(f"  {outcome.name.lower():<22} {counts[0]:>8} {counts[1]:>9}")

@@ -15,22 +15,22 @@ from overtaking.model.trajectories import NO_VEHICLE
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
 
 
-def crashes(runs: ot.Trajectories) -> np.ndarray:
+def crashes(trajectories: ot.Trajectories) -> np.ndarray:
     """Numbers of the simulations whose ego pulls out and hits somebody after that."""
-    began = np.where(runs.percepts.valid[:, 0], runs.percepts.time[:, 0], np.inf)
-    hit = runs.contacts.partner[:, 0] != NO_VEHICLE
-    return np.flatnonzero(hit & (runs.contacts.time[:, 0] > began))
+    began = np.where(trajectories.percepts.valid[:, 0], trajectories.percepts.time[:, 0], np.inf)
+    hit = trajectories.contacts.partner[:, 0] != NO_VEHICLE
+    return np.flatnonzero(hit & (trajectories.contacts.time[:, 0] > began))
 
 
-def told(run: ot.Trajectories) -> str:
+def told(simulation: ot.Trajectories) -> str:
     """How a single simulation went."""
-    last = int(run.num_frames[0]) - 1
-    partner = run.contacts.partner[0, 0]
+    last = int(simulation.num_frames[0]) - 1
+    partner = simulation.contacts.partner[0, 0]
     if partner == NO_VEHICLE:
-        stage = ot.Stage(int(run.stage[0, last])).name.lower().replace("_", " ")
-        return f"no collision; {stage} at {run.time_ms[last] / 1000:.1f} s"
-    speed = run.contacts.closing_speed[0, 0] * 3.6e-3
-    return f"vehicle {partner} at {run.contacts.time[0, 0] / 1000:.1f} s, {speed:.0f} km/h"
+        stage = ot.Stage(int(simulation.stage[0, last])).name.lower().replace("_", " ")
+        return f"no collision; {stage} at {simulation.time_ms[last] / 1000:.1f} s"
+    speed = simulation.contacts.closing_speed[0, 0] * 3.6e-3
+    return f"vehicle {partner} at {simulation.contacts.time[0, 0] / 1000:.1f} s, {speed:.0f} km/h"
 
 
 def main() -> None:
@@ -42,21 +42,21 @@ def main() -> None:
         seed=1,
         overrides={"time.attempt_deadline_s": 20.0},
     )
-    runs = ot.simulate(scenarios)
-    found = crashes(runs)
-    print(f"{len(found)} of {len(runs.num_frames)} egos pulled out and hit somebody after that\n")
+    trajectories = ot.simulate(scenarios)
+    rows = crashes(trajectories)
+    print(f"{len(rows)} of {scenarios.num_simulations} egos pulled out and collided after that\n")
     print(f"{'':6}{'as it was':30}{'had it stayed':40}had fog come")
     avoided = 0
-    for number in found:
+    for number in rows:
         only = slice(number, number + 1)
-        scene, run = scenarios.select(only), runs.select(only)
-        pull_out = int(np.flatnonzero(run.stage[0] == ot.Stage.PULL_OUT)[0])
-        stayed = ot.branch(scene, pull_out, decision=ot.ForcedDecision.STAY)
-        assert (stayed.states.s[:, :, :pull_out] == run.states.s[:, :, :pull_out]).all()
+        scenario, simulation = scenarios.select(only), trajectories.select(only)
+        pull_out = int(np.flatnonzero(simulation.stage[0] == ot.Stage.PULL_OUT)[0])
+        stayed = ot.branch(scenario, pull_out, decision=ot.ForcedDecision.STAY)
+        assert (stayed.states.s[:, :, :pull_out] == simulation.states.s[:, :, :pull_out]).all()
 
-        fog = scene.weather.replace(fog=np.full_like(scene.weather.fog, 100.0))
-        fogged = ot.branch(scene, max(0, pull_out - FOG_LEAD), weather=fog)
-        print(f"{number:<6}{told(run):30}{told(stayed):40}{told(fogged)}")
+        fog = scenario.weather.replace(fog=np.full_like(scenario.weather.fog, 100.0))
+        fogged = ot.branch(scenario, max(0, pull_out - FOG_LEAD), weather=fog)
+        print(f"{number:<6}{told(simulation):30}{told(stayed):40}{told(fogged)}")
         avoided += int(stayed.contacts.partner[0, 0] == NO_VEHICLE)
     print(f"\n{avoided} of them would not have collided in their lane")
 

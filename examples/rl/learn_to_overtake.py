@@ -208,11 +208,11 @@ def main() -> None:
     options.add_argument("--out", type=Path, default=Path("learned.zip"))
     given = options.parse_args()
     train(given.steps, given.seed, given.profiles).save(given.out)
-    scenes = ot.sample(given.profiles[0], num_simulations=100, seed=1)
-    runs = ot.drive(
-        scenes, Learned(given.out), observation="truth", action="decision", action_repeat=HOLD
+    scenario = ot.sample(given.profiles[0], num_simulations=100, seed=1)
+    trajectories = ot.drive(
+        scenario, Learned(given.out), observation="truth", action="decision", action_repeat=HOLD
     )
-    labels = ot.label(runs)
+    labels = ot.label(trajectories)
     print(f"100 scenes: {labels.events.has_attempt.sum()} overtakes begun", end=", ")
     print(f"{labels.events.is_completed.sum()} completed", end=", ")
     print(f"{np.count_nonzero(labels.events.collision >= 0)} collisions")
