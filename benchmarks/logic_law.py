@@ -71,8 +71,8 @@ def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str, law: str
     """Compare all verdicts of a group, and the first frames of breaches."""
     found, said = check(PACKS[law], group.case), judged(reasoner, group, law)
     codes = PROGRAMS[law][1]
-    place = [found.rules.index(code) for code in codes]
-    verdict, first = found.verdict[:, place], found.first[:, place]
+    place = [found.rule_codes.index(code) for code in codes]
+    verdict, first = found.verdict[:, place], found.first_frame[:, place]
     tally.simulations += len(verdict)
     for rule, code in enumerate(codes):
         for value, count in zip(*np.unique(verdict[:, rule], return_counts=True), strict=True):

@@ -28,7 +28,7 @@ def counted(paths: list[Path], *, smooth: bool, position: float, speed: float) -
         dry = run.replace(unknown=run.unknown - {"weather"})
         errors = ot.MeasurementErrors(position_std=position, speed_std=speed)
         said = ot.label(dry, errors=errors).findings
-        for place, rule in enumerate(said.rules):
+        for place, rule in enumerate(said.rule_codes):
             counts.update(f"{rule} {Verdict(one).name}" for one in said.verdict[:, place])
     return counts
 

@@ -63,7 +63,7 @@ def test_labels_agree_with_those_of_a_run_in_memory(data):
     # Rules of two-way roads have no rows on a road of one direction.
     stored = [one.code for one in PORTUGAL.rules if not one.two_way]
     assert data.findings()["rule"].tolist() == stored * SIZE
-    assert set(stored) < set(found.findings.rules)
+    assert set(stored) < set(found.findings.rule_codes)
 
 
 def test_features_have_the_papers_names_and_units(data):

@@ -58,8 +58,8 @@ def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, 
     said = ot.label(
         ot.simulate(ot.sample("pinto2023", num_simulations=30, seed=1)), law="two_rules:PACK"
     )
-    assert said.findings.rules == ("G1", "G2")
-    for place, rule in enumerate(said.findings.rules):
+    assert said.findings.rule_codes == ("G1", "G2")
+    for place, rule in enumerate(said.findings.rule_codes):
         for verdict in (Verdict.LEGAL, Verdict.ILLEGAL, Verdict.UNDECIDABLE):
             count = int((said.findings.verdict[:, place] == verdict).sum())
             assert told["rules"][rule][verdict.name.lower()] == count

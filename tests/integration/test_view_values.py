@@ -310,8 +310,8 @@ def test_the_law_at_a_collision_names_what_was_broken_before(browser: Browser, c
             seconds = trajectories.scenario.frame_interval_ms / 1000
             text = seek(page, frame)
             assert "No rule is broken in this simulation" not in text
-            for place, code in enumerate(findings.rules):
-                last = int(findings.last[0, place])
+            for place, code in enumerate(findings.rule_codes):
+                last = int(findings.last_frame[0, place])
                 if findings.verdict[0, place] == Verdict.ILLEGAL and last < frame:
                     earlier = text.partition("before:")[2]
                     assert re.search(rf"\b{code} (until|at) {last * seconds:.2f} s", earlier)

@@ -174,8 +174,12 @@ def test_breaches_lie_within_the_recording_and_have_negative_margins():
     broken = found.verdict == Verdict.ILLEGAL
     last = labelled().events.last[:, None]
     assert (found.margin[broken] < 0).all()
-    assert ((found.first >= 0) & (found.first <= found.last) & (found.last <= last))[broken].all()
-    assert (found.first[~broken] == NEVER).all()
+    assert (
+        (found.first_frame >= 0)
+        & (found.first_frame <= found.last_frame)
+        & (found.last_frame <= last)
+    )[broken].all()
+    assert (found.first_frame[~broken] == NEVER).all()
 
 
 def test_phases_of_completed_overtakes_are_in_order():

@@ -85,7 +85,7 @@ def of_batches(data: str, batches: "Iterable[tuple[Any, LabelledTrajectories]]")
         for index, policy in enumerate(said.labels.policies):
             names = (OvertakeClass(one).title for one in said.labels.classes[:, index])
             classes.setdefault(policy, Counter()).update(names)
-        for index, rule in enumerate(said.findings.rules):
+        for index, rule in enumerate(said.findings.rule_codes):
             verdicts = (Verdict(one).name.lower() for one in said.findings.verdict[:, index])
             rules.setdefault(rule, Counter()).update(verdicts)
     return {

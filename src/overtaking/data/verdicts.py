@@ -55,7 +55,7 @@ def _table(numbers: NDArray[np.int64], labelled: LabelledTrajectories, law: str)
     """One row per simulation and policy."""
     labels, findings = labelled.labels, labelled.findings
     count, policies = labels.classes.shape
-    codes = np.array(findings.rules, dtype=object)
+    codes = np.array(findings.rule_codes, dtype=object)
 
     def having(verdict: Verdict) -> list[list[str]]:
         rows = [codes[row == verdict].tolist() for row in findings.verdict]

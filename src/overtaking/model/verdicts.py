@@ -97,7 +97,7 @@ class Finding(Batch):
     """Findings of one rule; every array has shape (simulation,).
 
     The margin is 0 where the verdict is neither legal nor illegal. Without a breach its first and
-    last frame are `NEVER`, its longest part is 0 and its severity `NONE`.
+    last frame are `NEVER`, its longest run is 0 and its severity `NONE`.
     """
 
     verdict: Annotated[U8, _code("Verdict of the rule", Verdict)]
@@ -107,18 +107,16 @@ class Finding(Batch):
             "Distance from the limit of the law in the unit of the rule, negative in a breach"
         ),
     ]
-    first: Annotated[
+    first_frame: Annotated[
         I32,
-        FieldSpec(
-            "First frame of the breach", missing=int(NEVER), column=ColumnName("first_frame")
-        ),
+        FieldSpec("First frame of the breach", missing=int(NEVER)),
     ]
-    last: Annotated[
+    last_frame: Annotated[
         I32,
-        FieldSpec("Last frame of the breach", missing=int(NEVER), column=ColumnName("last_frame")),
+        FieldSpec("Last frame of the breach", missing=int(NEVER)),
     ]
-    longest: Annotated[
-        I32, FieldSpec("Number of frames of the longest unbroken part of the breach", column=None)
+    longest_run: Annotated[
+        I32, FieldSpec("Number of frames of the longest unbroken run of the breach", column=None)
     ]
     severity: Annotated[U8, _code("Severity of the breach", Severity)]
     belief: Annotated[U8, _code("Verdict by the belief of the driver", Belief)]
@@ -129,11 +127,11 @@ class Findings(Finding):
     """Findings of each rule of a pack; the arrays of `Finding` have shape (simulation, rule).
 
     Attributes:
-        rules: Codes of the rules, in the order of the last axis.
+        rule_codes: Codes of the rules, in the order of the last axis.
         version: Version of the pack.
     """
 
-    rules: tuple[str, ...]
+    rule_codes: tuple[str, ...]
     version: str
 
 

@@ -30,7 +30,7 @@ class LateralPushes(Batch):
     interval: Annotated[
         float, FieldSpec("From one push to the next at 100 % of rain and wind", "s", 0.05, 1000.0)
     ]
-    sight: Annotated[
+    sight_distance: Annotated[
         float,
         FieldSpec("Field of vision by night, under clouds, towards the sun", "m", 1.0, 1000.0),
     ]

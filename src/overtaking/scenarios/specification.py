@@ -285,7 +285,7 @@ class PushesSection(Section):
             accel=self.accel_mps2,
             duration=self.duration_s,
             interval=self.interval_s,
-            sight=self.sight_m,
+            sight_distance=self.sight_m,
         )
 
 

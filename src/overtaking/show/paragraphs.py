@@ -59,7 +59,7 @@ def paragraphs_of(labelled: LabelledTrajectories, values: Values, pack: Pack) ->
 
 def _told(rule: Rule, verdict: Verdict, labelled: LabelledTrajectories, values: Values) -> Values:
     findings = labelled.findings
-    margin = float(findings.margin[0, findings.rules.index(rule.code)])
+    margin = float(findings.margin[0, findings.rule_codes.index(rule.code)])
     sentences = load_toml(_FILE)["sentences"]
     whose = "the ego" if rule.of_ego else "the overtaken vehicle"
     facts: Values = {

@@ -414,7 +414,7 @@ def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F3
     if scenario.pushes is None or not effects.range:
         return {}
     is_reduced = has_reduced_vision(scenario.weather)
-    inverse = np.where(is_reduced, ONE / np.float32(scenario.pushes.sight), ZERO)
+    inverse = np.where(is_reduced, ONE / np.float32(scenario.pushes.sight_distance), ZERO)
     return {"inverse_lit_range": inverse, "lamp_threshold": np.full_like(inverse, _NO_LAMP_VISIBLE)}
 
 

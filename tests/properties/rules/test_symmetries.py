@@ -38,7 +38,7 @@ def assert_equal(one: Findings, other: Findings) -> None:
         values, others = getattr(one, field.name), getattr(other, field.name)
         if isinstance(values, np.ndarray):
             where = np.argwhere(values != others)
-            named = [(int(k), one.rules[j]) for k, j in where[:5]]
+            named = [(int(k), one.rule_codes[j]) for k, j in where[:5]]
             assert not named, (field.name, named)
 
 
@@ -115,8 +115,8 @@ def test_a_recording_that_began_earlier_says_the_same_later(shift):
     assert (one.verdict == other.verdict).all()
     assert one.margin == pytest.approx(other.margin, abs=0.02)
     broken = one.verdict == Verdict.ILLEGAL
-    assert (one.first[broken] == other.first[broken] + shift).all()
-    assert (one.last[broken] == other.last[broken] + shift).all()
+    assert (one.first_frame[broken] == other.first_frame[broken] + shift).all()
+    assert (one.last_frame[broken] == other.last_frame[broken] + shift).all()
 
 
 def crossing_at(shift: int, lane: np.ndarray, *, frames: int) -> Case:

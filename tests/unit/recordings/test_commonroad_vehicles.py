@@ -127,7 +127,7 @@ def test_an_overtake_on_the_other_side_is_one_and_who_comes_is_oncoming(write):
     time = 0.1 * float(said.events.return_end[0])
     apart = (540.0 - 15.0 * time) - (20.0 + 20.0 * time)
     gap = apart * (1.0 - 0.5 * WIDTH / 300.0) - 4.5
-    law = said.findings.rules.index("L24")
+    law = said.findings.rule_codes.index("L24")
     assert said.findings.verdict[0, law] == Verdict.ILLEGAL
     assert said.findings.margin[0, law] == pytest.approx(gap - (20.0 + 15.0), abs=0.02)
 

@@ -429,7 +429,7 @@ def test_rules_for_trucks_are_undecidable_for_a_vehicle_of_unknown_kind(tmp_path
         changed.to_csv(path, index=False)
         found = scenes(read_table(path, content))
         labelled = ot.label(found.trajectories(range(1)))
-        verdict = labelled.findings.verdict[0, labelled.findings.rules.index("L12")]
+        verdict = labelled.findings.verdict[0, labelled.findings.rule_codes.index("L12")]
         verdicts[kind, length] = Verdict(int(verdict))
     assert verdicts == {
         ("car", 4.5): Verdict.LEGAL,  # 108 km/h.
@@ -452,7 +452,7 @@ def test_a_stated_speed_limit_is_that_of_the_road(tmp_path, frame, speed_limit, 
     found = read_recording("table", path, options).scenes
     labelled = ot.label(found.trajectories(range(1)))
     assert "speed_limit" not in found.unknown
-    assert labelled.findings.verdict[0, labelled.findings.rules.index("L12")] == verdict
+    assert labelled.findings.verdict[0, labelled.findings.rule_codes.index("L12")] == verdict
     of_frame = ot.Trajectories.from_table(frame, columns=MAP, speed_limit=speed_limit)
     assert of_frame.road.speed_limit == found.road.speed_limit
 

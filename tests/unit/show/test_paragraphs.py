@@ -40,7 +40,7 @@ def test_a_paragraph_has_article_margin_and_verdict_of_the_findings(runs, law):
         told = paragraphs(one, simulation, pack, policies)
         assert {each["rule"] for each in told} == {*pack.codes}
         for each in told:
-            place, rule = one.findings.rules.index(each["rule"]), pack.rule(each["rule"])
+            place, rule = one.findings.rule_codes.index(each["rule"]), pack.rule(each["rule"])
             verdict = Verdict(int(one.findings.verdict[0, place]))
             kinds.add(verdict)
             text = each["paragraph"]
@@ -65,7 +65,7 @@ def test_every_breach_written_by_hand_says_what_would_have_been_lawful(law):
         if verdict is not Verdict.ILLEGAL:
             continue
         one = label(make().trajectories, pack=PACKS[law], policies=policies_for(law))
-        place = one.findings.rules.index(code)
+        place = one.findings.rule_codes.index(code)
         if one.findings.verdict[0, place] != Verdict.ILLEGAL:
             continue  # Its events were stated, and are found otherwise in its tracks.
         told = paragraphs(one, 0, PACKS[law], policies_for(law))

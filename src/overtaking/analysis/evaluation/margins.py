@@ -45,7 +45,7 @@ def of_batch(labelled: LabelledTrajectories) -> dict[str, tuple[Array, Array]]:
         "return": (safety.return_pet, labelled.events.has_attempt),
     }
     for code in _LAW:
-        place = findings.rules.index(code)
+        place = findings.rule_codes.index(code)
         known = np.isin(findings.verdict[:, place], (Verdict.LEGAL, Verdict.ILLEGAL))
         found[code] = (findings.margin[:, place], known)
     return {name: (values, there & np.isfinite(values)) for name, (values, there) in found.items()}

@@ -86,7 +86,7 @@ def _law(labelled: LabelledTrajectories) -> dict[str, Array]:
     }
     found["undecided"] = labels.num_undecidable[:, place] > 0
     for code in policy(POLICY).required:
-        column = findings.rules.index(code)
+        column = findings.rule_codes.index(code)
         verdict, belief = findings.verdict[:, column], findings.belief[:, column]
         broken = verdict == Verdict.ILLEGAL
         found[f"{code}_applies"] = broken | (verdict == Verdict.LEGAL)

@@ -133,7 +133,7 @@ def curve(
 
 def _found(labelled: LabelledTrajectories, case: Case, pack: Pack, policy: Policy) -> _Found:
     findings = labelled.findings
-    columns = [findings.rules.index(code) for code in policy.required]
+    columns = [findings.rule_codes.index(code) for code in policy.required]
     done = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
     lasting = np.stack([duration(findings, one, case) for one in columns], axis=1)
     return _Found(

@@ -141,15 +141,19 @@ def _part(
     counted = breaches(findings, policy, pack, case)
     into.count += len(rows)
     for row in rows.tolist():
-        codes = [code for code in policy.required if counted[row, findings.rules.index(code)]]
+        codes = [code for code in policy.required if counted[row, findings.rule_codes.index(code)]]
         into.rules.update(codes)
         if len(into.examples) < EXAMPLES:
-            worst = max(codes, key=lambda code: findings.severity[row, findings.rules.index(code)])
+            worst = max(
+                codes, key=lambda code: findings.severity[row, findings.rule_codes.index(code)]
+            )
             into.examples.append(
                 {
                     "simulation": int(numbers[row]),
                     "rule": worst,
-                    "margin": round(float(findings.margin[row, findings.rules.index(worst)]), 3),
+                    "margin": round(
+                        float(findings.margin[row, findings.rule_codes.index(worst)]), 3
+                    ),
                     "unit": pack.rule(worst).unit,
                 }
             )

@@ -126,14 +126,14 @@ def findings(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     found = labelled.findings
     count, rules = found.verdict.shape
     laws = {rule.code: names.ARTICLES.index(rule.law) for rule in PORTUGAL.rules}
-    codes = [names.RULES.index(rule) for rule in found.rules]
+    codes = [names.RULES.index(rule) for rule in found.rule_codes]
     verdict = found.verdict.reshape(-1)
     judged = (verdict == Verdict.LEGAL) | (verdict == Verdict.ILLEGAL)
     computed = {
         "simulation": np.repeat(numbers, rules),
         "rule": np.tile(np.array(codes), count),
         "margin": Masked(found.margin.reshape(-1), ~judged),
-        "article": np.tile(np.array([laws[rule] for rule in found.rules]), count),
+        "article": np.tile(np.array([laws[rule] for rule in found.rule_codes]), count),
     }
     return build("findings", labelled, _per_simulation(rules), computed)
 
@@ -143,10 +143,10 @@ def _kept_findings(labelled: LabelledTrajectories) -> LabelledTrajectories:
     if labelled.trajectories.road.is_two_way:
         return labelled
     found, two_way = labelled.findings, {one.code for one in PORTUGAL.rules if one.two_way}
-    kept = [column for column, code in enumerate(found.rules) if code not in two_way]
+    kept = [column for column, code in enumerate(found.rule_codes) if code not in two_way]
     columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Finding)}
-    rules = tuple(found.rules[column] for column in kept)
-    return labelled.replace(findings=found.replace(rules=rules, **columns))
+    rules = tuple(found.rule_codes[column] for column in kept)
+    return labelled.replace(findings=found.replace(rule_codes=rules, **columns))
 
 
 def _per_simulation(count: int) -> Rows:

@@ -290,7 +290,7 @@ _LABELS: dict[str, list[Column]] = {
         *columns_of(
             Findings,
             "findings",
-            only=("verdict", "margin", "first", "last"),
+            only=("verdict", "margin", "first_frame", "last_frame"),
             nullable=("margin",),
         ),
         _enumeration("article", "Article of the Highway Code", names.ARTICLES),

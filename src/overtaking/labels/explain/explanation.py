@@ -101,9 +101,9 @@ def _breach(
     one: LabelledTrajectories, case: Case, rule: Rule, policies: Sequence[Policy]
 ) -> Breach:
     findings = one.findings
-    at = (0, findings.rules.index(rule.code))
+    at = (0, findings.rule_codes.index(rule.code))
     margin = float(findings.margin[at])
-    first, last = int(findings.first[at]), int(findings.last[at])
+    first, last = int(findings.first_frame[at]), int(findings.last_frame[at])
     facts = BreachFacts(case=case, margin=margin, first=first, last=last)
     return Breach(
         rule=rule,

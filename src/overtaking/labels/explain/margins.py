@@ -40,7 +40,7 @@ def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, 
         frames that the rule does not judge. Other rules judge single instants or durations.
     """
     case, findings = case_of(labelled), labelled.findings
-    verdicts = dict(zip(findings.rules, findings.verdict[0].tolist(), strict=True))
+    verdicts = dict(zip(findings.rule_codes, findings.verdict[0].tolist(), strict=True))
     return {
         rule.code: _MARGINS[rule.check](case)
         for rule in pack.rules

@@ -124,7 +124,7 @@ def _lane_of_both(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     nearest = np.minimum(*away)
     low = np.full(len(found.margin), ENDLESS)
     np.minimum.at(low, rows, nearest)
-    broken = (frames >= found.first[rows]) & (frames <= found.last[rows])
+    broken = (frames >= found.first_frame[rows]) & (frames <= found.last_frame[rows])
     high = np.zeros(len(found.margin), np.float32)
     np.maximum.at(high, rows[broken], nearest[broken])
     return lane_error(np.where(found.margin < 0, high, low), errors)

@@ -162,9 +162,9 @@ def together(found: list[Finding]) -> Finding:
     """Several checks of one rule: the least margin, and the frames of the breaches."""
     about = np.stack([one.verdict != Verdict.NOT_APPLICABLE for one in found])
     low = np.where(about, np.stack([one.margin for one in found]), ENDLESS).min(axis=0)
-    firsts = np.stack([np.where(one.first == NEVER, _LATE, one.first) for one in found])
-    last = np.stack([one.last for one in found]).max(axis=0)
-    longest = np.stack([one.longest for one in found]).max(axis=0)
+    firsts = np.stack([np.where(one.first_frame == NEVER, _LATE, one.first_frame) for one in found])
+    last = np.stack([one.last_frame for one in found]).max(axis=0)
+    longest = np.stack([one.longest_run for one in found]).max(axis=0)
     return decided(low < ENDLESS, low, firsts.min(axis=0), last, longest=longest)
 
 

@@ -165,7 +165,7 @@ def legality(
     Raises:
         ConfigError: The findings lack a rule that the policy requires.
     """
-    missing = [code for code in policy.required if code not in findings.rules]
+    missing = [code for code in policy.required if code not in findings.rule_codes]
     if missing:
         raise ConfigError(
             what=f"policy {policy.name}",
@@ -174,7 +174,7 @@ def legality(
             got=f"none called {', '.join(missing)}",
             next_step="check a pack that has them",
         )
-    place = [findings.rules.index(code) for code in policy.required]
+    place = [findings.rule_codes.index(code) for code in policy.required]
     counted = breaches(findings, policy, pack, case)[:, place]
     broken = counted.sum(axis=1, dtype=np.uint8)
     doubtful = findings.verdict[:, place] == Verdict.UNDECIDABLE
@@ -197,15 +197,15 @@ def breaches(
     if policy.least > Severity.LIGHT:
         counted = counted & (findings.severity >= policy.least)
     for code, tolerance in policy.tolerances.items():
-        if pack is not None and case is not None and code in findings.rules:
-            place = findings.rules.index(code)
+        if pack is not None and case is not None and code in findings.rule_codes:
+            place = findings.rule_codes.index(code)
             counted[:, place] = beyond(findings, code, tolerance, pack, case)
     return counted
 
 
 def beyond(findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case: Case) -> Mask:
     """Where a breach of one rule exceeds a tolerance, shape (simulation,)."""
-    place, rule = findings.rules.index(code), pack.rule(code)
+    place, rule = findings.rule_codes.index(code), pack.rule(code)
     excess = -findings.margin[:, place]
     broken = (findings.verdict[:, place] == Verdict.ILLEGAL) & (excess > tolerance.margin)
     if tolerance.share and rule.limit is not None:
@@ -217,6 +217,6 @@ def beyond(findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case
 
 def duration(findings: Findings, place: int, case: Case) -> F32:
     """Time of the longest unbroken part of a breach of one rule, 0 without, (simulation,) [s]."""
-    return findings.longest[:, place].astype(np.float32) * np.float32(
+    return findings.longest_run[:, place].astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )

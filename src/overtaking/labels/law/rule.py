@@ -204,9 +204,9 @@ def decided(
         verdict=np.where(applies, decision, np.uint8(Verdict.NOT_APPLICABLE)),
         # The sum makes a negative zero positive.
         margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
-        first=np.where(broken, first, NEVER).astype(np.int32, copy=False),
-        last=np.where(broken, last, NEVER).astype(np.int32, copy=False),
-        longest=np.where(broken, longest, 0).astype(np.int32, copy=False),
+        first_frame=np.where(broken, first, NEVER).astype(np.int32, copy=False),
+        last_frame=np.where(broken, last, NEVER).astype(np.int32, copy=False),
+        longest_run=np.where(broken, longest, 0).astype(np.int32, copy=False),
         severity=np.zeros(len(applies), np.uint8),
         belief=np.zeros(len(applies), np.uint8)
         if belief is None
@@ -244,9 +244,9 @@ def _doubted(found: Finding, inside: Mask) -> Finding:
     return found.replace(
         verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), found.verdict),
         margin=np.where(inside, np.float32(0.0), found.margin),
-        first=np.where(inside, NEVER, found.first),
-        last=np.where(inside, NEVER, found.last),
-        longest=np.where(inside, np.int32(0), found.longest),
+        first_frame=np.where(inside, NEVER, found.first_frame),
+        last_frame=np.where(inside, NEVER, found.last_frame),
+        longest_run=np.where(inside, np.int32(0), found.longest_run),
         severity=np.where(inside, np.uint8(Severity.NONE), found.severity),
     )
 
@@ -419,4 +419,4 @@ def check(pack: Pack, case: Case, errors: MeasurementErrors | None = None) -> Fi
         version += pack.two_way_version
     if errors is not None:
         version += str(errors)
-    return Findings(rules=pack.codes, version=version, **columns)
+    return Findings(rule_codes=pack.codes, version=version, **columns)

@@ -255,7 +255,7 @@ def perhaps(found: Finding) -> Finding:
     slow = found.margin < 0
     margin = np.where(slow, np.float32(0.0), found.margin)
     applies = found.verdict != Verdict.NOT_APPLICABLE
-    return decided(applies, margin, found.first, found.last, doubtful=slow)
+    return decided(applies, margin, found.first_frame, found.last_frame, doubtful=slow)
 
 
 L13 = Rule(

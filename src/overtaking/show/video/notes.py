@@ -121,9 +121,9 @@ def breaches(scene: FilmScene, findings: Findings | None, policy: Policy) -> lis
     """
     articles = articles_of(policy)
     notes: list[Note] = []
-    for rule, code in enumerate(findings.rules if findings else ()):
+    for rule, code in enumerate(findings.rule_codes if findings else ()):
         assert findings is not None
-        first, last = int(findings.first[0, rule]), int(findings.last[0, rule])
+        first, last = int(findings.first_frame[0, rule]), int(findings.last_frame[0, rule])
         is_broken = findings.verdict[0, rule] == Verdict.ILLEGAL and first != NEVER
         if is_broken and code in articles:
             severity = words(Severity(int(findings.severity[0, rule])).name)

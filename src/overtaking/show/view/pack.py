@@ -286,7 +286,11 @@ def _law(labelled: LabelledTrajectories, values: Values) -> list[Values]:
         broken, of = verdict == Verdict.ILLEGAL, series.get(rule.code)
         if not broken and (of is None or margin >= NEAR[rule.code]):
             continue
-        span = [int(findings.first[0, place]), int(findings.last[0, place])] if broken else None
+        span = (
+            [int(findings.first_frame[0, place]), int(findings.last_frame[0, place])]
+            if broken
+            else None
+        )
         rows.append(
             {
                 "rule": rule.code,

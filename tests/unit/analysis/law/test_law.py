@@ -55,7 +55,7 @@ def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
     for k, metres in enumerate(tolerances("distance")):
         broken = np.zeros(done.sum(), bool)
         for code in chosen.required:
-            place = said.findings.rules.index(code)
+            place = said.findings.rule_codes.index(code)
             allowed = metres if PORTUGAL.rule(code).unit == "m" else 0.0
             illegal = said.findings.verdict[done, place] == Verdict.ILLEGAL
             broken |= illegal & (said.findings.margin[done, place] < -allowed)

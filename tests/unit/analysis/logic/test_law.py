@@ -49,10 +49,10 @@ def in_python(
     verdicts: dict[str, str] = {}
     first: dict[str, int] = {}
     for code in codes:
-        place = (0, findings.rules.index(code))
+        place = (0, findings.rule_codes.index(code))
         verdicts[code] = Verdict(int(findings.verdict[place])).name.lower()
         if verdicts[code] == "illegal":
-            first[code] = int(findings.first[place])
+            first[code] = int(findings.first_frame[place])
     return verdicts, first
 
 
@@ -144,11 +144,13 @@ def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: in
     with lawyer("de") as reasoner:
         said = judged(reasoner, group_of(case), "de")
     findings = check(GERMANY, case)
-    place = [findings.rules.index(code) for code in CODES_DE]
+    place = [findings.rule_codes.index(code) for code in CODES_DE]
     verdict = findings.verdict[:, place]
     np.testing.assert_array_equal(said.verdict, verdict)
     is_illegal = verdict == Verdict.ILLEGAL
-    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
+    np.testing.assert_array_equal(
+        said.first[is_illegal], findings.first_frame[:, place][is_illegal]
+    )
 
 
 @pytest.mark.parametrize(
@@ -159,11 +161,13 @@ def test_both_say_the_same_of_simulations(profile: str, number: int):
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(case))
     findings = check(PORTUGAL, case)
-    place = [findings.rules.index(code) for code in CODES]
+    place = [findings.rule_codes.index(code) for code in CODES]
     verdict = findings.verdict[:, place]
     np.testing.assert_array_equal(said.verdict, verdict)
     is_illegal = verdict == Verdict.ILLEGAL
-    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
+    np.testing.assert_array_equal(
+        said.first[is_illegal], findings.first_frame[:, place][is_illegal]
+    )
     assert is_illegal.sum() > number / 4
 
 

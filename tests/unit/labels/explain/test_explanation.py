@@ -33,7 +33,7 @@ def labelled() -> LabelledTrajectories:
 
 
 def test_each_rule_is_broken_or_doubtful_or_kept_or_inapplicable_as_found(labelled):
-    codes = np.array(labelled.findings.rules)
+    codes = np.array(labelled.findings.rule_codes)
     for simulation in range(NUM_SIMULATIONS):
         told = explain(labelled, simulation)
         verdict = labelled.findings.verdict[simulation]
@@ -52,9 +52,12 @@ def test_breaches_repeat_margin_frames_severity_and_belief_of_the_findings(label
     for simulation in range(NUM_SIMULATIONS):
         findings = labelled.findings.select(np.array([simulation]))
         for each in explain(labelled, simulation).breaches:
-            place = (0, findings.rules.index(each.rule.code))
+            place = (0, findings.rule_codes.index(each.rule.code))
             assert each.margin == findings.margin[place] < 0
-            assert (each.first, each.last) == (findings.first[place], findings.last[place])
+            assert (each.first, each.last) == (
+                findings.first_frame[place],
+                findings.last_frame[place],
+            )
             assert each.severity == findings.severity[place]
             assert each.belief == findings.belief[place]
             assert each.remedies
@@ -93,7 +96,7 @@ def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(label
         if len({each.decision for each in pulls}) != 1 or one.events.attempt[0] < 0:
             continue
         for each in pulls:
-            finding = Belief(int(one.findings.belief[0, one.findings.rules.index(each.code)]))
+            finding = Belief(int(one.findings.belief[0, one.findings.rule_codes.index(each.code)]))
             if finding is not Belief.NONE:
                 assert each.belief is finding
                 compared += 1

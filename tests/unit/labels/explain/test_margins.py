@@ -30,7 +30,7 @@ def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
     for number in range(64):
         simulation = labelled.select(np.array([number]))
         series = margins(simulation, pack)
-        for place, code in enumerate(simulation.findings.rules):
+        for place, code in enumerate(simulation.findings.rule_codes):
             is_decided = simulation.findings.verdict[0, place] in (Verdict.LEGAL, Verdict.ILLEGAL)
             assert (code in series) == (code in num_checked and is_decided)
             if code in series:
@@ -38,7 +38,10 @@ def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
                 assert np.nanmin(series[code]) == simulation.findings.margin[0, place]
                 broken = np.flatnonzero(series[code] < 0)
                 if simulation.findings.verdict[0, place] == Verdict.ILLEGAL:
-                    ends = simulation.findings.first[0, place], simulation.findings.last[0, place]
+                    ends = (
+                        simulation.findings.first_frame[0, place],
+                        simulation.findings.last_frame[0, place],
+                    )
                     assert (broken[0], broken[-1]) == ends
     # O10 is about bicycles, and few targets are bicycles.
     assert min(count for code, count in num_checked.items() if code != "O10") > 5

@@ -61,7 +61,11 @@ def found(code: str, one: Case) -> Finding:
 def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
     check = found(code, one)
     assert check.verdict[0] == Verdict.ILLEGAL
-    margin, first, last = float(check.margin[0]), int(check.first[0]), int(check.last[0])
+    margin, first, last = (
+        float(check.margin[0]),
+        int(check.first_frame[0]),
+        int(check.last_frame[0]),
+    )
     facts = BreachFacts(case=one, margin=margin, first=first, last=last)
     return remedies_of(RULES[code], facts, ALL_REMEDIES)
 

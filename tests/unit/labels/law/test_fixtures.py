@@ -37,9 +37,9 @@ def test_a_rule_says_what_it_should_of(code, verdict, make):
     broken = verdict is Verdict.ILLEGAL
     assert (found.margin[0] < 0) == broken
     assert (found.severity[0] != Severity.NONE) == broken
-    assert (found.first[0] != NEVER) == broken
-    assert (found.last[0] != NEVER) == broken
-    assert found.last[0] >= found.first[0]
+    assert (found.first_frame[0] != NEVER) == broken
+    assert (found.last_frame[0] != NEVER) == broken
+    assert found.last_frame[0] >= found.first_frame[0]
     if verdict in (Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE):
         assert found.margin[0] == 0.0
 
@@ -59,7 +59,9 @@ def test_what_a_rule_does_not_name_it_does_not_need(name):
     for make in (overtake, crossing):
         known, unknown = check(PORTUGAL, make()), check(PORTUGAL, make(unknown=(name,)))
         changed = (known.verdict != unknown.verdict)[0]
-        assert {code for code, is_it in zip(known.rules, changed, strict=True) if is_it} <= named
+        assert {
+            code for code, is_it in zip(known.rule_codes, changed, strict=True) if is_it
+        } <= named
 
 
 @pytest.mark.parametrize("rule", [r for r in PORTUGAL.rules if r.needs], ids=lambda r: r.code)
@@ -79,5 +81,5 @@ def test_without_what_it_needs_a_rule_decides_nothing(rule):
 def test_checks_are_of_the_types_that_tables_have():
     found = judge(RULES["L3"], overtake())
     assert [found.verdict.dtype, found.severity.dtype, found.belief.dtype] == [np.uint8] * 3
-    assert [found.first.dtype, found.last.dtype] == [np.int32] * 2
+    assert [found.first_frame.dtype, found.last_frame.dtype] == [np.int32] * 2
     assert found.margin.dtype == np.float32

@@ -55,7 +55,7 @@ def test_a_margin_that_may_never_be_negative(given_):
     for k, row in enumerate(values):
         expected = by_hand(row, int(span.start[k]), int(span.stop[k]))
         for found in (dense, sparse):
-            said = found.verdict[k], found.margin[k], found.first[k], found.last[k]
+            said = found.verdict[k], found.margin[k], found.first_frame[k], found.last_frame[k]
             assert said == expected
 
 
@@ -82,6 +82,6 @@ def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
         together = check(PORTUGAL, concatenate(cases))
         for k, one in enumerate(cases):
             alone = check(PORTUGAL, one)
-            for name in ("verdict", "margin", "first", "last", "severity", "belief"):
+            for name in ("verdict", "margin", "first_frame", "last_frame", "severity", "belief"):
                 whole, part = getattr(together, name)[k], getattr(alone, name)[0]
                 assert whole.tolist() == part.tolist(), name

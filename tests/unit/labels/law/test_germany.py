@@ -22,8 +22,8 @@ POSSIBLE_WITHOUT_TEXT = {Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE}
 def found(make, code: str):
     """What the pack says of one case: verdict, margin, severity, first and last frame."""
     all_of = check(GERMANY, make())
-    place = (0, all_of.rules.index(code))
-    names = ("verdict", "margin", "severity", "first", "last")
+    place = (0, all_of.rule_codes.index(code))
+    names = ("verdict", "margin", "severity", "first_frame", "last_frame")
     return [getattr(all_of, name)[place] for name in names]
 
 
@@ -80,7 +80,7 @@ def test_a_short_distance_is_fined_after_three_seconds(seconds, margin):
     speed = ramp((away, 30.0), (away + 0.05, 90.0), frames=200)
     one = case(Track(speed=30.0), Track(s=26.5 + 4.4, speed=speed), events={})
     said = check(GERMANY, one)
-    value = float(said.margin[0, said.rules.index("A2")])
+    value = float(said.margin[0, said.rule_codes.index("A2")])
     assert value == pytest.approx(margin, abs=0.11)
 
 
@@ -88,7 +88,7 @@ def test_by_140_m_who_is_very_fast_has_less_time():
     # 140 m take 2.33 s at 216 km/h.
     one = behind(50.0, 60.0)
     said = check(GERMANY, one)
-    margin = said.margin[0, said.rules.index("A2")]
+    margin = said.margin[0, said.rule_codes.index("A2")]
     near = int(one.events.last[0]) - 60
     assert margin == pytest.approx(140.0 / 60.0 - near * 0.05, abs=0.06)
 
@@ -104,7 +104,7 @@ def test_a_lawful_overtake_is_lawful_under_every_policy():
     said = check(GERMANY, one)
     for policy in policies_for("de"):
         law = legality(said, policy, GERMANY, one)
-        codes = np.array(said.rules)[said.verdict[0] == Verdict.ILLEGAL]
+        codes = np.array(said.rule_codes)[said.verdict[0] == Verdict.ILLEGAL]
         assert law.is_legal[0], (policy.name, codes)
         assert law.num_undecidable[0] == 0
 

@@ -57,7 +57,7 @@ def test_the_speed_limit_is_that_of_the_ego_s_place_frame_by_frame(ends, lower, 
     broken = [frame for frame, margin in enumerate(margins_of) if margin < 0]
     assert (found.verdict[0] == Verdict.ILLEGAL) == bool(broken)
     if broken:
-        assert (found.first[0], found.last[0]) == (broken[0], broken[-1])
+        assert (found.first_frame[0], found.last_frame[0]) == (broken[0], broken[-1])
 
 
 def test_limits_may_be_asked_of_every_frame_and_cost_nothing_where_they_are_one():
@@ -70,7 +70,7 @@ def test_limits_may_be_asked_of_every_frame_and_cost_nothing_where_they_are_one(
 
 def test_the_margins_of_every_frame_agree_with_the_finding():
     labelled = label(fast(limited((150.0, 180.0, 60.0), (180.0, 600.0, 90.0))).trajectories)
-    found, place = margins(labelled)["L12"], labelled.findings.rules.index("L12")
+    found, place = margins(labelled)["L12"], labelled.findings.rule_codes.index("L12")
     assert np.nanmin(found) == labelled.findings.margin[0, place] == found[100]
     broken = np.flatnonzero(found < 0)
     assert broken[[0, -1]].tolist() == [100, 199]
@@ -151,10 +151,12 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(recorded))
     findings = check(PORTUGAL, recorded)
-    place = [findings.rules.index(code) for code in CODES]
+    place = [findings.rule_codes.index(code) for code in CODES]
     np.testing.assert_array_equal(said.verdict, findings.verdict[:, place])
     is_illegal = said.verdict == Verdict.ILLEGAL
-    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
+    np.testing.assert_array_equal(
+        said.first[is_illegal], findings.first_frame[:, place][is_illegal]
+    )
     legal_elsewhere = judge(
         L12, case_of(simulate(sample(profile, num_simulations=40, seed=23)))
     ).verdict

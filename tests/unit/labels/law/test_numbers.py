@@ -64,7 +64,7 @@ def test_at_120_km_h_l3_wants_33_metres_and_a_second_does_it():
 
 def test_three_seconds_after_a_recording_began_the_distance_counts():
     near = judge(RULES["L3"], case(Track(speed=30.0), Track(s=25.0, speed=30.0), events={}))
-    assert near.first[0] == 61
+    assert near.first_frame[0] == 61
     leaving = case(Track(speed=30.0), Track(s=10.0, speed=34.0), events={})
     assert judge(RULES["L3"], leaving).verdict[0] == Verdict.LEGAL
     later = leaving.replace(events=leaving.events.replace(first=np.array([10], np.int32)))
@@ -82,7 +82,7 @@ def test_a_breach_is_told_with_its_first_and_last_frame():
     speed = ramp((2, 30.0), (4, 36.0), (5, 36.0), (7, 30.0), frames=200)
     found = judge(RULES["L12"], alone(ego={"speed": speed}))
     over = np.flatnonzero(speed > 120.0 / 3.6)
-    assert (found.first[0], found.last[0]) == (over[0], over[-1])
+    assert (found.first_frame[0], found.last_frame[0]) == (over[0], over[-1])
     assert found.margin[0] == pytest.approx(120.0 / 3.6 - 36.0, abs=1e-3)
 
 
@@ -97,7 +97,7 @@ def test_three_seconds_after_a_cut_in_the_distance_counts_again():
     lane = ramp((2, 1), (3, 0), frames=200)
     one = crossing(Track(s=25.0, speed=30.0, lane=lane))
     entered = int(np.argmax(one.trajectories.states.lane[0, 2] == 0))
-    assert judge(RULES["L3"], one).first[0] == entered + 61
+    assert judge(RULES["L3"], one).first_frame[0] == entered + 61
 
 
 def test_who_stops_leading_loses_the_time_to_regain():
@@ -105,7 +105,7 @@ def test_who_stops_leading_loses_the_time_to_regain():
     passer = Track(s=25.0, speed=30.0, lane=ramp((6, 1), (6.5, 0), (7.5, 0), (8, 1), frames=200))
     one = crossing(passer, target={"s": 56.4, "speed": 28.0})
     left = int(np.flatnonzero(one.trajectories.states.lane[0, 2] == 0)[-1]) + 1
-    assert judge(RULES["L3"], one).first[0] == left
+    assert judge(RULES["L3"], one).first_frame[0] == left
 
 
 @pytest.mark.parametrize(
@@ -146,15 +146,15 @@ def test_l9_counts_the_longest_time_on_end():
     found = judge(RULES["L9"], one)
     # Two seconds of the target's way behind it: 40 m and the bodies, at 10 m/s more.
     due = int(np.argmax(one.target.ego_lead[0] >= 44.4))
-    assert found.first[0] == due + 160
-    assert found.last[0] == 419
+    assert found.first_frame[0] == due + 160
+    assert found.last_frame[0] == 419
     assert found.margin[0] == pytest.approx(8.0 - (420 - due) * 0.05, abs=1e-3)
 
 
 def test_l10_is_the_distance_between_the_sides():
     found = judge(RULES["L10"], passing(2.5 / 3.75))
     assert found.margin[0] == pytest.approx(2.5 - 1.8 - 0.8, abs=2e-3)
-    assert (found.first[0], found.last[0]) == (92, 108)
+    assert (found.first_frame[0], found.last_frame[0]) == (92, 108)
 
 
 def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
@@ -169,7 +169,7 @@ def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
     for code, (one, margin) in margins.items():
         found = judge(RULES[code], one)
         assert found.margin[0] == pytest.approx(margin, abs=0.01)
-        assert (found.first[0], found.last[0]) == (100, 100)
+        assert (found.first_frame[0], found.last_frame[0]) == (100, 100)
 
 
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
@@ -204,7 +204,7 @@ def test_l18_tells_the_time_without_a_signal():
 def test_l18_tells_the_first_and_the_last_frame_without_a_signal(lights, first, last):
     # The lines are crossed in frames 76 and 306: from 2 s before to 1 s after.
     found = judge(RULES["L18"], overtake(ego={"lights": lights}))
-    assert (found.first[0], found.last[0]) == (first, last)
+    assert (found.first_frame[0], found.last_frame[0]) == (first, last)
 
 
 def test_the_manoeuvre_begins_3_s_before_the_attempt_and_ends_3_s_after_the_return():
@@ -330,7 +330,7 @@ def test_braking_that_is_forced_on_the_one_behind_is_that_of_the_formula():
     gap = 140.0 - 4.4 - 14.0 * 0.05 * last
     found = judge(RULES["L23"], one)
     assert found.margin[0] == pytest.approx(2.0 - 14.0**2 / (2 * gap), rel=1e-3)
-    assert found.last[0] == last
+    assert found.last_frame[0] == last
 
 
 def test_l11_takes_the_worse_of_room_and_speed():

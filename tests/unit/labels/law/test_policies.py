@@ -28,9 +28,9 @@ from overtaking.model.verdicts import Findings, Severity, Verdict
 def findings(**verdicts: Verdict) -> Findings:
     """One simulation of which all rules say that it is legal, but for some."""
     found = check(PORTUGAL, overtake())
-    said = np.full((1, len(found.rules)), Verdict.LEGAL, np.uint8)
+    said = np.full((1, len(found.rule_codes)), Verdict.LEGAL, np.uint8)
     for code, verdict in verdicts.items():
-        said[0, found.rules.index(code)] = verdict
+        said[0, found.rule_codes.index(code)] = verdict
     return found.replace(verdict=said)
 
 
@@ -131,7 +131,7 @@ def test_an_unknown_policy_is_refused_with_those_there_are():
 
 def test_findings_name_their_rules_and_version():
     found = check(PORTUGAL, overtake())
-    assert found.rules == PORTUGAL.codes
+    assert found.rule_codes == PORTUGAL.codes
     assert found.version == PORTUGAL.version
     assert found.verdict.shape == (1, len(PORTUGAL.rules))
 
@@ -176,8 +176,8 @@ def test_a_breach_is_tolerated_for_so_long(lasting, counts):
     # The ego is too near its leader for 100 frames of 50 ms.
     case = crossing(target={"s": 20.0, "speed": 30.0}, events={})
     found = check(PORTUGAL, case)
-    place = found.rules.index("L3")
-    length = (found.last[0, place] - found.first[0, place] + 1) * 0.05
+    place = found.rule_codes.index("L3")
+    length = (found.last_frame[0, place] - found.first_frame[0, place] + 1) * 0.05
     given = Policy(
         name="patient",
         required=("L3",),
@@ -192,9 +192,9 @@ def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
     speed[20:40] = speed[80:120] = 40.0
     given = alone(ego={"speed": speed})
     findings = check(PORTUGAL, given)
-    place = findings.rules.index("L12")
-    assert (findings.first[0, place], findings.last[0, place]) == (20, 119)
-    assert findings.longest[0, place] == 40
+    place = findings.rule_codes.index("L12")
+    assert (findings.first_frame[0, place], findings.last_frame[0, place]) == (20, 119)
+    assert findings.longest_run[0, place] == 40
     for lasting, counts in ((1.95, True), (2.05, False)):
         tolerance = Tolerance(lasting=lasting)
         assert bool(beyond(findings, "L12", tolerance, PORTUGAL, given)[0]) == counts
@@ -203,7 +203,7 @@ def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
 def test_a_breach_without_its_like_has_no_longest_part():
     findings = check(PORTUGAL, overtake())
     broken = findings.verdict == Verdict.ILLEGAL
-    np.testing.assert_array_equal(findings.longest > 0, broken)
+    np.testing.assert_array_equal(findings.longest_run > 0, broken)
 
 
 def test_each_rule_says_how_its_text_is_known_and_where():

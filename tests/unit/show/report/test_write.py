@@ -150,7 +150,7 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     broken = {
         rule
         for rule in POLICIES[0].required
-        if one.findings.verdict[0, one.findings.rules.index(rule)] == Verdict.ILLEGAL
+        if one.findings.verdict[0, one.findings.rule_codes.index(rule)] == Verdict.ILLEGAL
     }
     assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken
 

@@ -212,13 +212,13 @@ def findings(first: int, last: int, *codes: str) -> Findings:
         return np.full((1, len(rules)), value, kind)
 
     return Findings(
-        rules=rules,
+        rule_codes=rules,
         version="test",
         verdict=array(1, np.uint8),
         margin=array(-1.0, np.float32),
-        first=array(first, np.int32),
-        last=array(last, np.int32),
-        longest=array(last - first + 1, np.int32),
+        first_frame=array(first, np.int32),
+        last_frame=array(last, np.int32),
+        longest_run=array(last - first + 1, np.int32),
         severity=array(2, np.uint8),
         belief=array(0, np.uint8),
     )

@@ -105,7 +105,7 @@ def test_rows_of_the_law_are_what_is_broken_and_what_is_near(
     findings, kinds = labelled.findings, set[bool]()
     for number, values in enumerate(packs):
         rows = {row["rule"]: row for row in values["law"]}
-        for place, code in enumerate(findings.rules):
+        for place, code in enumerate(findings.rule_codes):
             verdict, margin = findings.verdict[number, place], findings.margin[number, place]
             near = verdict == Verdict.LEGAL and margin < NEAR.get(code, -1.0)
             assert (code in rows) == (verdict == Verdict.ILLEGAL or near)
