@@ -86,7 +86,7 @@ def test_findings_are_those_of_the_rules(labelled, frames):
     rows, found = frames["findings"], labelled.findings
     # The road has no oncoming traffic.
     kept = [place for place, rule in enumerate(PORTUGAL.rules) if not rule.two_way]
-    assert rows["rule"].tolist() == [found.rules[place] for place in kept] * SIZE
+    assert rows["rule"].tolist() == [found.rule_codes[place] for place in kept] * SIZE
     assert (np.delete(found.verdict, kept, axis=1) == Verdict.NOT_APPLICABLE).all()
     verdict = [Verdict(code).name.lower() for code in found.verdict[:, kept].reshape(-1)]
     assert rows["verdict"].tolist() == verdict
