@@ -86,7 +86,7 @@ def test_weighted_rates_are_those_that_brute_force_finds():
         }
     ]
     short = {"time.horizon_s": 40.0, "time.attempt_deadline_s": 30.0}
-    options = {"against": ["human"], "as_met": True}
+    options = {"references": ["human"], "natural": True}
     risky = {**short, "proposal": bent}
     some = ot.evaluate("stay", "motorway", num_simulations=250, seed=11, overrides=risky, **options)
     many = ot.evaluate("stay", "motorway", num_simulations=250, seed=12, overrides=short, **options)
