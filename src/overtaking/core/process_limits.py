@@ -7,7 +7,6 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Generator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -24,7 +23,11 @@ THREADS_VARIABLE = "RAYON_NUM_THREADS"
 """Environment variable with the largest number of threads of the engine."""
 
 CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
-"""Linux's file with the CPU quota of a container: microseconds of quota and of its period."""
+"""Linux's file with the CPU quota of a container: microseconds of quota and of its period.
+
+Only this file of cgroups of version 2 is read, while `_memory_of_cgroups` reads both versions and
+all parents: a process that overlooks a quota runs slower, a process that overlooks a limit of
+memory is killed."""
 
 
 def available_processors() -> int:
@@ -44,7 +47,7 @@ def processors_to_use() -> int:
     return min(available_processors(), limit) if limit else available_processors()
 
 
-_MIB = 1 << 20
+_MIB = 1 << 20  # Bytes.
 
 LIBRARY_BYTES = 320 * _MIB
 """Address space of NumPy, Arrow and the engine once they are loaded: 290 MiB with NumPy 2.4 and
@@ -52,7 +55,9 @@ Arrow 26 on Linux."""
 
 WORKING_BYTES = 96 * _MIB
 """Address space for modules that are loaded on demand and for the data of a small call. C++ and
-Rust end the process when they cannot allocate a few bytes, so a call begins only with this much."""
+Rust end the process when they cannot allocate a few bytes, so a call begins only with this much.
+The size is chosen: a larger one refuses more calls that would have succeeded, a smaller one lets
+more calls end the process."""
 
 _STACK_BYTES = 8 * _MIB
 """Address space of a thread's stack where `ulimit -s` sets no limit."""
@@ -60,6 +65,10 @@ _STACK_BYTES = 8 * _MIB
 _OTHER_THREADS = 9
 """Threads that do not depend on the number of processors: 8 that read files for Arrow, 1 that
 cleans up for its allocator."""
+
+_ADDRESS_SPACE, _DATA_AND_STACK = 0, 5
+"""Columns of Linux's `/proc/self/statm`: address space, and private memory that can be written."""
+
 _M_ARENA_MAX = -8  # Value of M_ARENA_MAX in glibc's malloc.h.
 _MEMORY_ERRORS = (errno.ENOMEM,)
 _THREAD_ERRORS = (errno.EAGAIN,)
@@ -103,10 +112,11 @@ def check_address_space(where: str) -> None:
         SystemLimitError: The limit (`ulimit -v`) leaves too little.
     """
     limit = _address_space_limit()
-    used = None if limit is None else _pages_used(0)
+    used = None if limit is None else _bytes_in_use(_ADDRESS_SPACE)
     if limit is None or used is None:
         return
     _reduce_reservations()
+    # The package imports Arrow after NumPy and the engine.
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
@@ -253,17 +263,21 @@ def _reduce_reservations() -> None:
 
 
 def _limits() -> Iterator[tuple[int, str]]:
-    """Free memory under each limit [bytes], and a description of the limit for messages."""
+    """Memory that each limit leaves to this process [bytes], and its description for messages.
+
+    The machine counts with all its memory, because other processes may free theirs.
+    """
     # Linux grants more memory than the machine has, and ends the process when it is used. Windows
     # refuses such an allocation itself.
     if hasattr(os, "sysconf"):
         yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
-    if limit is not None and (used := _pages_used(0)) is not None:
+    if limit is not None and (used := _bytes_in_use(_ADDRESS_SPACE)) is not None:
+        # `WORKING_BYTES` includes mapped files of modules, which only this limit counts.
         free = max(0, limit - used - WORKING_BYTES)
         yield free, f"that the limit of {_size(limit)} leaves (ulimit -v)"
     limit = _soft_limit("RLIMIT_DATA")
-    if limit is not None and (used := _pages_used(5)) is not None:
+    if limit is not None and (used := _bytes_in_use(_DATA_AND_STACK)) is not None:
         yield max(0, limit - used), f"that the limit of {_size(limit)} leaves (ulimit -d)"
     for limit, used in _cgroup_memory():
         yield max(0, limit - used), f"that the limit of {_size(limit)} of its cgroup leaves"
@@ -291,14 +305,12 @@ def _address_space_limit() -> int | None:
     return _soft_limit("RLIMIT_AS")
 
 
-def _pages_used(column: int) -> int | None:
-    """A size of this process [bytes]; None on systems without `/proc`.
+def _bytes_in_use(column: int) -> int | None:
+    """Memory that this process uses now [bytes]; None on systems without `/proc`.
 
     Args:
-        column: Column of Linux's `statm`: 0 is the address space, 5 are data and stack.
+        column: `_ADDRESS_SPACE` or `_DATA_AND_STACK`.
     """
-    from pathlib import Path
-
     with suppress(OSError, ValueError, IndexError):
         columns = Path("/proc/self/statm").read_text(encoding="ascii").split()
         return int(columns[column]) * os.sysconf("SC_PAGE_SIZE")
@@ -306,9 +318,8 @@ def _pages_used(column: int) -> int | None:
 
 
 def _missing_threads() -> int:
-    """Number of threads that libraries have yet to start."""
-    from pathlib import Path
-
+    """Number of threads that the engine and Arrow have yet to start."""
+    # The size of Arrow's thread pool is this variable, or else the number of processors.
     setting = os.environ.get("OMP_NUM_THREADS", "")
     is_number = setting.isascii() and setting.isdigit()
     arrow_threads = int(setting) if is_number else available_processors()
@@ -319,14 +330,16 @@ def _missing_threads() -> int:
 
 
 def _stack_bytes() -> int:
-    """Address space of a thread's stack."""
+    """Address space of a thread's stack: the limit of stacks (`ulimit -s`), at most 16 MiB.
+
+    The limit holds for Arrow's threads. The engine's threads take 2 MiB whatever the limit is, so a
+    very large limit would count too much; the bound of 16 MiB is chosen.
+    """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
 
 def _cgroup_memory() -> Iterator[tuple[int, int]]:
     """Limit and use [bytes] of the cgroups of this process that limit memory, on Linux only."""
-    from pathlib import Path
-
     yield from _memory_of_cgroups(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
 
 
@@ -371,9 +384,6 @@ def _size(size: int) -> str:
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 
 
-BYTES_PER_MIB = 1024 * 1024
-
-
 def limit_process(
     memory_mib: int, *, open_files: int | None = None, processor_s: int | None = None
 ) -> None:
@@ -390,12 +400,9 @@ def limit_process(
         import resource
     except ImportError:  # Windows.
         return
-    statm = Path("/proc/self/statm")
-    pages = int(statm.read_text(encoding="ascii").split()[5]) if statm.exists() else 0
-    in_use = pages * resource.getpagesize()
     # RLIMIT_DATA counts private writable memory. RLIMIT_AS would also count addresses that threads
     # reserve and never use.
-    memory = in_use + memory_mib * BYTES_PER_MIB
+    memory = (_bytes_in_use(_DATA_AND_STACK) or 0) + memory_mib * _MIB
     limits = {
         resource.RLIMIT_DATA: (memory, memory),
         resource.RLIMIT_FSIZE: (0, 0),
@@ -404,7 +411,8 @@ def limit_process(
     if open_files is not None:
         limits[resource.RLIMIT_NOFILE] = (open_files, open_files)
     if processor_s is not None:
-        # The hard limit is a second later: it sends SIGKILL, which does not tell its cause.
+        # The kernel sends SIGXCPU at the soft limit and SIGKILL at the hard one. With equal limits
+        # it sends SIGKILL, and the parent cannot tell why the process ended.
         limits[resource.RLIMIT_CPU] = (processor_s, processor_s + 1)
     for limit, soft_and_hard in limits.items():
         with suppress(ValueError, OSError):
@@ -453,7 +461,7 @@ def remaining_answer_bytes(remaining: int | None, rows: object, where: str, memo
         ConfigError: The answer is too large.
     """
     max_mib = memory_mib / ANSWER_MEMORY_SHARE
-    remaining = int(max_mib * BYTES_PER_MIB) if remaining is None else remaining
+    remaining = int(max_mib * _MIB) if remaining is None else remaining
     remaining -= deep_size(rows)
     if remaining < 0:
         expected = f"an answer of at most {max_mib:g} MiB, 1/{ANSWER_MEMORY_SHARE} of the memory"
@@ -515,8 +523,11 @@ def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[
     except RuntimeError as error:
         if (refusal := refusal_of(error, "overtaking")) is None:
             raise
+        # A cache drops all its entries or none. The other pools go on for their present callers;
+        # later callers get new ones.
         _process_pool.cache_clear()
-        pool.shutdown()  # The pool has kept the work whose thread did not start.
+        # The pool has kept the work whose thread did not start: its other threads, if any, do it.
+        pool.shutdown()
         raise refusal from error
 
 
@@ -524,7 +535,9 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], threads: int) -> Gen
     """Call a function with each item in threads, and return the results in order.
 
     Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
-    At most as many results wait as there are threads, so that memory does not grow.
+    At most `threads` + 1 items are under way or wait for the caller, so that memory does not grow
+    with their number. The one above `threads` keeps the last thread busy while the caller waits for
+    the first result.
 
     Args:
         work: The function. Its result must not depend on earlier items.

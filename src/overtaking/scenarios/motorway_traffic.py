@@ -1,4 +1,11 @@
-"""Traffic of one direction at a density."""
+"""Traffic of one direction at a density.
+
+The traffic has ends: in each lane, the outermost vehicle ahead of the ego and the outermost one
+behind it. Vehicles are placed from the ego outwards, until the ego would see no end before its last
+overtake is over, or until all slots are filled. Traffic on a ring would show the ego the same truck
+every minute and a half, and vehicles that are moved from far behind to far ahead would make
+recorded states jump by a kilometre.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -32,35 +39,39 @@ from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
+# Choices of `knowledge/data/sampling.toml`, as Python floats: `road_length` computes in float64.
+
 APPROACH_MARGIN = number("sampling.flow.approach_margin")
-"""An end of the traffic may approach faster than estimated, by up to this much [m/s]."""
+"""Error of the estimated speed at which the ego approaches an end of the traffic: it may approach
+faster by up to this much [m/s]."""
 
 EGO_SPEED_SHARE = number("sampling.flow.ego_speed_share")
-"""The ego's estimated speed lies this share of the way from its lane's speed to its desired one."""
+"""Estimated speed of the ego: the speed of its lane plus this share of the difference between its
+desired speed and the speed of its lane [1]."""
 
 MIN_SPACING = number("sampling.flow.min_spacing")
-"""The part of the smallest distance of centres that does not depend on speed [m]; `MIN_TIME_GAP`
-gives the part that does."""
+"""Smallest distance between the centres of two vehicles of a lane at standstill [m]."""
 
 MIN_TIME_GAP = number("sampling.flow.min_time_gap")
-"""The part of the smallest distance of centres that grows with the lane's speed [s]."""
+"""Increase of that smallest distance with the speed of the lane [s]."""
 
 RELAXING_DECEL = number("sampling.flow.relaxing_decel")
-"""A vehicle with a larger gap than its driver wants may be faster than its leader, by the speed
-that this deceleration loses over the additional distance [m/s^2]. It is the comfortable
-deceleration of careful drivers."""
+"""Deceleration of a rolling vehicle [m/s^2]. A vehicle with a larger gap than its driver wants may
+start faster than its leader, by the speed that it loses over the additional distance if it rolls:
+so nobody brakes because of the start."""
 
 PASSING_MARGIN = number("sampling.flow.passing_margin")
-"""Largest speed while overtaking, over the desired speed."""
+"""Largest speed while overtaking, over the desired speed [1]."""
 
 RETURN_TIME = number("sampling.flow.return_time")
-"""Time from the last attempt until the ego may see an end of the traffic, where there are vehicles
-enough: the duration of a common overtake [s]."""
+"""Duration of a common overtake [s]. Vehicles are placed so that the ego sees no end of the traffic
+before the deadline of an attempt and this time later, unless the slots run out."""
 
 END_MARGIN = number("sampling.flow.end_margin")
 """Road behind the rearmost vehicle [m]."""
 
-_FREE = np.float32(1e6)  # Station [m] and speed [m/s] of an absent vehicle.
+_FREE = np.float32(1e6)
+"""Station [m] and speed [m/s] of the leader of a vehicle that has none: far away and fast."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +81,8 @@ class VehicleLayout:
     Attributes:
         valid: Whether the slot holds a vehicle, (simulation, vehicle).
         lane: Lane, 0 the slowest, (simulation, vehicle).
-        s: Station, (simulation, vehicle) [m].
-        time: When the ego may see the first end of the traffic, (simulation,) [s].
+        s: Distance ahead of the ego, negative behind it, (simulation, vehicle) [m].
+        time: Earliest time at which the ego may see an end of the traffic, (simulation,) [s].
     """
 
     valid: Mask
@@ -85,7 +96,7 @@ class EgoStart:
     """The ego's lane and the speed that it wants, which decide where the traffic is placed.
 
     Attributes:
-        lane: Lane, shape (simulation,).
+        lane: Lane, 0 the slowest, shape (simulation,).
         desired_speed: Desired speed, shape (simulation,) [m/s].
     """
 
@@ -113,21 +124,33 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
+        # The share keeps vehicles that have to move back from all starting at the end of a short
+        # zone. This zone is the whole road, so they need none.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
+        # The speeds that drivers want in the weather follow later, when the weather is drawn.
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
+        # Where the slots run out, the simulation ends before the ego sees an end of the traffic.
         deadline=minimum(layout.time, deadline),
     )
 
 
 def road_length(specification: Specification, flow: FlowTraffic) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m]."""
+    """Length of a road that no vehicle leaves before the horizon [m].
+
+    With the horizon T, the ego's speed v and the speed u of a lane, the end of the traffic ahead in
+    that lane starts at most at sight ahead + (v - u + margin) T + one spacing, the end behind at
+    sight behind + (u - v + margin) T + one spacing; see `_TrafficEnds`. Over all lanes the sum of
+    the two speed differences is at most the range of the lanes' speeds plus the ego's speed. From
+    the foremost start, a vehicle that overtakes all the time drives its largest speed times T.
+    """
     horizon = specification.time.horizon_s
     lane_speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
     speed_range = max(lane_speeds) - min(lane_speeds) + 2.0 * APPROACH_MARGIN
     speed_factor = max(lane.speed_factor for lane in flow.lanes)
     speed_factor *= max_cruise_factor(specification.drivers)
     max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
+    # The smallest density of a lane is at least the smallest mean density over this ratio.
     density_ratio = max(lane.density for lane in flow.lanes)
     density_ratio /= min(lane.density for lane in flow.lanes)
     max_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
@@ -144,7 +167,7 @@ def draw_ego_lane(block: SampleBlock, flow: FlowTraffic) -> U8:
 
 
 def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> VehicleLayout:
-    """Place vehicles around the ego until the traffic is long enough or all slots are taken.
+    """Place vehicles around the ego until the traffic is long enough or all slots are filled.
 
     Args:
         block: The simulations that are drawn together.
@@ -156,6 +179,7 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
     """
     stream = block.stream(Stream.LAYOUT)
     stream.uniform()  # The number that `draw_ego_lane` used.
+    # The proposal of importance sampling may draw some densities more often, see `ProposalSampler`.
     u = block.proposal.transform("density", stream.uniform())
     vehicles_per_metre = scale_to_range(u, *_vehicles_per_metre(flow))
     phases = [stream.uniform() for _ in flow.lanes]
@@ -179,7 +203,10 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
 
 
 def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
-    """Vehicle classes by lane; the ego, in slot 0, never has two wheels.
+    """Vehicle classes by lane.
+
+    The ego, in slot 0, is never a motorcycle or bicycle (a choice): it gets another class of its
+    lane, in proportion to their weights.
 
     Args:
         flow: Section `[traffic]` of the specification.
@@ -207,6 +234,8 @@ def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) ->
         kind: Vehicle classes, the same shape.
         lane: Lanes, the same shape.
     """
+    # `FlowTraffic` checks that each class of its lanes has a speed. Other classes are not drawn, so
+    # nothing reads their number.
     free = [mps_from_kmh(flow.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
     factors = [flow_lane.speed_factor for flow_lane in flow.lanes]
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(factors, np.float32)[lane]
@@ -218,7 +247,8 @@ def following_starts(
     """Stations and speeds at which every vehicle follows the one ahead.
 
     No vehicle is faster or nearer than its driver wants: a vehicle that was drawn nearer starts
-    farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`.
+    farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`. Vehicles are
+    treated from the foremost to the rearmost, each behind the rearmost so far of its lane.
 
     Args:
         layout: Lanes and stations; all other arrays have the shape of its lanes.
@@ -228,6 +258,7 @@ def following_starts(
         min_gap: Desired gaps at standstill [m].
     """
     order = np.argsort(np.where(layout.valid, layout.s, np.inf), axis=1, kind="stable")
+    # Each list holds one array of shape (simulation,) for each rank, the rearmost vehicle first.
     # Empty slots come last and have a lane of their own.
     lane = sort_columns(np.where(layout.valid, layout.lane, np.uint8(255)), order)
     s, half = sort_columns(layout.s, order), sort_columns(half_length, order)
@@ -236,9 +267,10 @@ def following_starts(
     )
     free = np.full_like(s[0], _FREE)
     num_lanes = int(layout.lane.max(initial=0)) + 1
-    rear_s, rear_speed = [free] * num_lanes, [free] * num_lanes  # Of the rearmost so far.
+    rear_s, rear_speed = [free] * num_lanes, [free] * num_lanes  # Of the rearmost so far, by lane.
     speed = [free] * len(s)
     for rank in reversed(range(len(s))):
+        # Each item of `s` and `speed` is replaced by a new array; `layout.s` stays as it is.
         bumper, leader_speed = _of_lane(rear_s, lane[rank]), _of_lane(rear_speed, lane[rank])
         following_speed = minimum(desired[rank], leader_speed)
         nearest = bumper - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
@@ -257,11 +289,14 @@ def _ego_desired_speed(
 ) -> tuple[F32, NumberTransform]:
     """The speed that the ego wants, and the transform that gives its traits once more.
 
-    The traffic is placed by the ego's desired speed, so it is drawn before the other drivers are.
+    The traffic is placed by the ego's desired speed, so the ego is drawn alone first and once more
+    with the other vehicles. Both times it gets the same numbers: each slot has a random stream of
+    its own, which a `SampleBlock` begins anew for each caller, and the class is its first number.
 
     Returns:
-        Desired speeds, shape (simulation,) [m/s], and a transform that replays the ego's numbers:
-        another call of the proposal would count their density ratios twice.
+        Desired speeds, shape (simulation,) [m/s], and a transform for the second time, which
+        returns the ego's numbers of the first. Another call of the proposal would multiply the
+        weight of a simulation by the probability density ratios of these numbers once more.
     """
     u = kind_number(block, EGO_SLOT)[:, None]
     kind = vehicle_kinds(flow, u, lane[:, None])
@@ -306,10 +341,12 @@ def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:
     return 1e-3 * low, 1e-3 * high
 
 
-# Traffic on a ring would show the ego the same truck every minute and a half. Moving vehicles from
-# far behind to far ahead would make recorded states jump by a kilometre. So the traffic has ends.
 class _TrafficEnds:
-    """The ends of the traffic, in each lane ahead and behind, and when the ego sees them."""
+    """The ends of the traffic, in each lane ahead and behind, and when the ego may see them.
+
+    Vehicles of a lane drive at the speed of the lane and the ego at its estimated speed, see
+    `EGO_SPEED_SHARE`. The ego sees an end when their distance falls to the sight distance.
+    """
 
     def __init__(
         self, flow: FlowTraffic, vehicles_per_metre: F32, ego: EgoStart, phases: list[F32]
@@ -349,7 +386,7 @@ class _TrafficEnds:
 
     @property
     def time(self) -> F32:
-        """When the ego may see the first of the ends [s]."""
+        """Earliest time at which the ego may see an end, shape (simulation,) [s]."""
         soonest, *others = self._times()
         for time in others:
             soonest = minimum(soonest, time)
@@ -388,20 +425,27 @@ class _TrafficEnds:
         return lane, station
 
     def _times(self) -> list[F32]:
-        """When the ego may see each end, lane by lane, ahead and behind [s]."""
-        zero, margin = np.float32(0.0), np.float32(APPROACH_MARGIN)
+        """Time at which the ego may see each end [s]: lane by lane, ahead and then behind."""
+        zero, margin = np.zeros_like(self._ego_speed), np.float32(APPROACH_MARGIN)
         times: list[F32] = []
         for lane_index, speed in enumerate(self._speeds):
             speed_difference = self._ego_speed - speed
-            gain_ahead = maximum(speed_difference, np.zeros_like(speed_difference)) + margin
-            times.append((self._ahead[lane_index] - self._sight_ahead) / gain_ahead)
-            loss_behind = np.where(speed_difference < zero, -speed_difference, zero) + margin
-            times.append((self._behind[lane_index] - self._sight_behind) / loss_behind)
+            # The ego catches up with the end ahead, the end behind catches up with the ego.
+            closing_ahead = maximum(speed_difference, zero) + margin
+            times.append((self._ahead[lane_index] - self._sight_ahead) / closing_ahead)
+            closing_behind = maximum(-speed_difference, zero) + margin
+            times.append((self._behind[lane_index] - self._sight_behind) / closing_behind)
         return times
 
     def _distance(self, lane: int, z: F32) -> F32:
-        """Distance from the end of a lane to the next vehicle [m]; 0 in a lane without vehicles."""
+        """Distance from the end of a lane to the next vehicle [m].
+
+        The first vehicle of a lane starts at the lane's first station itself, at a distance of 0.
+        """
         shortest = self._min_spacing[lane]
+        # The mean of the factor exp(exponent) is 1, so the mean distance is `self._spacing`. In a
+        # lane so dense that less than 1 m is left beyond the smallest distance, 1 m is (a choice):
+        # distances still vary, and the density is a little lower than drawn.
         free = maximum(self._spacing[lane] - shortest, np.full_like(z, np.float32(1.0)))
         exponent = self._sigma * z - np.float32(0.5) * self._sigma * self._sigma
         distance = shortest + free * exp(exponent)

@@ -113,7 +113,7 @@ def test_work_larger_than_the_rest_of_a_cgroup_is_refused(monkeypatch):
 
 
 def test_work_larger_than_the_rest_of_the_address_space_is_refused(monkeypatch):
-    limit = process_limits._pages_used(0)
+    limit = process_limits._bytes_in_use(process_limits._ADDRESS_SPACE)
     assert limit is not None
     room = 300 * MIB + process_limits.WORKING_BYTES
     monkeypatch.setattr(process_limits, "_address_space_limit", lambda: limit + room)
