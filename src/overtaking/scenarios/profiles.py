@@ -20,9 +20,15 @@ PROFILE_FOLDER = Path(__file__).with_name("profiles")
 """The folder of the profiles that are part of the package."""
 
 _MAX_BYTES = 1 << 20
-"""A hundred times the longest profile."""
-_MAX_DEPTH = 8
+"""The longest profile of the package has 2.4 kB; a larger file is no profile."""
+
+_MAX_SUBKEYS = 8
+"""More parts than any key of a specification has after its section. `_with_override` calls itself
+once for each part, so a longer key could exceed Python's limit of recursion."""
+
 _SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
+"""The two ways to state where placed vehicles start: world x, or station along the road. Only
+`[traffic]` has them; in any other section the check of the specification refuses them."""
 
 
 def profile_names() -> tuple[str, ...]:
@@ -37,9 +43,13 @@ def load_specification(
     """A specification, checked.
 
     Args:
-        source: Name of a profile, path of a TOML file, what `Spec.resolved` returned, or a `Spec`.
-        overrides: Dotted key to value. A text is read as TOML, `a..b` as a range and anything else
-            as a name, so that `{"traffic.vehicles": "2..6"}` is the same as `{...: [2, 6]}`.
+        source: Name of a profile, path of a TOML file, a `Specification`, or the mapping that
+            `Specification.to_dict` returns. Only a file may name a base profile with `base`.
+        overrides: Dotted key to value, applied in their order. A text with `..` between two values
+            is a range; any other text is read as TOML, and as a name if it is not TOML, so that
+            `{"traffic.vehicles": "2..6"}` is the same as `{...: [2, 6]}`. An override of
+            `weather.mode` with another mode drops all other keys of `[weather]`, so it must precede
+            the overrides of these keys.
 
     Returns:
         The specification; everything that it leaves open has its default.
@@ -59,7 +69,7 @@ def load_specification(
 
 
 def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str, dict[str, Any]]:
-    """Where a specification comes from, and its unchecked content."""
+    """The source's name for error messages, and its unchecked content."""
     if isinstance(source, Specification):
         return f"specification {source.name}", source.to_dict()
     if isinstance(source, Mapping):
@@ -76,7 +86,8 @@ def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str,
             got="neither",
             next_step=suggestion(source, profile_names()),
         )
-    return as_utf8(path.name), _with_base(_read(path), path.name)
+    where = as_utf8(path.name)
+    return where, _with_base(_read(path), where)
 
 
 def path_exists(name: str) -> bool:
@@ -92,7 +103,11 @@ def _profile(name: str) -> Path:
 
 
 def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
-    """A specification with all values that it takes from its base profile."""
+    """A specification with all values that it takes from its base profile.
+
+    A file must fit its base: unlike an override, it drops no keys. A file with another weather mode
+    or another spawn key than its base is refused by the check of the specification.
+    """
     if "base" not in table:
         return table
     base = table["base"]
@@ -138,6 +153,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _is_folder(path: Path) -> ConfigError:
     """The error for a folder in place of a profile; a data set gets a hint of its own."""
+    # An empty name resembles no profile, so the suggestion lists them all.
     named, next_step = "a folder", suggestion("", profile_names())
     if (path / "dataset.json").is_file():
         command = shlex.join(["overtaking", "info", str(path)])
@@ -155,7 +171,11 @@ def _is_folder(path: Path) -> ConfigError:
 
 
 def _parse_override(text: str) -> Any:
-    """The value that a text on the command line stands for."""
+    """The value that a text on the command line stands for.
+
+    The range comes first because `2..6` is not TOML. The check of the specification refuses the
+    nested list that `1..2..3` becomes, and the list that a name with two dots becomes.
+    """
     low, dots, high = text.partition("..")
     if dots and low.strip() and high.strip():
         return [_parse_override(low), _parse_override(high)]
@@ -168,11 +188,11 @@ def _parse_override(text: str) -> Any:
 def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> dict[str, Any]:
     """A copy of `table` with the value at a dotted key replaced.
 
-    Keys that exclude the new one are dropped: the other way to give the zone in which vehicles
-    start, and everything that belongs to the other mode of the weather.
+    Keys that exclude the new one are dropped: the other of `_SPAWN_KEYS`, and all keys of the
+    weather if its mode changes. The mode has no default, so each complete table states it.
     """
     first, *subkeys = key.split(".")
-    if not all([first, *subkeys]) or len(subkeys) > _MAX_DEPTH:
+    if not all([first, *subkeys]) or len(subkeys) > _MAX_SUBKEYS:
         raise ConfigError(
             what=repr(key),
             where=where,

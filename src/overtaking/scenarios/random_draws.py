@@ -1,4 +1,8 @@
-"""Random streams, choices, importance sampling, and the block of simulations drawn together."""
+"""Random streams, choices, importance sampling, and the block of simulations drawn together.
+
+A scenario has the same bits on every machine. NumPy chooses an implementation of `exp` and `power`
+by the CPU, and their last bits differ; `core.native` computes the same bits everywhere.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,8 @@ NumberTransform = Callable[[str, F32], F32]
 """Replaces a named number, uniform in (0, 1) or standard normal, of each simulation."""
 
 MAX_SIGMAS = np.float32(number("sampling.draws.max_sigmas"))
-"""Normal numbers are limited to this many standard deviations on either side of zero."""
+"""Normal numbers are limited to this many standard deviations on either side of zero (2.5, see
+`knowledge/data/sampling.toml`)."""
 
 
 class RandomStream:
@@ -106,7 +111,13 @@ class SampleBlock:
         return RandomStream(self.seed, self.scenario_index, stream)
 
     def slot_streams(self, stream: int, num_slots: int) -> RandomStream:
-        """A stream for each slot; its numbers have the shape (simulation, vehicle)."""
+        """A stream for each slot; its numbers have the shape (simulation, vehicle).
+
+        Args:
+            stream: A `Stream` that its comment marks "+ slot". These are 0x100 apart, so up to 256
+                slots do not reach the next one; a scenario has at most `MAX_VEHICLES`.
+            num_slots: Number of slots.
+        """
         slots = np.uint32(stream) + np.arange(num_slots, dtype=np.uint32)
         return RandomStream(self.seed, self.scenario_index[:, None], slots)
 
@@ -119,6 +130,7 @@ def truncate(normal: F32) -> F32:
 def scale_to_range(u: F32, low: Number, high: Number) -> F32:
     """Scale a number from (0, 1) to [low, high]."""
     low32, high32 = np.asarray(low, np.float32), np.asarray(high, np.float32)
+    # Rounding can carry the sum beyond a limit.
     return clamp(low32 + (high32 - low32) * u, low32, high32)
 
 
@@ -135,6 +147,7 @@ def choose_weighted(u: F32, weights: Sequence[float]) -> U8:
     # Added one by one: since Python 3.12 `sum` rounds differently.
     *partial_sums, total = itertools.accumulate(weights)
     position = np.zeros(u.shape, np.uint8)
+    # Positions after the last positive weight are never chosen, so they need no comparison.
     last = max(index for index, weight in enumerate(weights) if weight > 0.0)
     for partial_sum in partial_sums[:last]:
         position += u >= np.float32(partial_sum / total)
@@ -163,10 +176,10 @@ def unsort_columns(columns: list[F32], order: IndexArray) -> F32:
     return values
 
 
-def identity_transform(name: str, number: F32) -> F32:
+def identity_transform(name: str, profile_number: F32) -> F32:
     """Return the number itself: a `NumberTransform` without effect."""
     del name
-    return number
+    return profile_number
 
 
 class ProposalSampler:
@@ -175,13 +188,15 @@ class ProposalSampler:
     Stateful: one per block, numbers in a fixed order.
 
     Each simulation is drawn from component k with probability `share[k]`, and from the profile with
-    the rest. A component transforms each of its numbers independently:
+    the remaining probability; these simulations are the natural ones. A component transforms each
+    of its numbers independently:
 
         powers   u^a of a uniform number u             density ratio v^(1/a - 1) / a
         parts    a uniform number between two limits   density ratio 1 / (high - low)
         shifts   z + d of a standard normal number z   density ratio exp(d v - d^2 / 2)
 
-    A density ratio is the component's density over the profile's, at the value v.
+    A density ratio is the component's density over the profile's, at the value v. `truncate` limits
+    normal numbers only after their transformation, so the ratio of a shift needs no term for it.
 
     Source:
         Owen and Zhou (2000), "Safe and effective importance sampling".
@@ -196,36 +211,37 @@ class ProposalSampler:
             scenario_index: Index of each scenario, shape (simulation,).
         """
         num_simulations = len(scenario_index)
+        # Each temper scales the powers and shifts of a component; the copies divide its share
+        # equally (see `Component.tempers`).
         self._components = tuple(
             copy for component in components for copy in component.at_each_temper()
         )
-        if components:
-            u = RandomStream(seed, scenario_index, Stream.PROPOSAL).uniform()
-        else:
-            u = np.ones(num_simulations)  # 1 lies above every share: each simulation is natural.
         self._is_drawn_from: list[Mask] = []
         total_share = 0.0
-        for component in self._components:
-            low, total_share = total_share, total_share + component.share
-            self._is_drawn_from.append((u >= np.float32(low)) & (u < np.float32(total_share)))
+        if self._components:
+            u = RandomStream(seed, scenario_index, Stream.PROPOSAL).uniform()
+            for component in self._components:
+                low, total_share = total_share, total_share + component.share
+                self._is_drawn_from.append((u >= np.float32(low)) & (u < np.float32(total_share)))
         self._natural_share = np.full(num_simulations, 1.0 - total_share)
         self._density_ratios = [np.ones(num_simulations, np.float64) for _ in self._components]
 
-    def transform(self, name: str, number: F32) -> F32:
+    def transform(self, name: str, profile_number: F32) -> F32:
         """Replace a number of the profile by the number of the simulation's component.
 
         Args:
-            name: Name of the number, one of `PROPOSAL_UNIFORMS` or `PROPOSAL_NORMALS`.
-            number: Uniform in (0, 1), or standard normal, shape (simulation,).
+            name: Name of the number, one of `PROPOSAL_UNIFORMS` or `PROPOSAL_NORMALS` of
+                `scenarios.specification`.
+            profile_number: The number as the profile draws it: uniform in (0, 1), or standard
+                normal without a limit, shape (simulation,).
         """
         if not any(component.changes(name) for component in self._components):
-            return number
-        drawn = number
+            return profile_number
+        drawn = profile_number
         for component, is_drawn in zip(self._components, self._is_drawn_from, strict=True):
-            drawn = np.where(is_drawn, _transform_number(component, name, number), drawn)
-        # Update the ratio of every component, not only of the one drawn from: the weight divides
-        # the profile's density by that of the mixture (balance heuristic), and so never exceeds
-        # 1 / (1 - sum of the shares).
+            drawn = np.where(is_drawn, _transform_number(component, name, profile_number), drawn)
+        # The mixture could have drawn this value from each component, so each ratio is updated,
+        # not only the ratio of the component drawn from (balance heuristic).
         for component, ratio in zip(self._components, self._density_ratios, strict=True):
             ratio *= _density_ratio(component, name, drawn)
         return drawn
@@ -234,7 +250,9 @@ class ProposalSampler:
     def weight_so_far(self) -> F64:
         """The profile's density over the mixture's, for the numbers drawn so far.
 
-        Shape (simulation,). After the last number it is the sampling weight.
+        Shape (simulation,). After the last number it is the sampling weight. The mixture's density
+        is at least the natural share of the profile's, so no weight exceeds
+        1 / (1 - sum of the shares).
         """
         mixture = self._natural_share
         for component, ratio in zip(self._components, self._density_ratios, strict=True):
@@ -242,14 +260,14 @@ class ProposalSampler:
         return 1.0 / mixture
 
 
-def _transform_number(component: Component, name: str, number: F32) -> F32:
+def _transform_number(component: Component, name: str, profile_number: F32) -> F32:
     """The number as the component draws it."""
     if name in component.powers:
-        return power(number, np.full_like(number, component.powers[name]))
+        return power(profile_number, np.full_like(profile_number, component.powers[name]))
     if name in component.parts:
-        return scale_to_range(number, *component.parts[name])
+        return scale_to_range(profile_number, *component.parts[name])
     # Numbers that a component does not name stay as they are: shift 0, ratio 1.
-    return number + np.float32(component.shifts.get(name, 0.0))
+    return profile_number + np.float32(component.shifts.get(name, 0.0))
 
 
 def _density_ratio(component: Component, name: str, drawn: F32) -> F64:

@@ -43,14 +43,19 @@ from overtaking.world.road_parameters import has_two_directions, road_parameters
 from overtaking.world.weather_parameters import scene_conditions, with_effective_weather
 
 ScenarioModifier = Callable[[Scenario], Scenario]
-"""Changes weather or drivers before speeds and stations are computed from them."""
+"""Changes weather or drivers before speeds and stations are computed from them.
+
+Speeds and braking distances at the start follow the change. Vehicles of a flow or of a two-way road
+are lined up with the time gaps, gaps at standstill and lengths as drawn, before the change."""
 
 BLOCK_SIZE = 2048
 """Simulations that are drawn together: few enough for their arrays to stay in the cache."""
 
 MAX_SEED = 2**64 - 1
 
-_ROAD_STEP = 100.0  # Lengths of extended roads are multiples of this [m].
+_ROAD_STEP = 100.0
+"""Lengths of extended roads are multiples of this [m], to be round numbers. The length is part of a
+two-way scenario, because stations of oncoming vehicles count from the far end of the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,7 @@ class ScenarioSource:
 
     Attributes:
         specification: The specification of the scenarios.
-        road: The road; scenarios lie on the same road, as long as the horizon needs.
+        road: The road. Scenarios have the same road, extended where the horizon needs it.
         seed: Seed of the data set, 0 <= seed < 2**64.
     """
 
@@ -86,6 +91,7 @@ class ScenarioSource:
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")
         sample_traffic, road = _traffic_sampler(self.specification, self.road)
         batches = []
+        # Without indices one empty block is drawn: a batch of no simulations, with all its fields.
         for first in range(0, max(len(indices), 1), BLOCK_SIZE):
             block_indices = indices[first : first + BLOCK_SIZE]
             block = SampleBlock.from_indices(self.specification, road, seed, block_indices)
@@ -94,10 +100,11 @@ class ScenarioSource:
 
 
 def extend_road(specification: Specification, road: Road) -> Road:
-    """The road of a data set of a specification.
+    """The road that a data set of a specification states.
 
     A two-way road is as long as the horizon needs, because oncoming vehicles start at its far end.
-    On roads of one direction the length changes no scenario, and the road stays as it is.
+    A road of one direction is returned unchanged. `ScenarioSource.sample` extends that road, too,
+    but its length changes no other value of a scenario.
     """
     if not isinstance(specification.traffic, TwoWayTraffic):
         return road
@@ -149,7 +156,11 @@ def _check_lanes(specification: Specification, flow: FlowTraffic, road: Road) ->
 
 
 def _check_two_directions(specification: Specification, road: Road) -> None:
-    """ConfigError unless the road has one lane in each direction."""
+    """ConfigError unless the road has one lane in each direction.
+
+    `road.is_two_way` is true also for roads with several lanes in a direction; their oncoming
+    traffic cannot be simulated.
+    """
     if not has_two_directions(road):
         raise ConfigError(
             what="traffic.mode",
@@ -157,14 +168,17 @@ def _check_two_directions(specification: Specification, road: Road) -> None:
             expected="a two-way road with one lane in each direction",
             got=f"{road.num_lanes} lanes in one direction"
             + (" beside oncoming traffic" if road.is_two_way else ""),
-            next_step="choose the road rural, or another profile",
+            next_step="choose the road named rural, or another profile",
         )
 
 
 def _needed_length(
     specification: Specification, traffic: PlacedTraffic, road: Road, zone: StartZone
 ) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m]."""
+    """Length of a road that no vehicle leaves before the horizon [m].
+
+    A vehicle that overtakes may exceed its desired speed, by up to the factor `PASSING_MARGIN`.
+    """
     max_speed = PASSING_MARGIN * max_placed_desired_speed(specification.drivers, traffic)
     return max(road.length, _round_up(zone.high + max_speed * specification.time.horizon_s))
 
@@ -188,8 +202,7 @@ def _sample_block(
     start = sample_traffic(block)
     scenario = _scenario_before_start(block, start, weather)
     if modify is not None:
-        # Modify the scenario before speeds are computed, because speeds and gaps depend on weather
-        # and drivers.
+        # Modify the scenario before speeds are computed: they depend on weather and drivers.
         scenario = modify(scenario)
     s, speed = _start_states(block.specification.starts, start, scenario)
     if start.is_oncoming is not None:
@@ -201,6 +214,7 @@ def _sample_block(
 def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Weather) -> Scenario:
     """Scenarios whose vehicles have lanes, but neither stations nor speeds yet."""
     specification = block.specification
+    pushes = specification.weather.pushes
     not_yet_known = np.zeros_like(start.drivers.desired_speed)
     return Scenario(
         profile=specification.name,
@@ -218,7 +232,7 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
         start_s=not_yet_known,
         start_lane=start.lane,
         start_speed=not_yet_known,
-        pushes=specification.weather.pushes and specification.weather.pushes.to_model,
+        pushes=pushes.to_model if pushes else None,
     )
 
 
@@ -227,12 +241,14 @@ def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenari
     conditions = scene_conditions(scenario)
     factors = desired_speed_factors(scenario, conditions)
     desired_speed = adapted_speed(factors, np.float32(scenario.road.speed_limit))
+    # The compiled `minimum` gives the same result as NumPy's, faster.
     desired_speed = minimum(desired_speed, scenario.vehicles.max_speed)
     states = start.states_at_speed(desired_speed)
     road_speeds = _speeds_for_road(scenario, factors, conditions.side_accel)
     if road_speeds is not None:
         # Place the vehicles again: speeds in bends depend on the stations, and gaps depend on the
-        # speeds. `repair_starts` slows the vehicles that are still too fast.
+        # speeds. `repair_starts` slows the vehicles that are still too fast. Stations count in each
+        # vehicle's own direction; `speeds_of_all` takes the bends of that direction, by the lane.
         limited = minimum(desired_speed, road_speeds.speeds_of_all(states.s, start.lane))
         states = start.states_at_speed(limited)
     drawn = DrawnStarts(
@@ -252,6 +268,8 @@ def _follower_limits(start: TrafficStart, scenario: Scenario, speed: F32) -> Fol
     drainage_lane = start.lane
     if start.is_oncoming is not None:
         drainage_lane = np.where(start.is_oncoming, np.uint8(0), start.lane)
+    # Where pushes stand for the weather, drivers brake on a dry road. `scene_conditions` applies
+    # the same rule itself and needs the recorded weather.
     weather = with_effective_weather(scenario).weather
     return FollowerLimits(
         length=scenario.vehicles.length,
@@ -263,8 +281,16 @@ def _follower_limits(start: TrafficStart, scenario: Scenario, speed: F32) -> Fol
 def _speeds_for_road(
     scenario: Scenario, factors: DesiredSpeedFactors, max_lateral_accel: F32
 ) -> RoadSpeeds | None:
-    """The speeds for bends and lower limits; None on a road without them."""
+    """The speeds for bends and lower limits; None on a road without them.
+
+    Args:
+        scenario: A batch of scenarios.
+        factors: Factors of the desired speeds.
+        max_lateral_accel: Largest lateral acceleration that drivers choose in a bend, shape
+            (simulation,) [m/s^2].
+    """
     road = road_parameters(scenario.road)
+    # `course` has shape (10, station), without stations on a straight, level road with one limit.
     if not road.course.shape[1]:
         return None
     shape = scenario.start_s.shape

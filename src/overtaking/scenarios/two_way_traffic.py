@@ -3,6 +3,10 @@
 Vehicles arrive with random headways. While they are placed, each vehicle has a station along its
 own direction: stations of oncoming vehicles count from the far end of the road. A vehicle that
 would drive into a slower one ahead follows it.
+
+Three constants have the values of `motorway_traffic`: `END_MARGIN` [m], `PASSING_MARGIN` (largest
+speed while overtaking over the desired speed) and `RETURN_TIME` (duration of a common overtake
+[s]).
 """
 
 from collections.abc import Mapping
@@ -47,27 +51,34 @@ from overtaking.scenarios.traffic_specification import TwoWayTraffic
 from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, with_semitrailers
 
 MAX_HEADWAY = number("sampling.two_way.max_headway")
-"""Longest headway between two arrivals [s]; the ego rarely meets a vehicle that comes later."""
+"""Longest headway between two arrivals [s]; the ego rarely meets a vehicle that comes later.
+
+The limit holds for all headways, so the road can be short. At low flows it makes traffic denser
+than stated: with a minimum of 1.5 s the mean headway at 100 vehicles per hour is 30 s instead of
+36 s, at 50 per hour 41 s instead of 72 s; at 400 per hour the difference is below 0.01 s."""
 
 MAX_PLATOON_HEADWAY = number("sampling.two_way.max_platoon_headway")
-"""An ego in a platoon follows within this time [s]."""
+"""An ego that is held up at the start follows the vehicle ahead within this headway [s]."""
 
 MIN_DEADLINE = np.float32(1.0)
 """A deadline must be positive. Where the road behind the last oncoming vehicle is in sight almost
 at once, the computed deadline is zero or negative, and this one holds [s]."""
 
-_DRAWS_PER_DESIRED_SPEED = 2  # Of each vehicle but the ego, before the flows are drawn.
+_DRAWS_PER_DESIRED_SPEED = 2
+"""Numbers that `_desired_speeds` draws for each vehicle but the ego. `flows_per_second` skips them,
+because the flows come after them in the same stream."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrivalProcess:
     """Arrivals at a point of the road with shifted exponential headways.
 
-    A headway is a minimum plus an exponential part.
+    A headway is a minimum plus an exponential part, and at most `MAX_HEADWAY`.
 
     Attributes:
         min_headway: Shortest time between two vehicles [s].
-        mean_headway: Mean time between them, shape (simulation,) [s].
+        mean_headway: Mean time between them before the limit, shape (simulation,) [s]. It exceeds
+            `min_headway`, because `TwoWayTraffic` refuses flows above 90 % of 1 / `min_headway`.
         speed: Speed that converts headways into distances [m/s].
     """
 
@@ -119,7 +130,9 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         traffic: Section `[traffic]` of the specification.
     """
     drawn = _draw_slots(block, traffic)
-    # A vehicle beyond an end of the road is left out: no other meets it before the horizon.
+    # A vehicle beyond an end of the road is left out: no other meets it before the horizon. The ego
+    # stays in slot 0 only if `start_s_m` lies beyond END_MARGIN (50 m), which no check ensures; in
+    # `rural` it begins at 700 m.
     first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
     slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
     lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.
@@ -127,12 +140,16 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         valid=slots.vehicles.valid,
         lane=lane,
         s=slots.s,
+        # `following_starts` does not read the time; `_attempt_deadline` handles the end of the
+        # oncoming traffic.
         time=np.full(len(lane), block.specification.time.horizon_s, np.float32),
     )
     return TrafficStart(
         vehicles=slots.vehicles,
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
+        # A vehicle that starts too near moves back as far as safe braking requires, and keeps no
+        # share of the space behind it. That space may reach beyond the beginning of the road.
         kept_gap_share=np.zeros_like(slots.desired_speed),
         zone=StartZone.whole_road(block.road, low=-block.road.length),
         deadline=_attempt_deadline(block, traffic, drawn),
@@ -142,13 +159,24 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
 
 
 def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m]."""
+    """Length of a road for the ego and all oncoming vehicles that it can meet [m].
+
+    From the start on the road come, one behind the other: the ego's farthest start, the platoon
+    ahead of it, and the stretch from which oncoming vehicles come. That stretch is as long as the
+    distance that closes before the horizon if both drive at the highest passing speed, plus the
+    sight distance; it is shorter if all oncoming vehicles fit into less. Vehicles ahead that are
+    drawn beyond the end are left out.
+
+    With no or one oncoming vehicle the road can be too short for a fast ego: with one, profile
+    `rural` has 2.5 km of road behind the farthest start, and the fastest driver wants to drive
+    3.0 km before the horizon.
+    """
     horizon = specification.time.horizon_s
     max_speed = PASSING_MARGIN * max_desired_speed(specification, traffic)
-    arrivals = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
-    within_reach = traffic.sight_m + 2.0 * max_speed * horizon
+    drawn_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
+    length_within_reach = traffic.sight_m + 2.0 * max_speed * horizon
     platoon = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
-    return traffic.start_s_m[1] + platoon + min(arrivals, within_reach) + END_MARGIN
+    return traffic.start_s_m[1] + platoon + min(drawn_length, length_within_reach) + END_MARGIN
 
 
 def flows_per_second(specification: Specification, seed: int, scenario_index: U64) -> F64:
@@ -182,6 +210,7 @@ def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
     traits = sample_traits(block, vehicles.kind, block.proposal.transform)
 
     # All draws below come from one stream: another order would change every seed's scenarios.
+    # `transform` takes names of `specification.PROPOSAL_UNIFORMS`: "start", "held_up", "flow".
     stream = block.stream(Stream.LAYOUT)
     desired_speed = _desired_speeds(traffic, stream, traits["cruise_factor"], vehicles.kind)
     desired_speed = minimum(desired_speed, top_speeds()[vehicles.kind])
@@ -214,8 +243,10 @@ def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
 
     names = (field.name for field in fields(drawn.vehicles))
     columns = {name: pack(getattr(drawn.vehicles, name)) for name in names}
+    # Every slot holds a vehicle as drawn, so only its place on the road decides.
+    columns["valid"] = pack(is_on_road)
     return DrawnSlots(
-        vehicles=drawn.vehicles.replace(**columns | {"valid": pack(is_on_road)}),
+        vehicles=drawn.vehicles.replace(**columns),
         traits={name: pack(values) for name, values in drawn.traits.items()},
         desired_speed=pack(drawn.desired_speed),
         s=pack(drawn.s),
@@ -280,7 +311,9 @@ def _oncoming_stations(
     for rank in range(traffic.oncoming):
         headway = arrivals.next_headway(stream)
         if rank == 0:
-            # The ego arrives at a random moment between two oncoming vehicles.
+            # The ego arrives at a random moment between two oncoming vehicles. This headway is
+            # drawn like all others; the longer headways, into which more random moments fall, are
+            # not favoured.
             headway = headway * stream.uniform()
         station = station - headway * arrivals.speed
         stations.append(station)
@@ -304,7 +337,8 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
     """Time at which a simulation without an attempt ends, shape (simulation,) [s].
 
     Only a fixed number of oncoming vehicles is drawn. The deadline comes before the ego can see the
-    empty road behind the last of them.
+    empty road behind the last of them: by `RETURN_TIME`, so that a common overtake which begins at
+    the deadline still meets complete traffic.
     """
     ego_s = drawn.s[:, EGO_SLOT]
     last_oncoming = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
@@ -328,6 +362,7 @@ def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
 
 def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
     """Mean free speed of the vehicles, which converts headways into distances [m/s]."""
+    # Versions of Python differ in the last bit of a `sum` in float64; float32 rounds it off.
     total = sum(traffic.types.values())
     mean = sum(traffic.free_speed_kmh[name] * share for name, share in traffic.types.items())
     return np.float32(mps_from_kmh(mean / total))
@@ -336,7 +371,12 @@ def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
 def _desired_speeds(
     traffic: TwoWayTraffic, stream: RandomStream, cruise_factor: F32, kind: U8
 ) -> F32:
-    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s]."""
+    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s].
+
+    The ego and two-wheelers are never among the slow vehicles.
+    """
+    # A class without a free speed is never drawn: `TwoWayTraffic` requires a speed for each class
+    # in `types` and `ego_types`. The 1 km/h fills its place in the table.
     free = [mps_from_kmh(traffic.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
     speed = np.array(free, np.float32)[kind] * cruise_factor
     low, high = (mps_from_kmh(limit) for limit in traffic.slow_speed_kmh)
@@ -351,7 +391,10 @@ def _desired_speeds(
 def _flows_per_hour(
     traffic: TwoWayTraffic, stream: RandomStream, transform: NumberTransform
 ) -> tuple[F32, F32]:
-    """Vehicles per hour in the ego's and in the other direction, shape (simulation,)."""
+    """Vehicles per hour in the ego's and in the other direction, shape (simulation,).
+
+    `traffic.flow_vph` is the mean of both directions, half of the flow of the road.
+    """
     mean_flow = scale_to_range(transform("flow", stream.uniform()), *traffic.flow_vph)
     split = scale_to_range(stream.uniform(), *traffic.split)
     is_busier = stream.uniform() < np.float32(0.5)
