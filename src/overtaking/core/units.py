@@ -106,7 +106,7 @@ _OTHER_SYMBOLS = {
 _SHARED: dict[str, Callable[[float], float]] = {"km/h": mps_from_kmh, "deg": rad_from_deg}
 
 # Suffixes of the names of knowledge entries whose values are not converted to SI.
-SUFFIXES = {
+UNCONVERTED_SUFFIXES = {
     "_mm": "mm",
     "_inch": "inch",
     "_kpa": "kPa",
@@ -176,7 +176,7 @@ def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
 
 def unit_of_suffix(name: str) -> str | None:
     """The unit that an entry's name carries as a suffix, or None where it carries none."""
-    for suffix, unit in SUFFIXES.items():
+    for suffix, unit in UNCONVERTED_SUFFIXES.items():
         if name.endswith(suffix):
             return unit
     return None

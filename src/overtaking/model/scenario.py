@@ -27,11 +27,6 @@ MAX_DURATION = 6000.0
 _VEHICLE_AXES = ("simulation", "vehicle")
 
 
-def slots_for(vehicles: int) -> int:
-    """The fewest slots with room for a number of vehicles, 0 <= vehicles <= `MAX_VEHICLES`."""
-    return max(vehicles, 1)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class Scenario(IdentityBatch):
     """Inputs of a batch of simulations on one road.

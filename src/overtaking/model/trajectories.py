@@ -56,6 +56,13 @@ UNKNOWNS = (
 
 BEYOND_KERB_EDGE = 255
 """Lane index of a vehicle beyond the edge of the road on the kerb side."""
+
+LANE_CHANGE_SPEED = 0.15
+"""Lateral speed from which a vehicle changes lanes instead of keeping its lane [m/s].
+
+Candidates in recordings and the stages of SUMO's drivers use it; labels read the same number from
+`event_detection.toml`, because their float32 arithmetic is part of recorded results."""
+
 POSITION_RESOLUTION = 1e-3
 _MAX_RECORDED = 2.0e9  # Steps that fit into the recorded integers, as the step clamps them.
 SPEED_RESOLUTION = 1e-3

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import I64
+from overtaking.model.trajectories import LANE_CHANGE_SPEED
 from overtaking.recordings.neighbours import Surroundings
 from overtaking.recordings.recording import Recording, Tracks, slope
 
@@ -27,9 +28,6 @@ REACH = 150.0
 
 INSIDE = 0.3
 """How far inside a lane a vehicle's centre counts as in it [m]."""
-
-MOVING = 0.15
-"""Speed across the road that is a movement; a definition of the labels [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,8 +153,8 @@ def _movements(
     vehicle = tracks.vehicle[rows]
     for k, (row, sign) in enumerate(zip(rows, direction, strict=True)):
         low, high = tracks.start[vehicle[k]], tracks.start[vehicle[k] + 1]
-        still_before = np.flatnonzero(sign * to_left[low : left[k]][::-1] <= MOVING)
-        still_after = np.flatnonzero(sign * to_left[row:high] <= MOVING)
+        still_before = np.flatnonzero(sign * to_left[low : left[k]][::-1] <= LANE_CHANGE_SPEED)
+        still_after = np.flatnonzero(sign * to_left[row:high] <= LANE_CHANGE_SPEED)
         begin[k] = left[k] - still_before[0] if len(still_before) else low
         end[k] = row + still_after[0] - 1 if len(still_after) else high - 1
     return begin, np.maximum(end, rows)

@@ -18,7 +18,6 @@ from overtaking.model.weather import LateralPushes
 from overtaking.scenarios.driver_sampling import RECORDED_TRAITS, trait_range
 from overtaking.scenarios.specification_values import (
     MIN_GAP_M,
-    STEP_MS,
     AltitudeDeg,
     Duration,
     Factor,
@@ -39,6 +38,7 @@ from overtaking.scenarios.traffic_specification import (
     PlacedTraffic,
     TwoWayTraffic,
 )
+from overtaking.world.constants import STEP_MS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

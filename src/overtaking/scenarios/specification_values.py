@@ -15,6 +15,7 @@ from overtaking.model.known_roads import ROAD_NAMES
 from overtaking.model.road import MAX_COORDINATE, MAX_LANES, MAX_LENGTH
 from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.scenarios.driver_sampling import population_names
+from overtaking.world.constants import STEP_MS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -134,8 +135,6 @@ def _format_value(value: object) -> str:
     return repr(list(cast("tuple[object, ...]", value)) if isinstance(value, tuple) else value)
 
 
-STEP_MS = 10
-"""Frames lie on the steps of the simulation."""
 MAX_HORIZON_S = 600.0
 MAX_SPEED_KMH = 250.0
 MIN_GAP_M = 3.0

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from overtaking.core import units
 from overtaking.core.errors import KnowledgeError
 from overtaking.core.units import (
-    SUFFIXES,
+    UNCONVERTED_SUFFIXES,
     mps_from_kmh,
     rad_from_deg,
     si_unit,
@@ -120,5 +120,5 @@ def test_a_suffix_names_the_unit_that_is_kept():
     assert unit_of_suffix("rate_mmph") == "mm/h"
     assert unit_of_suffix("cut_in") is None
     assert unit_of_suffix("length") is None
-    for unit in SUFFIXES.values():
+    for unit in UNCONVERTED_SUFFIXES.values():
         unit_converter(unit, where="suffix")

@@ -10,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.recordings import OVERTAKE, Mover, commonroad
 
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.trajectories import LANE_CHANGE_SPEED
 from overtaking.recordings import candidates
 from overtaking.recordings.batch import vehicles_of
 from overtaking.recordings.candidates import lane_changes, num_passes, overtakes
@@ -271,3 +273,8 @@ def test_the_leader_is_looked_for_in_the_lane_that_is_left(tmp_path):
     (window,) = overtakes(recording, changes, Surroundings.of(recording))
     assert recording.tracks.names[window.leader] == "3"
     assert window.moves == pytest.approx(21, abs=2)
+
+
+def test_candidates_and_labels_agree_on_the_speed_of_a_lane_change():
+    speed = float(constant("event_detection.motion.least_speed"))
+    assert pytest.approx(speed) == LANE_CHANGE_SPEED

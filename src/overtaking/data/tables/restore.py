@@ -19,7 +19,7 @@ from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model import driver_interface
 from overtaking.model.driver_interface import MAX_ACTION_PARTS, Actions
 from overtaking.model.road import Road
-from overtaking.model.scenario import MAX_DURATION, MAX_VEHICLES, Scenario, slots_for
+from overtaking.model.scenario import MAX_DURATION, MAX_VEHICLES, Scenario
 from overtaking.model.trajectories import (
     NO_VEHICLE,
     POSITION_RESOLUTION,
@@ -198,9 +198,9 @@ class _Grid:
             _check_index(tables["simulations"], name, axis, index, simulation)
         # A table knows nothing of slots without a vehicle, which a sampled batch has.
         ends = [int(index.max()) + 1 if len(index) else 0 for index in indices]
+        # Every batch has a slot for the ego, even if no simulation is left in it.
         lengths = [
-            slots_for(end) if axis == "vehicle" else end
-            for axis, end in zip(axes, ends, strict=True)
+            max(end, 1) if axis == "vehicle" else end for axis, end in zip(axes, ends, strict=True)
         ]
         return cls(at=(simulation, *indices), shape=(len(numbers), *lengths))
 

@@ -2,14 +2,7 @@
 
 from dataclasses import dataclass
 
-from overtaking.model.trajectories import Stage
-
-SIDEWAYS = 0.15
-"""Lateral speed from which a vehicle is changing lanes [m/s].
-
-The labels use the same speed to distinguish an attempt from keeping the lane; in SUMO no vehicle
-drifts within a lane.
-"""
+from overtaking.model.trajectories import LANE_CHANGE_SPEED, Stage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +50,8 @@ class Watch:
         self.stage = Stage.CRASHED
 
     def _next(self, sight: Sight) -> Stage:
-        outwards, back = sight.drift > SIDEWAYS, sight.drift < -SIDEWAYS
+        # In SUMO no vehicle drifts within its lane, so its lateral speed alone shows a lane change.
+        outwards, back = sight.drift > LANE_CHANGE_SPEED, sight.drift < -LANE_CHANGE_SPEED
         settled = abs(sight.offset) < self.settled and not (outwards or back)
         if self.stage is Stage.FOLLOW and outwards and sight.leader is not None:
             self.attempted, self.target = True, sight.leader
