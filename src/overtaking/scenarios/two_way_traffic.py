@@ -168,7 +168,7 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     drawn beyond the end are left out.
 
     With no or one oncoming vehicle the road can be too short for a fast ego: with one, profile
-    `rural` has 2.5 km of road behind the farthest start, and the fastest driver wants to drive
+    `rural` has 2.5 km of road beyond the farthest start, and the fastest driver wants to drive
     3.0 km before the horizon.
     """
     horizon = specification.time.horizon_s
@@ -181,6 +181,8 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
 
 def flows_per_second(specification: Specification, seed: int, scenario_index: U64) -> F64:
     """Vehicles per second in the ego's direction and in the other, shape (2, simulation).
+
+    These are the flows as drawn; the limit `MAX_HEADWAY` makes the traffic denser at low flows.
 
     Args:
         specification: A specification with traffic on a two-way road.
