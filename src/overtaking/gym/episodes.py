@@ -26,6 +26,7 @@ from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Stage, Trajectories
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios import sampler, specification
 from overtaking.sim import engine
 from overtaking.sim.controls import CONTROLS
@@ -44,6 +45,7 @@ MAX_DRAWN_AHEAD = 256
 """Scenarios that a supply draws at a time once it is running, unless it has more environments."""
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
+# The ego's own columns are the first of an observation, so this is also the column of its stage.
 _STAGE = EgoColumns._fields.index("stage")
 
 
@@ -154,7 +156,8 @@ class EpisodeSettings:
 
     Attributes:
         num_envs: Number of environments.
-        action: Kind of the actions, a name in `CONTROLS`.
+        action: Name of the action space, a key of `CONTROLS`. Several of them become the same kind
+            of action of the engine, a key of `ACTION_KINDS`.
         action_repeat: Decisions for which an action holds, 20 a second.
         observes_truth: Whether the true state is observed, not what the driver perceives.
     """
@@ -171,7 +174,7 @@ class EpisodeVerdicts:
 
     Attributes:
         outcome: `Outcome`.
-        is_legal: Whether the simulation is legal under the policy `default`.
+        is_legal: Whether the simulation is legal under the policy `default`, for every profile.
         num_broken: Number of rules of that policy that it breaks.
     """
 
@@ -192,8 +195,9 @@ class EpisodeBatch:
     actions since the start of each episode again, which costs what the episodes have cost.
 
     Attributes:
-        observations: Observations of the egos, shape (env, `OBSERVATION_SIZE`). An episode that has
-            ended keeps its last observation until the next one begins.
+        observations: Observations of the egos, shape (env, `OBSERVATION_SIZE`), with the columns
+            of `model.driver_interface`. An episode that has ended keeps its last observation until
+            the next one begins.
         is_running: Whether an episode goes on, shape (env,).
         scenario_index: Index of the scenario of each episode, shape (env,).
         num_decisions: Decisions since the start of each episode, shape (env,).
@@ -215,16 +219,20 @@ class EpisodeBatch:
         num_envs = settings.num_envs
         self._supply, self._settings, self._refs = supply, settings, list(refs)
         params = join_parameters(sort_refs(self._refs))
+        # Decisions fall on steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. The specification
+        # sets one horizon for all its scenarios, so later episodes need no more.
         max_decisions = int(params.simulation[_LAST_STEP].max()) // SUBSTEPS + 1
         # All actions are kept: labels, pictures and copies of the batch simulate them again.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
-        self._vehicle = np.array([row[0] for row in params.of_vehicles])
+        # Each parameter has shape (vehicle, env); the ego is vehicle 0.
+        self._vehicle = np.array([values[EGO_SLOT] for values in params.of_vehicles])
         self.scenario_index = params.index.astype(np.int64)
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)
         self.num_clipped = np.zeros(num_envs, np.int64)
         self._stepper = Renewable(params, self._kind, is_true=settings.observes_truth)
-        self.observations, self.is_running, _ = self._stepper.begin()
+        observed = self._stepper.begin()
+        self.observations, self.is_running = observed.table, observed.runs
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the compiled stepper, whose state belongs to the engine."""
@@ -276,9 +284,12 @@ class EpisodeBatch:
         for row, ref in zip(rows, refs, strict=True):
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
-        self.observations[rows], self.is_running[rows], _ = self._stepper.renew(rows, params)
-        self._vehicle[:, rows] = [row[0] for row in params.of_vehicles]
+        observed = self._stepper.renew(rows, params)
+        self.observations[rows], self.is_running[rows] = observed.table, observed.runs
+        self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.of_vehicles]
         self.scenario_index[rows] = params.index
+        # `num_step_decisions` stays: it describes the last step, also where that step ended an
+        # episode and the next one begins at once.
         self.num_decisions[rows] = self.num_clipped[rows] = 0
 
     def judge(self, rows: NDArray[np.int64]) -> EpisodeVerdicts:
@@ -328,7 +339,13 @@ class EpisodeBatch:
         )
 
     def _carry_out(self, action: F64, num_decisions: int) -> None:
-        """Carry out actions for some decisions, and keep them."""
+        """Carry out actions for some decisions, and keep them, once for each decision.
+
+        The engine gives the same states whether an action holds for several decisions or is
+        repeated at each, so `_replay_actions` repeats it.
+        """
+        # Steps of each part's resolution, shape (env, MAX_ACTION_PARTS); parts that this kind of
+        # action lacks are 0.
         values = rounded(action, self.is_running, self._parts)
         observed = self._stepper.step(values, num_decisions)
         rows = np.flatnonzero(observed.num_decisions)
@@ -390,6 +407,8 @@ def join_parameters(refs: SortedRefs) -> Parameters:
         ]
         return np.ascontiguousarray(np.concatenate(arrays, axis=-1)[..., restore])
 
+    # These arrays differ between scenarios; `of_vehicles` and `of_simulations` are views of them.
+    # The road, the constants and the seed are the same for all scenarios of a supply.
     names = ("vehicle", "simulation", "index")
     return dataclasses.replace(batches[0].parameters, **{name: join(name) for name in names})
 

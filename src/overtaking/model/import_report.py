@@ -18,12 +18,16 @@ class ImportFinding:
 
     Attributes:
         recording: Name of the recording; in a folder of recordings the name of its file.
-        check: Name of the check.
+        check: Name of the check, a value of `recordings.findings.Check`. It is a text here because
+            reports are also read back from tables.
         vehicle: Name of the vehicle in the file; None for the whole file.
-        first_time_s: Time of its first row, as the file counts [s]; None for the whole file.
-        rows: Number of rows that it concerns.
-        consequence: Action of the reader: "corrected", "left out" or "reported".
-        detail: One sentence.
+        first_time_s: Time of its first row, as the file counts [s]; None for the whole file, and
+            for a vehicle whose rows state no time.
+        rows: Number of rows of the file that it concerns.
+        consequence: Action of the import on these rows, a value of
+            `recordings.findings.Consequence`: "corrected", "left out", or "reported" where the
+            values of the file were kept.
+        detail: One sentence with columns and values.
     """
 
     recording: str
@@ -57,7 +61,7 @@ def check_lines(findings: Iterable[ImportFinding]) -> list[str]:
         findings: The rows of an import report.
 
     Returns:
-        Lines such as "01_tracks.csv: gaps: corrected, 12 findings, 40 rows; the first: ...".
+        Lines such as "01_tracks.csv: gaps: corrected, 40 rows, 12 findings; the first: ...".
     """
     by_check: dict[tuple[str, str], list[ImportFinding]] = {}
     for finding in findings:

@@ -11,19 +11,30 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, U8, U64
 from overtaking.core.errors import convert_integers
-from overtaking.model.batch import AxisEnd, Batch, Constraint, FieldSpec, IdentityBatch
+from overtaking.model.batch import (
+    AxisEnd,
+    Batch,
+    Constraint,
+    FieldSpec,
+    IdentityBatch,
+    batch_fields,
+)
 from overtaking.model.road import MAX_LENGTH, Road
 from overtaking.model.vehicles import EGO_SLOT, DriverTraits, VehicleSpecs
 from overtaking.model.weather import LateralPushes, Weather
 
 SLOT_CAPACITIES = (8, 16, 32)
-"""The engine is compiled for so many vehicle slots; a batch may have any number up to the last."""
+"""Numbers of vehicle slots that the engine is compiled for.
+
+A batch may have any number up to the last; the engine fills it up to the next of these.
+"""
 
 MAX_VEHICLES = SLOT_CAPACITIES[-1]
 """Most vehicles of a simulation."""
 
 MAX_DURATION = 6000.0
-"""Longest simulation, and recording of one overtake [s]."""
+"""Longest simulation, and longest recording of one overtake [s]."""
+
 _VEHICLE_AXES = ("simulation", "vehicle")
 
 
@@ -31,14 +42,19 @@ _VEHICLE_AXES = ("simulation", "vehicle")
 class Scenario(IdentityBatch):
     """Inputs of a batch of simulations on one road.
 
+    Results of a batch are cached by the object (`model.batch.cached_per_batch`) through weak
+    references. Therefore it equals no other object, and `equals` compares the content.
+
     Attributes:
         profile: Name of the profile that they were drawn from.
         road: The road, the same for the batch.
         seed: Seed of the random numbers, 0 <= seed < 2**64.
-        frame_interval_ms: Time between recorded frames, a multiple of 10 to be simulated [ms].
+        frame_interval_ms: Time between recorded frames [ms]. Recordings may have any interval up
+            to 1 s; `simulate` accepts only multiples of its time step, 10 ms.
         scenario_index: Number from which each simulation is drawn, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
-        attempt_deadline: A simulation without an attempt ends here, shape (simulation,) [s].
+        attempt_deadline: A simulation without an attempt ends here, shape (simulation,) [s]. It has
+            no effect if it lies beyond the horizon.
         weight: Sampling weight p/q, shape (simulation,).
         vehicles: Bodies, (simulation, vehicle).
         drivers: People, (simulation, vehicle).
@@ -47,8 +63,8 @@ class Scenario(IdentityBatch):
         start_lane: Lane index, 0 the slowest; on a two-way road the number of its lanes stands for
             the opposing lane, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
-        pushes: Effects of weather that replace its physics, the same for the batch; None for
-            physics.
+        pushes: Lateral pushes and a reduced sight distance instead of all physical effects of the
+            weather (the road is dry), the same for the batch; None for the physical effects.
     """
 
     profile: str
@@ -114,7 +130,12 @@ class Scenario(IdentityBatch):
         }
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Number of lanes, alone, with the index beyond the edge, and with the opposing lane."""
+        """Number of values of a lane index, by what may have one.
+
+        `lane` counts the lanes alone. `lane or beyond` has one more value, for states of vehicles
+        beyond the overtaking-side edge (`States.lane`). `lane or oncoming` has one more value on
+        two-way roads, for the opposing lane. The largest index is one less (`AxisEnd`).
+        """
         lanes = self.road.num_lanes
         ways = {"lane": lanes, "lane or beyond": lanes + 1}
         return ways | {"lane or oncoming": lanes + self.road.is_two_way}
@@ -129,7 +150,7 @@ class Scenario(IdentityBatch):
 class ForcedDecision(IntEnum):
     """A decision that can be forced on the ego, from the first instant that allows it."""
 
-    FREE = 0  # Nothing is forced.
+    FREE = 0  # Nothing is forced; ends what an earlier intervention forced.
     PULL_OUT = 1  # Begin the overtake, regardless of the gaps.
     CANCEL = 2  # Turn back while pulling out.
     RETURN = 3  # Change back to the slower lane, regardless of the gaps.
@@ -140,17 +161,22 @@ class ForcedDecision(IntEnum):
 class Intervention:
     """Changes of a simulation from a frame on. A field with its default changes nothing.
 
+    `overtaking.branch` checks the ranges of the fields, not the constructor.
+
     Attributes:
         frame: First frame that it can affect; at 0 the start itself changes.
-        decision: Forced on every ego, until an intervention at a later frame forces another one.
+        decision: Forced on every ego, until an intervention at a later frame forces another one;
+            None leaves the decision that an earlier intervention forced.
         weather: Weather from then on, shape (simulation,) or of one simulation for all.
         without: Factors removed from the weather: names in `model.weather.REMOVABLE_FACTORS`.
         slot: Slot of the vehicle that the fields below change.
         traits: Traits of its driver, names in `model.vehicles.DriverTraits`, SI units.
-        position_change: Distance by which it moves forward along the road, also in the memory of
-            all drivers [m].
+        position_change: Distance by which it is displaced in its direction of travel [m]. The
+            positions that drivers perceived before are displaced too: no driver sees a jump.
         speed_change: Increase of its speed and of its desired speed [m/s].
-        remove: Whether to remove it. Drivers who have noticed it look anew at once.
+        remove: Whether to remove it, which is impossible for the ego. The vehicle goes far behind
+            the road, where no other vehicle meets it. Drivers who have noticed it look anew at
+            once.
     """
 
     frame: Annotated[int, FieldSpec(low=0, high=2**31 - 1)] = 0
@@ -218,7 +244,5 @@ class BranchOrigin(Batch):
 
 def _weather_arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:
     """The fields of a weather as arrays of their dtypes."""
-    dtypes = {"preset": np.uint8, "night": np.bool_, "low_sun": np.bool_}
-    return {
-        name: np.array(values, dtypes.get(name, np.float32)) for name, values in columns.items()
-    }
+    fields = batch_fields(Weather)
+    return {name: np.array(values, fields[name].dtype) for name, values in columns.items()}
