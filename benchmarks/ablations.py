@@ -27,7 +27,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 Values = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Value
             (EnabledEffects(), full),
             (EnabledEffects(**{ablation.effect: False}), without),
         ):
-            runs = engine.run(scenario, parameters(scenario, effects), buffers=buffers)
+            runs = engine.run(scenario, step_parameters(scenario, effects), buffers=buffers)
             kept.append(ablation.measure(runs))
     return np.concatenate(full), np.concatenate(without)
 

@@ -33,7 +33,7 @@ from overtaking import _core
 from overtaking.model.scenario import SLOT_CAPACITIES
 from overtaking.sim import engine
 from overtaking.world.constants import engine_constants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 FOLDER = ROOT / "target" / "arm"
 CROWDED = 8  # Simulations of each size of slots that the situations lack.
@@ -42,7 +42,9 @@ EMULATOR = ("qemu-aarch64", "-L", "/usr/aarch64-linux-gnu")
 LINKER = {"CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER": "aarch64-linux-gnu-gcc"}
 
 
-def write(path: Path, given: Parameters, later: Sequence[tuple[int, Parameters]] = ()) -> None:
+def write(
+    path: Path, given: StepParameters, later: Sequence[tuple[int, StepParameters]] = ()
+) -> None:
     """Write what the engine is given, in the order in which `replay.rs` reads it.
 
     Args:
@@ -52,19 +54,20 @@ def write(path: Path, given: Parameters, later: Sequence[tuple[int, Parameters]]
     """
     [(switch, changed)] = later or [(0, None)]
     road, constants = engine.road_values(given), engine_constants(given.constants)
-    slots, simulations = given.vehicle.shape[1:]
+    slots, simulations = given.vehicle_table.shape[1:]
     room = -(-given.num_frames // _core.LANES) * _core.LANES
-    header = [simulations, slots, room, given.record_every, road["num_lanes"]]
+    header = [simulations, slots, room, given.steps_per_frame, road["num_lanes"]]
     whole = [*header, int(changed is not None), switch, given.seed]
     parts = [
         *constants.values(),
-        *(road[name] for name in ("boundaries", "film_path", "side", "pose")),
-        *(road[name] for name in ("own_lanes", "two_way", "far_end", "across", "sight", "line")),
+        *(road[name] for name in ("boundaries", "film_path", "overtaking_sign", "pose")),
+        *(road[name] for name in ("num_own_lanes", "has_oncoming_traffic", "length", "edge_sum")),
+        *(road[name] for name in ("sight", "solid_line")),
     ]
     for each in (given, changed) if changed else (given,):
-        parts += [each.vehicle, each.simulation]
+        parts += [each.vehicle_table, each.simulation_table]
     with path.open("wb") as file:
-        file.write(np.array(whole, "<u8").tobytes() + given.index.astype("<u8").tobytes())
+        file.write(np.array(whole, "<u8").tobytes() + given.scenario_index.astype("<u8").tobytes())
         for part in parts:
             file.write(np.asarray(part, "<f4").tobytes())
 
@@ -73,7 +76,7 @@ def batches(folder: Path) -> tuple[list[Path], list[str]]:
     """Files of all batches, and the trace hashes that the package computes for them."""
     files, expected = list[Path](), list[str]()
 
-    def run(scenario: Any, given: Parameters, *later: Any) -> Any:
+    def run(scenario: Any, given: StepParameters, *later: Any) -> Any:
         files.append(folder / f"{len(files)}.bin")
         write(files[-1], given, *later)
         runs = engine.run(scenario, given, *later)

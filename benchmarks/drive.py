@@ -28,7 +28,7 @@ import overtaking as ot
 from measure import ROOT, Measure, load_note, parser, report
 from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.sim.stepping import stepper
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 PEERS_PYTHON = ROOT / "target" / "peers" / "bin" / "python"
 FRAMES = 200  # Of a simulation of `highway.py`, one for each decision.
@@ -47,7 +47,7 @@ def timed(decisions: Callable[[], int]) -> Rates:
 
 def steps(scenario: ot.Scenario, hold: int) -> int:
     """Drive a batch to its end with a constant action."""
-    batch = stepper(parameters(scenario), "accel_lane", is_true=False)
+    batch = stepper(step_parameters(scenario), "accel_lane", is_true=False)
     constant = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     _, runs, _ = batch.begin()
     count = 0

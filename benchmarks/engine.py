@@ -38,7 +38,7 @@ from overtaking.scenarios.profiles import load_specification, profile_names
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 SIMULATIONS, VEHICLES, FRAMES = 1024, 5, 200
 STEP = 0.05  # Between frames [s].
@@ -146,14 +146,14 @@ def first(drawn: Specification, count: int) -> Scenario:
     return ScenarioSource(drawn, load_road(drawn.road), 1).sample(np.arange(count, dtype=np.uint64))
 
 
-def endless(scenario: Scenario) -> Parameters:
+def endless(scenario: Scenario) -> StepParameters:
     """What the engine is given: neither an overtake nor a collision ends a simulation early."""
-    given = parameters(scenario)
+    given = step_parameters(scenario)
     constants = given.constants.replace(after_overtake=NEVER, after_collision=NEVER)
     return dataclasses.replace(given, constants=constants)
 
 
-def engine_batch(scenario: Scenario, given: Parameters, level: str | None = None) -> Batch:
+def engine_batch(scenario: Scenario, given: StepParameters, level: str | None = None) -> Batch:
     """Simulates scenarios that were prepared before."""
     buffers = Buffers()
     vehicles = scenario.vehicles.valid.sum(axis=1)
@@ -201,7 +201,7 @@ def crowd_batch(vehicles: int) -> Batch:
 def profile_batch(name: str) -> Batch:
     """Simulates a profile as it is."""
     scenario = first(load_specification(name), OF_PROFILE)
-    return engine_batch(scenario, parameters(scenario))
+    return engine_batch(scenario, step_parameters(scenario))
 
 
 def engine_sample(batch: Batch, seconds: float, level: str | None = None) -> Sample:

@@ -43,7 +43,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 from readable import readable
 
 MILLION = 1_000_000
@@ -108,14 +108,14 @@ def stages() -> list[Measure]:
     given = load_specification("pinto2023-physical")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
     scenario = ScenarioSource(given, road, 9).sample(index)
-    prepared, buffers = parameters(scenario), Buffers()
+    prepared, buffers = step_parameters(scenario), Buffers()
     runs = engine.run(scenario, prepared, buffers=buffers)
     case = case_of(runs)
     numbers = index.astype(np.int64)
     rows = contents(runs, numbers, KEPT)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: ScenarioSource(given, road, 9).sample(index),
-        "parameters": lambda: parameters(scenario),
+        "parameters": lambda: step_parameters(scenario),
         "simulate": lambda: engine.run(scenario, prepared, buffers=buffers),
         "signals and events": lambda: case_of(runs),
         # What many ask of a case is answered once, so each run of rules has a case of its own.

@@ -73,7 +73,7 @@ MUTATIONS = (
     ),
     Mutation(
         file="mobil.rs",
-        marked="let to_fast = fast - here + p.politeness * (after - before) «- p.bias;",
+        marked="let to_fast = fast - here + p.politeness * (after - before) «- p.keep_right_bias;",
         meaning="sign: MOBIL's bias draws to the fast side",
     ),
     Mutation(

@@ -38,9 +38,9 @@ from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.step_parameters import (
     VEHICLE_FIELDS,
-    Parameters,
+    StepParameters,
     VehicleParameters,
-    parameters,
+    step_parameters,
 )
 
 Row = Callable[[VehicleParameters], Any]
@@ -69,15 +69,15 @@ class Change:
     rows: Mapping[str, Row] = field(default_factory=dict[str, Row])
     of_ego: bool = False
 
-    def of(self, given: Parameters) -> Parameters:
+    def of(self, given: StepParameters) -> StepParameters:
         """The parameters with the change."""
-        vehicle = given.vehicle.copy()
+        vehicle = given.vehicle_table.copy()
         slots = slice(EGO_SLOT, EGO_SLOT + 1) if self.of_ego else slice(None)
         for name, row in self.rows.items():
-            values = np.broadcast_to(row(given.of_vehicles), vehicle.shape[1:])
+            values = np.broadcast_to(row(given.vehicles), vehicle.shape[1:])
             vehicle[VEHICLE_FIELDS.index(name), slots] = values[slots]
         c = given.constants.replace(**self.constants) if self.constants else given.constants
-        return dataclasses.replace(given, vehicle=vehicle, constants=c)
+        return dataclasses.replace(given, vehicle_table=vehicle, constants=c)
 
 
 NO_LOOKS: Mapping[str, Row] = {"checks_blind_spot": lambda p: 0.0 * p.valid}
@@ -88,15 +88,17 @@ NETS: dict[str, Change] = {
     "urgency of braking": Change(constants={"brake_ramp": OFF}),
     # Drivers limit braking to the friction that they believe in.
     "emergency braking": Change(
-        rows={"brake_force": lambda p: np.minimum(p.brake_force, p.hardest_decel * p.mass)}
+        rows={
+            "max_brake_force": lambda p: np.minimum(p.max_brake_force, p.max_assumed_decel * p.mass)
+        }
     ),
-    "moment to spare": Change(constants={"clear_margin": 0.0}),
+    "moment to spare": Change(constants={"lane_clearance_time": 0.0}),
     "last look": Change(constants={"foresight": 0.0}),
     "look over the shoulder": Change(rows=NO_LOOKS),
     "alongside": Change(constants={"alongside": -OFF}, rows=NO_LOOKS),
-    "retreat": Change(constants={"abort_imposed": OFF, "abort_factor": OFF}),
+    "retreat": Change(constants={"abort_imposed_factor": OFF, "abort_factor": OFF}),
     "ties": Change(constants={"claim_time": 0.0}),
-    "limit of what is imposed": Change(constants={"most_imposed": OFF}),
+    "limit of what is imposed": Change(constants={"max_imposed_decel": OFF}),
     "stability control": Change(constants={"stability_threshold": OFF}),
     "traction control": Change(constants={"traction_share": 1.0}),
 }
@@ -107,10 +109,10 @@ BESIDE = {"alongside": "look over the shoulder"}
 
 EGOS: dict[str, Change] = {
     "reaction time 2.5 s": Change(
-        rows={"reaction_ticks": lambda _: 2.5 * DECISIONS_PER_SECOND}, of_ego=True
+        rows={"reaction_delay": lambda _: 2.5 * DECISIONS_PER_SECOND}, of_ego=True
     ),
-    "sight 30 m": Change(rows={"attention": lambda _: 30.0}, of_ego=True),
-    "friction 0.1": Change(rows={"most_friction": lambda _: 0.1}, of_ego=True),
+    "sight 30 m": Change(rows={"attention_range": lambda _: 30.0}, of_ego=True),
+    "friction 0.1": Change(rows={"max_friction": lambda _: 0.1}, of_ego=True),
 }
 """Impaired egos."""
 
@@ -135,7 +137,7 @@ def arms(
     for first in range(0, simulations, PIECE):
         index = np.arange(first, min(first + PIECE, simulations), dtype=np.uint64)
         drawn = ScenarioSource(given, road, seed).sample(index)
-        plain = without.of(parameters(drawn))
+        plain = without.of(step_parameters(drawn))
         weights.append(drawn.weight)
         for name, parts in found.items():
             changed = changes[name].of(plain)

@@ -26,7 +26,7 @@ from overtaking.sim.reference.gaps import (
 )
 from overtaking.sim.reference.passing import Outlook, may_meet, seen_ahead
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 FITTING = 0.5  # Above it there is room behind the leader; below it a driver brakes for that [1].
 PRESSED = 0.5  # Above it a small gap is taken; below it a driver only wants to be back soon [1].
@@ -36,11 +36,11 @@ LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands 
 class HumanEgo:
     """The built-in ego, from percepts to decisions; asks for `human` and answers `decision`."""
 
-    given: Parameters
+    given: StepParameters
 
     def reset(self, scenario: ot.Scenario) -> None:
         """Take the constants of the model for a new batch."""
-        self.given = parameters(scenario)
+        self.given = step_parameters(scenario)
 
     def __call__(self, observation: ot.Observation) -> NDArray[np.int64]:
         """A move for each simulation."""
@@ -65,7 +65,7 @@ class HumanEgo:
         six_neighbours = slice(len(NeighbourRole))  # Without oncoming vehicles.
         # In pinto2023 the ego is told to change lanes, as in the study, and looks at no gap.
         told = driver.gap_demand_factor <= 0
-        two_way = self.given.road.two_way
+        has_oncoming_traffic = self.given.road.has_oncoming_traffic
         return View(
             who=EGO_SLOT,
             own=driver,
@@ -76,11 +76,13 @@ class HumanEgo:
             leader_speed=ego.speed - leader.closing_speed,
             demand=demand,
             imposes=minimum(
-                minimum(driver.safe_decel / maximum(demand, LEAST_DEMAND), c.most_imposed),
-                driver.hardest_decel,
+                minimum(driver.safe_decel / maximum(demand, LEAST_DEMAND), c.max_imposed_decel),
+                driver.max_assumed_decel,
             ),
             impatience=impatience,
-            room_left=observation.passing.tall_vehicle_gap_factor if two_way else np.float32(1.0),
+            room_left=observation.passing.tall_vehicle_gap_factor
+            if has_oncoming_traffic
+            else np.float32(1.0),
             told=told,
             ordered=told
             & (leader.is_detected > 0)
@@ -94,7 +96,7 @@ class HumanEgo:
         free = (ego.stage == ot.Stage.FOLLOW) & (ego.can_pull_out > 0)
         rested = ego.time_since_lane_change >= self.given.constants.abort_cooldown
         wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
-        if self.given.road.two_way:
+        if self.given.road.has_oncoming_traffic:
             wants &= self.may_meet(observation, view)
         wants = np.where(view.told, view.ordered, wants)
         return free & rested & np.where(looks | view.told, wants, ego.wanted_side > 0)
@@ -126,8 +128,8 @@ class HumanEgo:
         rested = ego.time_since_lane_change >= c.abort_cooldown
         passed = ego.has_passed_target > 0
         may = may_return(self.given, view, view.room_left) & (passed | stuck)
-        if self.given.road.two_way:
-            room = may_squeeze(self.given, self.given.of_simulations, view)
+        if self.given.road.has_oncoming_traffic:
+            room = may_squeeze(self.given, self.given.simulations, view)
             squeezes = (observation.passing.return_urgency > PRESSED) & room & passed
             may, rested = may | squeezes, rested | squeezes
         wants = np.where(view.told, passed, may)
@@ -139,7 +141,9 @@ class HumanEgo:
         falls_back = (abort_state > FITTING) & has_room_behind(self.given, view)
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
-        home &= not self.given.road.two_way  # A driver must not stay in the opposing lane.
+        home &= (
+            not self.given.road.has_oncoming_traffic
+        )  # A driver must not stay in the opposing lane.
         danger = np.where(ego.stage == ot.Stage.PULL_OUT, out, home)
         return falls_back | (looks & ~view.told & danger & (ego.can_cancel_lane_change > 0))
 

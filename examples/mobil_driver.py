@@ -16,17 +16,17 @@ from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.mobil import incentives, is_safe
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 
 class MobilDriver:
     """One of the others, from percepts to actions; asks for `human` and answers `accel_lane`."""
 
-    given: Parameters
+    given: StepParameters
 
     def reset(self, scenario: ot.Scenario) -> None:
         """Take the constants of the model for a new batch."""
-        self.given = parameters(scenario)
+        self.given = step_parameters(scenario)
 
     def __call__(self, observation: ot.Observation) -> NDArray[np.float32]:
         """Acceleration [m/s^2] and side of the lane to change to, for each simulation."""
@@ -55,9 +55,9 @@ class MobilDriver:
         speed = ego.speed
         to_fast, to_slow = incentives(given, p, speed, believed, accel)
         rested = ego.time_since_lane_change >= given.constants.cooldown
-        fast = rested & (ego.can_pull_out > 0) & (to_fast > p.threshold)
+        fast = rested & (ego.can_pull_out > 0) & (to_fast > p.lane_change_threshold)
         fast &= is_safe(given, p, speed, believed, FAST_LEAD, FAST_REAR)
-        slow = rested & (ego.can_return > 0) & (to_slow > p.threshold) & ~fast
+        slow = rested & (ego.can_return > 0) & (to_slow > p.lane_change_threshold) & ~fast
         slow &= is_safe(given, p, speed, believed, SLOW_LEAD, SLOW_REAR)
         slow &= believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * speed
         return np.where(fast, np.float32(1.0), np.where(slow, np.float32(-1.0), np.float32(0.0)))

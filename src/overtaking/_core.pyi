@@ -21,7 +21,7 @@ def simulate(
     slots: int,
     frames: int,
     seed: int,
-    record_every: int,
+    steps_per_frame: int,
     road: Mapping[str, Any],
     constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
@@ -38,7 +38,7 @@ def simulate(
         slots: Vehicle slots, at most `MAX_VEHICLES`.
         frames: Frames that the outputs have room for, a multiple of `LANES`.
         seed: Key of the random numbers.
-        record_every: Steps between recorded frames.
+        steps_per_frame: Steps between recorded frames.
         road: num_lanes, boundaries (9), film_path (8), side, and pose: x0, y0, heading, cosine,
             sine.
         constants: values as `constant_fields`, friction_new and friction_worn (3 x 4),
@@ -385,8 +385,8 @@ class Stepper:
         """Stand before the first decision.
 
         Args:
-            batch: vehicle, simulation, index, slots, seed, record_every, road and constants as in
-                `simulate`.
+            batch: vehicle, simulation, index, slots, seed, steps_per_frame, road and constants as
+                in `simulate`.
             kind: What orders are; None where the model's own driver decides.
             is_true: Whether the truth is observed.
             level: SIMD level; None for the best of this CPU.

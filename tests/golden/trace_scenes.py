@@ -171,7 +171,7 @@ def beyond(run: Trajectories) -> NDArray[np.bool_]:
 
 def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
     """The ego comes back over a line that it may not cross, and went out where it may."""
-    stations, solid, _ = road_parameters(run.road).line
+    stations, solid, _ = road_parameters(run.road).solid_line
     there = beyond(run)
     first = there.argmax(axis=1)
     last = there.shape[1] - 1 - there[:, ::-1].argmax(axis=1)

@@ -11,7 +11,7 @@ import pytest
 import overtaking as ot
 from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.sim.stepping import stepper
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -94,7 +94,7 @@ def test_a_child_writes_a_data_set(tmp_path):
 
 def test_a_child_is_refused_simulations_that_its_parent_began():
     scenarios = ot.sample("pinto2023-physical", num_simulations=2, seed=1)
-    simulations = stepper(parameters(scenarios), None, is_true=True)
+    simulations = stepper(step_parameters(scenarios), None, is_true=True)
     simulations.begin()
     orders = np.zeros((2, MAX_ACTION_PARTS), np.int32)
     answers = multiprocessing.get_context("fork").SimpleQueue()

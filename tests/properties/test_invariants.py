@@ -24,7 +24,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim import branch, engine, reference
 from overtaking.world.constants import EnabledEffects, model_constants
-from overtaking.world.step_parameters import VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, StepParameters, step_parameters
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -172,7 +172,7 @@ def test_a_shift_along_the_road_changes_nothing_else(seed: int, index: list[int]
     shift = np.float32(steps * 0.0625)
     placed = [world.replace(start_s=start) for start in (grid, grid + shift)]
     one, other = (
-        engine.run(each, parameters(each, EnabledEffects(gusts=False))) for each in placed
+        engine.run(each, step_parameters(each, EnabledEffects(gusts=False))) for each in placed
     )
     away = shifted_by(one, other, float(shift))
     # A last bit may tip a decision whose threshold it sits on: of 6,000 simulations 0.5 % differ by
@@ -252,11 +252,11 @@ def permuted(batch, order: np.ndarray):
 
 
 def without_errors(world: Scenario):
-    given_ = parameters(world, EnabledEffects(gusts=False, distance_error=False))
+    given_ = step_parameters(world, EnabledEffects(gusts=False, distance_error=False))
     quiet = given_.constants.replace(lane_deviation=0.0, glance_stagger=0.0)
-    vehicle = given_.vehicle.copy()
+    vehicle = given_.vehicle_table.copy()
     vehicle[VEHICLE_FIELDS.index("checks_blind_spot")] = 1.0
-    return dataclasses.replace(given_, constants=quiet, vehicle=vehicle)
+    return dataclasses.replace(given_, constants=quiet, vehicle_table=vehicle)
 
 
 @pytest.mark.ci
@@ -265,29 +265,35 @@ def without_errors(world: Scenario):
 def test_speeds_are_never_negative_and_accelerations_stay_physical(seed: int, index: list[int]):
     ran = simulated(seed, index)
     assert (ran.states.speed[present(ran)] >= 0).all()
-    least, most = acceleration_shares(ran, parameters(ran.scenario))
+    least, most = acceleration_shares(ran, step_parameters(ran.scenario))
     assert least >= 0.0
     assert most <= 1.0
 
 
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("brake_force", 0.9), ("launch_force", 0.9), ("power", 0.9), ("drag", 1.1), ("rolling", 1.1)],
+    [
+        ("max_brake_force", 0.9),
+        ("launch_force", 0.9),
+        ("power", 0.9),
+        ("drag", 1.1),
+        ("rolling", 1.1),
+    ],
 )
 def test_bounds_of_acceleration_are_exceeded_if_one_force_is_a_tenth_off(name: str, factor: float):
     world = drawn(0, list(range(300)))
-    given_ = parameters(world)
+    given_ = step_parameters(world)
     ran = engine.run(world, given_)
     least, most = acceleration_shares(ran, given_)
     assert least >= 0.0
     assert most <= 1.0
-    other = given_.vehicle.copy()
+    other = given_.vehicle_table.copy()
     other[VEHICLE_FIELDS.index(name)] *= np.float32(factor)
-    least, most = acceleration_shares(ran, dataclasses.replace(given_, vehicle=other))
+    least, most = acceleration_shares(ran, dataclasses.replace(given_, vehicle_table=other))
     assert least < 0.0 or most > 1.0
 
 
-def acceleration_shares(ran: Trajectories, given_: Parameters) -> tuple[float, float]:
+def acceleration_shares(ran: Trajectories, given_: StepParameters) -> tuple[float, float]:
     """Least and largest place of an acceleration between its bounds, which are 0 and 1."""
     seen = present(ran)
     seen[:, :, 0] = False  # The first frame comes before the first step.
@@ -357,7 +363,7 @@ def test_a_gust_of_a_gale_stops_bicycles_as_fast_as_its_drag_says(seed: int, ind
     """At 114 km/h in gusts of 43 m/s drag alone slows a rider by 17 m/s^2."""
     ran = simulated(seed, [index])
     assert np.abs(ran.states.accel_lon[present(ran)]).max() > 10_000
-    least, most = acceleration_shares(ran, parameters(ran.scenario))
+    least, most = acceleration_shares(ran, step_parameters(ran.scenario))
     assert least >= 0.0
     assert most <= 1.0
 
@@ -382,7 +388,7 @@ def most_turn(ran: Trajectories) -> np.ndarray:
     rate is its lateral acceleration over its speed, the side wind pushes it at once, and friction
     alone limits it, to either side.
     """
-    given_ = parameters(ran.scenario)
+    given_ = step_parameters(ran.scenario)
     grip = bounds(ran, given_, sound(ran)).sideward
     speed = ran.states.speed / 1000.0 - SPEED_ERROR
     turn = 1e4 * grip / np.maximum(speed, given_.constants.slip_speed)

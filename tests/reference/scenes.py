@@ -19,7 +19,12 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road import RoadMark
 from overtaking.model.road_course import CentreLineSpan, RoadCourse, SpeedLimitSpan
 from overtaking.world.constants import DECISIONS_PER_SECOND, EnabledEffects
-from overtaking.world.step_parameters import VEHICLE_FIELDS, Parameters, parameters, with_ring
+from overtaking.world.step_parameters import (
+    VEHICLE_FIELDS,
+    StepParameters,
+    step_parameters,
+    with_ring,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -103,17 +108,17 @@ class Written:
                 row[round(DECISIONS_PER_SECOND * time) :, : len(steps)] = steps
         return Actions(kind=self.kind, values=values)
 
-    def _parameters(self, scenario: Scenario) -> Parameters:
+    def _parameters(self, scenario: Scenario) -> StepParameters:
         """Parameters of scenarios, with what the drivers of the scenes have of their own."""
-        given = parameters(scenario, self.effects)
+        given = step_parameters(scenario, self.effects)
         if self.ring is not None:
             given = with_ring(given, np.full_like(scenario.horizon, self.ring))
-        vehicle = given.vehicle.copy()
+        vehicle = given.vehicle_table.copy()
         for row, index in enumerate(scenario.scenario_index):
             for slot, one in enumerate(self.scenes[int(index) % self.share].vehicles):
                 for name in one.driver.keys() & set(VEHICLE_FIELDS):
                     vehicle[VEHICLE_FIELDS.index(name), slot, row] = one.driver[name]
-        return dataclasses.replace(given, vehicle=vehicle)
+        return dataclasses.replace(given, vehicle_table=vehicle)
 
 
 SHARP_EYED = EnabledEffects(distance_error=False, looming=False)
@@ -190,7 +195,8 @@ def lane_changes() -> Iterable[Scene]:
     yield Scene(
         name="two side by side signal for the lane between them",
         vehicles=[
-            ELSEWHERE, car(9000.0, 0, **waits, bias=-2.0), car(9000.0, 2, **waits, bias=2.0)
+            ELSEWHERE, car(9000.0, 0, **waits, keep_right_bias=-2.0),
+            car(9000.0, 2, **waits, keep_right_bias=2.0),
         ],
     )  # fmt: skip
     yield from retreats()
@@ -199,7 +205,9 @@ def lane_changes() -> Iterable[Scene]:
 def retreats() -> Iterable[Scene]:
     """Somebody finds another beside in the new lane; the old lane has room, or has not."""
     for old, new in ((0, 1), (1, 0)):
-        subject = car(1000.0, old, **HEEDLESS, lane_change_threshold=0.1, bias=5.0 * (old - new))
+        subject = car(
+            1000.0, old, **HEEDLESS, lane_change_threshold=0.1, keep_right_bias=5.0 * (old - new)
+        )
         beside = ahead(-2.0, new, **TAILGATER)
         for others in (
             [ahead(60.0, old, 15.0), ahead(-3.0, old, time_gap=0.04)],
@@ -261,7 +269,7 @@ def overtakes() -> Iterable[Scene]:
             vehicles=[ego, target, *others],
             weather=weather,
         )
-    comes_in = HEEDLESS | {"lane_change_threshold": 0.1, "bias": 5.0, "safe_decel": 30.0}
+    comes_in = HEEDLESS | {"lane_change_threshold": 0.1, "keep_right_bias": 5.0, "safe_decel": 30.0}
     comes_in |= {"indicator_lead_time": 9.5, "desired_speed": 23.4}
     for offset in np.arange(-12.0, -5.0, 1.0):
         third = Vehicle(kind="MC", s=1000.0 + offset, lane=2, speed=23.4, driver=comes_in)
@@ -377,7 +385,7 @@ def in_bad_light() -> Iterable[Scene]:
 
 def others_overtake() -> Iterable[Scene]:
     """Others overtake, and the ego is passed, follows, or meets them."""
-    goes = BOLD | {"makes_room": 0.0}
+    goes = BOLD | {"edge_shift_when_passed": 0.0}
     for gap in np.arange(300.0, 1200.0, 100.0):
         first = Vehicle(s=1000.0, speed=21.0, driver=goes)
         second = Vehicle(s=970.0, speed=21.0, driver=goes)
@@ -403,7 +411,7 @@ def others_overtake() -> Iterable[Scene]:
         yield Scene(
             name="the ego is passed, and makes room, yields or races",
             vehicles=[
-                along(1030.0, 18.0, passed_factor=speed, makes_room=0.4),
+                along(1030.0, 18.0, speed_factor_when_passed=speed, edge_shift_when_passed=0.4),
                 Vehicle(s=1000.0, speed=21.0, driver=goes),
                 along(1100.0, 18.0), oncomer(2000.0),
             ],
@@ -428,7 +436,7 @@ def rules() -> Iterable[Scene]:
     for edge, name in ((0.4 - 0.9, "this"), (7.4 + 0.9, "the other")):
         halted = oncomer(1400.0, 0.0, desired_speed=0.01, start_d=edge)
         yield Scene(name=f"somebody halts beyond {name} edge", vehicles=pair(25.0, halted))
-    races = {"desired_speed": 20.0, "accel": 3.0, "passed_factor": 1.15, "time_gap": 0.3}
+    races = {"desired_speed": 20.0, "accel": 3.0, "speed_factor_when_passed": 1.15, "time_gap": 0.3}
     for gap in np.arange(740.0, 820.0, 5.0):
         ego = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 31.0}, driver=BOLD)
         yield Scene(
@@ -514,8 +522,12 @@ def laps() -> Scene:
 
 def accidents() -> Iterable[Scene]:
     """Bodies that just touch at a corner, and a wreck in the fog."""
-    heedless = HEEDLESS | {"lane_change_threshold": 0.1, "bias": -5.0, "safe_decel": 30.0}
-    unaware = {"reaction_ticks": 60.0, "urgent_ticks": 60.0, "attention": 0.1}
+    heedless = HEEDLESS | {
+        "lane_change_threshold": 0.1,
+        "keep_right_bias": -5.0,
+        "safe_decel": 30.0,
+    }
+    unaware = {"reaction_delay": 60.0, "urgent_reaction_delay": 60.0, "attention_range": 0.1}
     for gap, speed, duration in (
         *itertools.product(np.arange(16.0, 20.0, 0.1), (32.0,), (2.5, 3.0)),
         *itertools.product(np.arange(-1.0, 2.0, 0.1), (25.2,), (4.5,)),

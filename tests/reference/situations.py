@@ -22,7 +22,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource, extend_road
 from overtaking.sim import engine
 from overtaking.sim.branch import ForcedDecision
-from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, step_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectories import Trajectories
     from overtaking.model.weather import Weather
-    from overtaking.world.step_parameters import Parameters
+    from overtaking.world.step_parameters import StepParameters
 
     Run = Callable[..., Trajectories]
 
@@ -108,7 +108,7 @@ class Situation:
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:
         """Simulate a part of the scenarios with `engine.run` or `reference.run`."""
-        given = parameters(scenario)
+        given = step_parameters(scenario)
         if self.switch is None:
             return run(scenario, given)
         return run(scenario, given, [(self.switch, disturbed(scenario))])
@@ -298,12 +298,14 @@ def turned_round(weather: Weather) -> Weather:
     )
 
 
-def disturbed(scenario: Scenario) -> Parameters:
+def disturbed(scenario: Scenario) -> StepParameters:
     """Parameters with the weather turned round and a decision forced that the number chooses."""
-    later = parameters(scenario.replace(weather=turned_round(scenario.weather)))
-    simulation = later.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = scenario.scenario_index % len(ForcedDecision)
-    return dataclasses.replace(later, simulation=simulation)
+    later = step_parameters(scenario.replace(weather=turned_round(scenario.weather)))
+    simulation = later.simulation_table.copy()
+    simulation[SIMULATION_FIELDS.index("forced_decision")] = scenario.scenario_index % len(
+        ForcedDecision
+    )
+    return dataclasses.replace(later, simulation_table=simulation)
 
 
 def arrays(batch: Batch, prefix: str = "") -> dict[str, NDArray[Any]]:

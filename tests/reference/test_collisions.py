@@ -19,7 +19,7 @@ from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -166,9 +166,9 @@ def crash(
         heading: Of each [rad].
     """
     world = scenario([Vehicle(kind=kind) for kind in kinds], road=wide_road(), num_slots=2)
-    given_ = parameters(world)
+    given_ = step_parameters(world)
     state = initial_state(given_)
-    p = given_.of_vehicles
+    p = given_.vehicles
     for i in range(2):
         state.psi[i] = heading[i]
         state.vx[i], state.vy[i], state.r[i] = motion[i]
@@ -342,9 +342,9 @@ def test_the_time_of_a_collision_is_that_of_the_kinematics():
         Vehicle(s=100.0 + body_of("M")["length"], speed=0.0, driver={"desired_speed": 0.01}),
     ]
     world = scenario(cars, road=wide_road(lanes=1), weather={"fog": 100.0}, horizon=10.0)
-    given_ = parameters(world, EnabledEffects(gusts=False, distance_error=False))
+    given_ = step_parameters(world, EnabledEffects(gusts=False, distance_error=False))
     # Nobody can be seen farther than a millimetre.
-    given_.vehicle[VEHICLE_FIELDS.index("attention")] = 1e-3
+    given_.vehicle_table[VEHICLE_FIELDS.index("attention_range")] = 1e-3
     ran = engine.run(world, given_)
     assert ran.contacts.partner[0, 0] == 1
     frame = int(ran.contacts.time[0, 0]) // 50

@@ -17,7 +17,7 @@ from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.run import advance, decide
 from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.constants import SUBSTEPS
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .situations import ROUGH
 
@@ -50,9 +50,9 @@ class World:
 
     def __init__(self, number: int) -> None:
         scenario = scenarios(np.array([number]))
-        self.given = parameters(scenario)
-        self.p = self.given.of_vehicles
-        self.q = self.given.of_simulations
+        self.given = step_parameters(scenario)
+        self.p = self.given.vehicles
+        self.q = self.given.simulations
         self.recorder = Recorder(scenario, self.given)
         self.state = initial_state(self.given)
         self.step = 0
@@ -73,7 +73,7 @@ class World:
         state.end_step[:] = 1e9
         for k in range(50):
             before = (state.s, state.d)
-            angle = steering.steer(state, c, self.p, self.q.side_accel, c.step)
+            angle = steering.steer(state, c, self.p, self.q.max_lateral_accel, c.step)
             dynamics.move(state, c, self.p, angle, c.step)
             collisions.collide(
                 state, c, self.given.road, self.p, pairs, before, 10 * self.step + k, c.step

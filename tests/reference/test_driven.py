@@ -15,25 +15,25 @@ from overtaking.sim.driven import EngineMover, ReferenceMover, mover
 from overtaking.sim.reference.driven import MOVING, Controls
 from overtaking.sim.reference.state import State, initial_state
 from overtaking.simulators.carla_server.bodies import Nature, body_of, scenario_of
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 TICK, STEPS = 0.05, 5
 LEVELS = [name for name, is_available in _core.simd_levels() if is_available]
 
 
-def given_for(count: int, weather: str) -> Parameters:
+def given_for(count: int, weather: str) -> StepParameters:
     """Parameters of vehicles of every class on the road of the study."""
     names = sorted(carla_vehicles())
     bodies = [body_of(names[7 * k % len(names)]) for k in range(count)]
     fields = tuple(weather_presets()[weather].carla_fields().values())
     road = known_road("town06").extend_to(3000.0)
     scene = scenario_of(road, bodies, fields, Nature(5, simulation=3, wind_direction=1.1))
-    given = parameters(scene)
+    given = step_parameters(scene)
     c = given.constants.replace(step=TICK / STEPS, decision=TICK)
     return dataclasses.replace(given, constants=c)
 
 
-def scattered(given: Parameters, chance: np.random.Generator) -> State:
+def scattered(given: StepParameters, chance: np.random.Generator) -> State:
     """Vehicles here and there, heading anywhere, some at rest and one of them a wreck."""
     state = initial_state(given)
     shape = state.s.shape

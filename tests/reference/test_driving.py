@@ -32,7 +32,7 @@ from overtaking.sim import engine, reference
 from overtaking.sim.branch import branch
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.stepping import stepper
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .situations import difference
 
@@ -69,7 +69,7 @@ def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
 @pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     scenario = scenes(12, **SHORTER)
-    given = parameters(scenario)
+    given = step_parameters(scenario)
     actions = random_actions(kind, (12, 161))
     expected = reference.run(scenario, given, actions=actions)
     for level in [name for name, available in _core.simd_levels() if available]:
@@ -88,7 +88,7 @@ VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto202
     [(kind, *view) for kind, view in zip(ACTION_KINDS, cycle(VIEWS), strict=False)],
 )
 def test_both_engines_observe_the_same_bits(kind, profile, is_true):
-    given = parameters(scenes(10, profile, **SHORTER))
+    given = step_parameters(scenes(10, profile, **SHORTER))
     values = random_actions(kind, (10, 161), seed=2).values
     pair = [
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
@@ -117,7 +117,7 @@ def test_the_numbers_of_an_observation_have_their_names():
     assert _core.ego_columns() == list(EGO_COLUMNS)
     assert _core.neighbour_columns() == list(NEIGHBOUR_COLUMNS)
     assert _core.passing_columns() == list(PASSING_COLUMNS)
-    given = parameters(scenes(3))
+    given = step_parameters(scenes(3))
     table, runs, _ = stepper(given, "accel_lane", is_true=True).begin()
     assert table.shape == (3, OBSERVATION_SIZE)
     assert (
@@ -149,7 +149,7 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
     scenario = ScenarioSource(given, load_road(given.road), 7).sample(
         np.arange(48, dtype=np.uint64)
     )
-    expected = engine.run(scenario, parameters(scenario))
+    expected = engine.run(scenario, step_parameters(scenario))
     found = drive(scenario, HUMAN, engine.run)
     assert np.unique(expected.stage).size > 4
     assert not difference(found.replace(actions=None), expected)
@@ -164,7 +164,7 @@ def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
         scenario = ScenarioSource(given, road, 7).sample(
             np.arange(first, first + 100, dtype=np.uint64)
         )
-        expected = engine.run(scenario, parameters(scenario)).trace_hash
+        expected = engine.run(scenario, step_parameters(scenario)).trace_hash
         same += int((drive(scenario, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
     assert same == 1000
 
@@ -211,7 +211,7 @@ def test_the_reference_lets_a_policy_do_the_same():
     scenario = scenes(8)
     found = drive(scenario, HUMAN, reference.run, "reference")
     assert not difference(found, drive(scenario, HUMAN, engine.run))
-    expected = engine.run(scenario, parameters(scenario)).trace_hash
+    expected = engine.run(scenario, step_parameters(scenario)).trace_hash
     np.testing.assert_array_equal(found.trace_hash, expected)
 
 

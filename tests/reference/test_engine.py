@@ -18,7 +18,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import branch, engine, reference
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .scenes import WRITTEN
 from .situations import FURTHER, SITUATIONS, SMALL, Situation, arrays, difference, turned_round
@@ -72,7 +72,7 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         np.arange(18, dtype=np.uint64)
     )
     assert scenario.num_slots == vehicles[1]
-    given = parameters(scenario)
+    given = step_parameters(scenario)
     expected = reference.run(scenario, given)
     assert expected.num_frames.max() == 81
     for level in LEVELS:
@@ -82,14 +82,14 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
 
 def test_further_situations_are_what_they_are_called():
     told, *met, two_way, winding, meeting = FURTHER
-    pushes = parameters(told.scenario(told.share)).of_simulations.push_accel
+    pushes = step_parameters(told.scenario(told.share)).simulations.push_accel
     assert (pushes != 0).all()
     for situation in met:
         lane = simulated(situation).states.lane.astype(int)
         changed = (np.diff(lane, axis=2) != 0) & (lane[:, :, 1:] < 3)
         assert changed.any(axis=2).sum() >= 5  # Vehicles that change lanes.
     run = simulated(two_way)
-    assert (parameters(run.scenario).of_vehicles.direction < 0).any()
+    assert (step_parameters(run.scenario).vehicles.travel_sign < 0).any()
     assert (run.stage == Stage.PULL_OUT).any()
     assert simulated(winding).road.is_curved
     run = simulated(meeting)
@@ -104,7 +104,7 @@ def test_slots_that_hold_nobody_change_nothing(slots):
     whole = simulated(SITUATIONS[0])
     scenario = with_slots(whole.scenario, slots)
     for level in LEVELS:
-        runs = engine.run(scenario, parameters(scenario), level=level)
+        runs = engine.run(scenario, step_parameters(scenario), level=level)
         np.testing.assert_array_equal(runs.trace_hash, whole.trace_hash)
 
 

@@ -15,7 +15,7 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.world import road_surface
 from overtaking.world.constants import model_constants
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 KMH = 1.0 / 3.6
 
@@ -205,9 +205,11 @@ def test_our_floor_is_numpys(x: float):
 
 def test_outer_lanes_are_wetter():
     world = scenario([Vehicle()], road=wide_road(lanes=5), weather={"rain": 100.0})
-    given_ = parameters(world)
-    q = given_.of_simulations
-    water = road_surface.lane_film(q.least_film, q.film_rain, given_.road.film_path[:5], q.texture)
+    given_ = step_parameters(world)
+    q = given_.simulations
+    water = road_surface.lane_film(
+        q.min_wet_film, q.film_rain_factor, given_.road.film_path[:5], q.texture_depth
+    )
     assert (np.diff(water) <= 0.0).all()  # Lane 0 is the outermost, farthest from the crown.
     assert water[0] > 2.0 * water[4]
 
@@ -222,7 +224,7 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
     width = 0.5 * 6.0  # Two wheel paths to each lane of 6 m.
     for side, grip in ((0.5, b.state.mu_fast[0]), (-0.5, b.state.mu_slow[0])):
         path = math.floor((d + side * 1.55 + 48.0) / width)
-        phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_reach")
+        phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_threshold")
         depth = road_surface.puddle_depth_share(model_constants(), s, np.float32(path), *phases)
         # 2 mm at 100 % of deposits, none at 50 %; the rest of the road has the film of any wet one.
         water = 0.2 + 2.0 * 0.8 * depth

@@ -21,7 +21,7 @@ from overtaking.sim.reference.following import (
 )
 from overtaking.sim.reference.state import Fields
 from overtaking.world.constants import EnabledEffects, model_constants
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 EXPONENT = 4.0
 
@@ -44,7 +44,7 @@ def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> Fields:
     """The driver as the model's step sees it, spread over an array."""
     a, b = driver["accel"], driver["decel"]
     numbers = driver | {
-        "interaction": 0.5 / math.sqrt(a * b),
+        "idm_interaction": 0.5 / math.sqrt(a * b),
         "overspeed_exponent": EXPONENT * a / b,
     }
     return Fields(
@@ -240,7 +240,7 @@ def test_a_queue_settles_at_the_gap_of_the_formula(speed: float, time_gap: float
     leader = Vehicle(s=400.0, speed=speed, driver={"desired_speed": speed})
     queue = [Vehicle(s=400.0 - 60.0 * k, speed=speed, driver=driver) for k in range(1, 6)]
     world = scenario([*queue, leader], road=wide_road(lanes=1), horizon=120.0)
-    ran = engine.run(world, parameters(world, PERFECT))
+    ran = engine.run(world, step_parameters(world, PERFECT))
     last = int(ran.num_frames[0]) - 1
     s = ran.states.s[0, :, last] / 1000.0
     lengths = world.vehicles.length[0]
@@ -256,7 +256,7 @@ def test_alone_a_driver_accelerates_as_the_free_branch_says():
     a, v0, start = 0.5, 30.0, 15.0
     alone = Vehicle(speed=start, driver=person(accel=a, desired_speed=v0), body={"power": 2e5})
     world = scenario([alone], road=wide_road(), horizon=60.0)
-    ran = engine.run(world, parameters(world, PERFECT))
+    ran = engine.run(world, step_parameters(world, PERFECT))
     times = np.arange(0, ran.num_frames[0], 100) * 0.05
     # The pedal moves at 2.5 m/s^3, which delays everything by half of a / 2.5 s.
     late = np.maximum(times - 0.5 * a / 2.5, 0.0)
@@ -285,7 +285,7 @@ def queues(draw: st.DrawFn) -> list[Vehicle]:
 @settings(max_examples=8)
 def test_from_a_safe_start_nobody_ever_touches(rows: list[list[Vehicle]]):
     world = scenario(*rows, road=wide_road(lanes=1), horizon=90.0)
-    ran = engine.run(world, parameters(world, PERFECT))
+    ran = engine.run(world, step_parameters(world, PERFECT))
     assert (ran.contacts.partner == 255).all()
     s, lengths = ran.states.s[:, :4] / 1000.0, world.vehicles.length[:, :4]
     order = [3, 0, 1, 2]

@@ -14,7 +14,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.sim.reference.run import run
-from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
 
 DRAWN = ScenarioSource(
     load_specification("pinto2023", {"traffic.vehicles": "3..4"}), load_road("town06"), 4
@@ -22,20 +22,20 @@ DRAWN = ScenarioSource(
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("name", "value"), [("attention", 30.0), ("most_friction", 0.1)])
+@pytest.mark.parametrize(("name", "value"), [("attention_range", 30.0), ("max_friction", 0.1)])
 def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, value: float):
-    plain = parameters(DRAWN)
-    vehicle = plain.vehicle.copy()
+    plain = step_parameters(DRAWN)
+    vehicle = plain.vehicle_table.copy()
     vehicle[VEHICLE_FIELDS.index(name), EGO_SLOT] = value
-    impaired = replace(plain, vehicle=vehicle)
+    impaired = replace(plain, vehicle_table=vehicle)
     fast, slow = engine.run(DRAWN, impaired), run(DRAWN, impaired)
     np.testing.assert_array_equal(fast.trace_hash, slow.trace_hash)
     assert (fast.trace_hash != engine.simulate(DRAWN).trace_hash).any()
 
 
 def test_nobody_brakes_harder_than_the_friction_allows():
-    plain = parameters(DRAWN)
-    plain.vehicle[VEHICLE_FIELDS.index("most_friction")] = 0.1
+    plain = step_parameters(DRAWN)
+    plain.vehicle_table[VEHICLE_FIELDS.index("max_friction")] = 0.1
     ran = engine.run(DRAWN, plain)
     untouched = ran.contacts.partner == NO_VEHICLE
     # Friction times gravity, and what drag, rolling and wind brake [mm/s^2].

@@ -24,7 +24,7 @@ from overtaking.simulators.carla import traffic
 from overtaking.world.constants import model_constants
 from overtaking.world.road_parameters import allowed_speed, road_parameters
 from overtaking.world.sight_distance import all_zones_for
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .situations import difference
 
@@ -200,7 +200,7 @@ def test_who_passes_wants_to_only_where_the_limit_lets_it():
 @pytest.mark.ci
 def test_another_driver_sees_the_same_bits_on_both_engines():
     batch = on_limits("rural", 4, **{"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0})
-    given = parameters(batch)
+    given = step_parameters(batch)
     told = []
     for simulator in ("engine", "reference"):
         stands = stepper(given, "decision", is_true=False, simulator=simulator)

@@ -17,7 +17,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
 from overtaking.world.sight_distance import sight_at
-from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, step_parameters
 
 from .situations import difference
 
@@ -36,7 +36,7 @@ def test_both_engines_record_the_same_bits_by_hand(mirrored):
     on = road(is_open=False)
     on = on.mirror() if mirrored else on
     world = scenario(*SCENES, road=on, horizon=12.0, num_slots=5)
-    given = parameters(world)
+    given = step_parameters(world)
     expected = reference.run(world, given)
     for level in LEVELS:
         assert not (found := difference(engine.run(world, given, level=level), expected)), (
@@ -70,7 +70,7 @@ def test_who_comes_is_who_goes_seen_from_the_other_end():
 
 def run_in(scene: list[Vehicle], weather: dict[str, float]) -> Trajectories:
     world = scenario(scene, road=road(), horizon=15.0, weather=weather)
-    given = parameters(world)
+    given = step_parameters(world)
     # Gusts stand where they stand on the road, which is not the same from both ends.
     return reference.run(world, without_fields(given))
 
@@ -78,7 +78,7 @@ def run_in(scene: list[Vehicle], weather: dict[str, float]) -> Trajectories:
 def without_fields(given):
     simulation = given.simulation.copy()
     simulation[SIMULATION_FIELDS.index("gust_gain")] = 0.0
-    return dataclasses.replace(given, simulation=simulation)
+    return dataclasses.replace(given, simulation_table=simulation)
 
 
 def turned(road: Road) -> Road:
@@ -122,7 +122,7 @@ def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
     runs = []
     for scenes, on in ((goes, there), (comes, turned(there))):
         world = scenario(*scenes, road=on, horizon=45.0, index=[7] * len(scenes))
-        runs.append(engine.run(world, without_fields(parameters(world))))
+        runs.append(engine.run(world, without_fields(step_parameters(world))))
     one, other = (run.states for run in runs)
     away = one.lane[:, 2] == 1
     assert away.any(axis=1).sum() > 1
@@ -159,7 +159,7 @@ def test_no_arrival_is_missing_within_sight():
     world = ScenarioSource(load_specification("rural"), load_road("rural"), 5).sample(
         np.arange(300)
     )
-    run = engine.run(world, parameters(world))
+    run = engine.run(world, step_parameters(world))
     comes = (world.start_lane == 1) & world.vehicles.valid
     place = np.where(comes[:, :, None], run.states.s, -1)
     last = place.max(axis=1) / 1e3
@@ -176,4 +176,4 @@ def test_lanes_of_different_widths_are_refused():
     beyond = dataclasses.replace(road().overtaking_side_neighbour, width=3.0)
     narrow = dataclasses.replace(road(), overtaking_side_neighbour=beyond)
     with pytest.raises(ConfigError, match="two equally wide lanes"):
-        parameters(scenario(pair(500.0), road=narrow))
+        step_parameters(scenario(pair(500.0), road=narrow))

@@ -28,7 +28,7 @@ from overtaking.sim import engine, policies, reference
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.sensor import Sensor
 from overtaking.sim.stepping import stepper
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .situations import difference
 from .test_driving import random_actions
@@ -47,7 +47,7 @@ def rural(numbers, seed: int = 7, **changes: object):
     ("kind", "is_true"), list(zip(ACTION_KINDS, cycle([False, True]), strict=False))
 )
 def test_both_engines_observe_the_same_bits(kind, is_true):
-    given = parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
+    given = step_parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
     pair_of = [
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
@@ -73,7 +73,7 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
 @pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     world = scenario(*SCENES, road=road(), horizon=9.0, num_slots=5)
-    given = parameters(world)
+    given = step_parameters(world)
     actions = random_actions(kind, (len(SCENES), 181))
     expected = reference.run(world, given, actions=actions)
     for level in LEVELS:
@@ -84,7 +84,7 @@ def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
 @pytest.mark.ci
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
     world = rural(np.arange(64))
-    expected = engine.run(world, parameters(world))
+    expected = engine.run(world, step_parameters(world))
     found = drive(world, HUMAN, engine.run)
     assert {Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE} <= set(np.unique(expected.stage))
     assert not difference(found.replace(actions=None), expected)
@@ -95,7 +95,7 @@ def test_it_leaves_the_same_trace_where_it_gives_up():
     gaps = np.arange(200.0, 1500.0, 25.0)
     scenes = [pair(gap, comes=75.0, gap_demand_factor=0.2) for gap in gaps]
     world = scenario(*scenes, road=road(), horizon=20.0)
-    expected = engine.run(world, parameters(world))
+    expected = engine.run(world, step_parameters(world))
     assert (expected.stage == Stage.ABORT).any()
     assert not difference(drive(world, HUMAN, engine.run).replace(actions=None), expected)
 
@@ -103,7 +103,7 @@ def test_it_leaves_the_same_trace_where_it_gives_up():
 @pytest.mark.ci
 def test_the_reference_lets_it_do_the_same():
     world = scenario(*SCENES, road=road(is_open=False), horizon=12.0, num_slots=5)
-    expected = engine.run(world, parameters(world)).trace_hash
+    expected = engine.run(world, step_parameters(world)).trace_hash
     found = drive(world, HUMAN, reference.run, "reference")
     np.testing.assert_array_equal(found.trace_hash, expected)
 
@@ -116,7 +116,7 @@ def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
         world = ScenarioSource(given, load_road("rural"), 7).sample(
             np.arange(first, first + 100, dtype=np.uint64)
         )
-        expected = engine.run(world, parameters(world)).trace_hash
+        expected = engine.run(world, step_parameters(world)).trace_hash
         same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
     assert same == 1000
 
@@ -201,7 +201,7 @@ def test_a_sensor_sees_those_who_come_within_its_range(repository):
 
 def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     world = scenario(pair(), road=road(), horizon=14.0)
-    given = parameters(world)
+    given = step_parameters(world)
     steps = stepper(given, "decision", is_true=True)
     table, runs, _ = steps.begin()
     moves = []

@@ -14,10 +14,10 @@ from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadMark
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
-from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
 
 if TYPE_CHECKING:
-    from overtaking.world.step_parameters import Parameters
+    from overtaking.world.step_parameters import StepParameters
 
 
 def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
@@ -36,12 +36,12 @@ def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
         assert goes[heeds].any() == (shift == -200.0)
 
 
-def with_ego(given: Parameters, **changed: float) -> Parameters:
+def with_ego(given: StepParameters, **changed: float) -> StepParameters:
     """Other parameters of the ego."""
-    vehicle = given.vehicle.copy()
+    vehicle = given.vehicle_table.copy()
     for name, value in changed.items():
         vehicle[VEHICLE_FIELDS.index(name), EGO_SLOT] = value
-    return dataclasses.replace(given, vehicle=vehicle)
+    return dataclasses.replace(given, vehicle_table=vehicle)
 
 
 def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
@@ -61,7 +61,9 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
 def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
     scenes = [pair(gap_demand_factor=asked) for asked in (0.4, 0.9, 1.6)]
     world = scenario(*scenes, road=road())
-    trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), EGO_SLOT]
+    trust = step_parameters(world).vehicle_table[
+        VEHICLE_FIELDS.index("assumed_sight_factor"), EGO_SLOT
+    ]
     expected = float(constant("model.oncoming.assumed_sight_factor")) / np.sqrt([0.4, 0.9, 1.6])
     np.testing.assert_allclose(trust, expected, rtol=1e-6)
 
@@ -70,9 +72,12 @@ def test_trust_decides_where_the_road_is_not_seen_and_nowhere_else():
     course = RoadCourse(sight=((0.0, 400.0),))
     for on, limited in ((dataclasses.replace(road(), course=course), True), (road(), False)):
         world = scenario(pair(600.0, gap_demand_factor=0.4), road=on, horizon=3.0)
-        given = parameters(world)
+        given = step_parameters(world)
         goes = [
-            (engine.run(world, with_ego(given, unseen_trust=trust)).stage == Stage.PULL_OUT).any()
+            (
+                engine.run(world, with_ego(given, assumed_sight_factor=trust)).stage
+                == Stage.PULL_OUT
+            ).any()
             for trust in (1.0, 4.0)
         ]
         assert goes == ([False, True] if limited else [False, False])

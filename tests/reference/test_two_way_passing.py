@@ -20,7 +20,7 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.model.trajectories import Lights, Stage
 from overtaking.sim import engine
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
 
 
 def test_the_ego_waits_for_who_comes_and_goes_behind_it():
@@ -83,13 +83,13 @@ def least_accepted(duration: float) -> tuple[float, float]:
         for gap in gaps
     ]
     world = scenario(*scenes, road=road(), horizon=15.0, index=[9] * len(gaps))
-    given = parameters(world)
+    given = step_parameters(world)
     run = engine.run(world, given)
     out = run.stage == Stage.PULL_OUT
     rows, frame = np.flatnonzero(out.any(axis=1)), out.argmax(axis=1)
     time, _, _ = meeting(run, rows, frame[rows])
-    of = dict(zip(VEHICLE_FIELDS, given.vehicle[:, 0, 0], strict=True))
-    return float(time.min()), float(of["passing_time_factor"] * (1.0 + of["spare"]))
+    of = dict(zip(VEHICLE_FIELDS, given.vehicle_table[:, 0, 0], strict=True))
+    return float(time.min()), float(of["passing_time_factor"] * (1.0 + of["time_reserve_share"]))
 
 
 def test_the_time_that_a_pass_needs_has_a_whole_change_of_lane_in_it():
@@ -106,7 +106,7 @@ def test_who_follows_a_truck_leaves_more_room_than_behind_a_car():
         scenes.append([Vehicle(s=1000.0, speed=18.0, driver={"desired_speed": 40.0}), leader])
     world = scenario(*scenes, road=road(), horizon=60.0)
     sure = EnabledEffects(delay=False, distance_error=False, looming=False)
-    run = engine.run(world, parameters(world, sure))
+    run = engine.run(world, step_parameters(world, sure))
     body = run.scenario.vehicles.length[:, :2].mean(axis=1)
     gap = 1e-3 * (run.states.s[:, 1, -1] - run.states.s[:, 0, -1]) - body
     kept = (

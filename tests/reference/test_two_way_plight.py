@@ -15,7 +15,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
@@ -99,7 +99,7 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
     world = ScenarioSource(load_specification("rural", pressed), load_road("rural"), 5).sample(
         np.arange(192, 448)
     )
-    run = engine.run(world, parameters(world))
+    run = engine.run(world, step_parameters(world))
     tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
     assert len(tried) > 20
     assert max(longest_beside(run, int(row)) for row in tried) < 2.0
@@ -121,7 +121,7 @@ def test_who_falls_back_touches_nobody_and_stays_on_the_road():
     numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
     slow = load_specification("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
     world = ScenarioSource(slow, load_road("rural"), 58).sample(np.array(numbers))
-    run = engine.run(world, parameters(world))
+    run = engine.run(world, step_parameters(world))
     assert (run.stage == Stage.ABORT).any(axis=1).all()
     assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()
     assert (run.stage != Stage.CRASHED).all()

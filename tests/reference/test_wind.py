@@ -14,7 +14,7 @@ from overtaking.sim import engine, reference
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 ACROSS = math.pi / 2.0
 KMH = 1.0 / 3.6
@@ -74,7 +74,7 @@ def test_a_head_wind_lifts_no_wheel_that_pulls_the_rider_back(simulator):
     rider = Vehicle(kind="B", speed=30.0, driver={"desired_speed": 40.0})
     against = {"wind": 100.0, "wind_direction": math.pi}
     given = scenario([rider], weather=against, horizon=1.0)
-    ran = simulator.run(given, parameters(given, EnabledEffects(gusts=False)))
+    ran = simulator.run(given, step_parameters(given, EnabledEffects(gusts=False)))
     body = body_of("B")
     # Newton's second law with the force of the pedals at zero or more.
     # A frame tells the acceleration of the step to it, and the speed was highest when that began.
@@ -134,13 +134,13 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     world = scenario(
         [Vehicle()], road=wide_road(), weather={"wind": 80.0, "wind_direction": ACROSS}
     )
-    given = parameters(world)
+    given = step_parameters(world)
     state = initial_state(given)
     state.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
-    q = given.of_simulations
+    q = given.simulations
     return (
         places,
-        environment.gust_bump(state, given, given.of_vehicles, q)[0].astype(np.float64),
+        environment.gust_bump(state, given, given.vehicles, q)[0].astype(np.float64),
         float(q.gust_length[0]),
     )
 
@@ -164,7 +164,7 @@ def test_gusts_have_the_shape_of_one_minus_cosine_and_come_every_600_m():
 def test_no_gusts_come_in_a_light_breeze():
     for percent, gusty in ((39.0, False), (41.0, True)):
         world = scenario([Vehicle()], weather={"wind": percent, "wind_direction": ACROSS})
-        gain = parameters(world).of_simulations.gust_gain
+        gain = step_parameters(world).simulations.gust_gain
         assert bool(gain[0] > 0.0) is gusty
 
 
@@ -175,9 +175,9 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     world = scenario(
         [car, lorry], road=wide_road(), weather={"wind": 60.0, "wind_direction": wind_direction}
     )
-    given = parameters(world, EnabledEffects(gusts=False))
+    given = step_parameters(world, EnabledEffects(gusts=False))
     state = initial_state(given)
-    fields = given.of_vehicles, given.of_simulations
+    fields = given.vehicles, given.simulations
     environment.wind(state, given, *fields)
     return float(state.wind_force[0, 0])
 

@@ -11,7 +11,7 @@ import numpy as np
 from overtaking.sim.reference import dynamics, environment, steering
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
@@ -46,7 +46,7 @@ class Bench:
         blows: Whether the wind does.
     """
 
-    given: Parameters
+    given: StepParameters
     state: State
     c: ModelConstants
     p: Fields
@@ -128,7 +128,7 @@ def bench(
         weather=sky,
         num_slots=1,
     )
-    given = parameters(world, EnabledEffects(gusts=False, wake=False))
+    given = step_parameters(world, EnabledEffects(gusts=False, wake=False))
     # Stability control has a test of its own.
     constants = given.constants.replace(step=step, stability_threshold=1e9)
     state = initial_state(given)
@@ -139,8 +139,8 @@ def bench(
         given=replace(given, constants=constants),
         state=state,
         c=constants,
-        p=given.of_vehicles,
-        q=given.of_simulations,
+        p=given.vehicles,
+        q=given.simulations,
         grips=friction is None,
         blows=sky is not None,
     )

@@ -201,7 +201,7 @@ def looped(step: float) -> np.ndarray:
             rows.append([getattr(state, name)[0].copy() for name in KEPT])
             blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
             steering.hold_against_wind(state, test.c.replace(decision=DECISION), test.p, k)
-        test.move(test.steer(np.full_like(test.q.side_accel, most)))
+        test.move(test.steer(np.full_like(test.q.max_lateral_accel, most)))
     return np.array(rows).transpose(2, 0, 1)
 
 

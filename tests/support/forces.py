@@ -11,7 +11,7 @@ from overtaking.world.step_parameters import VehicleParameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
-    from overtaking.world.step_parameters import Parameters
+    from overtaking.world.step_parameters import StepParameters
 
 SIGMAS = 6.0
 """Turbulence beyond so many standard deviations does not occur: 2e-9 of a normal distribution."""
@@ -28,7 +28,7 @@ class Bounds(NamedTuple):
     sideward: np.ndarray
 
 
-def bounds(ran: Trajectories, given: Parameters, driven: np.ndarray) -> Bounds:
+def bounds(ran: Trajectories, given: StepParameters, driven: np.ndarray) -> Bounds:
     """The bounds of a run, by Newton's second law for each vehicle.
 
     Along: tyre force - drag at the air speed - rolling resistance. The tyre force is at most the
@@ -41,12 +41,12 @@ def bounds(ran: Trajectories, given: Parameters, driven: np.ndarray) -> Bounds:
         given: What it was run with.
         driven: Where no vehicle is a wreck, (simulation, vehicle, time).
     """
-    p = VehicleParameters._make(given.vehicle.transpose(0, 2, 1)[..., None])
-    q = given.of_simulations
+    p = VehicleParameters._make(given.vehicle_table.transpose(0, 2, 1)[..., None])
+    q = given.simulations
     c = given.constants
     speed = ran.states.speed / 1000.0
     grip = c.gravity * road_surface.peak_friction(
-        c, np.float32(0.0), np.float32(0.0), p.wear, p.truck
+        c, np.float32(0.0), np.float32(0.0), p.tyre_wear, p.has_truck_tyres
     )
     aside = grip * np.sin(np.abs(ran.states.wheel_angle) / 1e4)
     strength = 1.0 + SIGMAS * c.turbulence_intensity + q.gust_gain
@@ -57,7 +57,7 @@ def bounds(ran: Trajectories, given: Parameters, driven: np.ndarray) -> Bounds:
     least = (p.drag * slow * np.abs(slow) + p.rolling) * p.inverse_mass
     engine = np.minimum(p.launch_force, p.power / np.maximum(speed - SPEED_ERROR, c.slip_speed))
     pushed = np.minimum(grip, engine * p.inverse_mass + aside)
-    braked = np.minimum(grip, p.brake_force * p.inverse_mass + aside)
+    braked = np.minimum(grip, p.max_brake_force * p.inverse_mass + aside)
     across = np.abs(q.wind_across) * strength
     air = np.maximum(np.abs(slow), np.abs(fast)) ** 2 + across[:, None, None] ** 2
     wind = np.where(p.two_wheeler > 0, 0.0, p.side_wind * air * p.inverse_mass)

@@ -11,7 +11,7 @@ from overtaking.sim.reference import perception
 from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
@@ -39,7 +39,7 @@ class Moment:
         decision: Number of the next decision.
     """
 
-    given: Parameters
+    given: StepParameters
     state: State
     p: Fields
     q: SimulationParameters
@@ -74,7 +74,7 @@ def moment(
 ) -> Moment:
     """Put vehicles on a road; the first of each list is the ego."""
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
-    given = parameters(world, effects)
-    state, p = initial_state(given), given.of_vehicles
+    given = step_parameters(world, effects)
+    state, p = initial_state(given), given.vehicles
     perception.draw_check(state, given, p, p.valid > 0, 0)
-    return Moment(given=given, state=state, p=p, q=given.of_simulations)
+    return Moment(given=given, state=state, p=p, q=given.simulations)

@@ -10,7 +10,7 @@ import numpy as np
 
 from overtaking.model.known_roads import known_road
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 from .worlds import Vehicle, body_of, scenario
 
@@ -45,7 +45,7 @@ def simulated(
     *scenes: list[Vehicle], horizon: float = 25.0, on: Road | None = None
 ) -> Trajectories:
     world = scenario(*scenes, road=on or road(), horizon=horizon)
-    return engine.run(world, parameters(world))
+    return engine.run(world, step_parameters(world))
 
 
 def with_another(*gaps: float, comes: float = 25.0, **driver: float) -> list[Vehicle]:

@@ -64,7 +64,7 @@ pub fn run<'a, S: Simd, const N: usize>(
         })
         .collect();
     let mut minds = Minds::new(simd);
-    let length = phase(tiles_per_phase(N), inputs.record_every);
+    let length = phase(tiles_per_phase(N), inputs.steps_per_frame);
     let mut step = 0;
     while !blocks.is_empty() {
         for block in &mut blocks {
@@ -77,8 +77,8 @@ pub fn run<'a, S: Simd, const N: usize>(
 }
 
 /// Steps between two pauses: whole tiles of frames, and whole decisions.
-fn phase(tiles: u32, record_every: u32) -> u32 {
-    let tiles = tiles * TILE as u32 * record_every;
+fn phase(tiles: u32, steps_per_frame: u32) -> u32 {
+    let tiles = tiles * TILE as u32 * steps_per_frame;
     if tiles.is_multiple_of(SUBSTEPS) {
         tiles
     } else {
@@ -178,8 +178,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                 let pairs = &mut self.pairs;
                 decide(state, world, minds, recorder, pairs, step, orders.as_ref());
             }
-            if step.is_multiple_of(inputs.record_every) {
-                let number = (step / inputs.record_every) as usize;
+            if step.is_multiple_of(inputs.steps_per_frame) {
+                let number = (step / inputs.steps_per_frame) as usize;
                 outlined!(simd, {
                     let active = splat(simd, step as f32).simd_le(state.end_step);
                     recorder.frame(state, world, active, number, tile);
@@ -209,9 +209,9 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             let number = later.index[simulation];
             self.world.index_low[lane] = number as u32;
             self.world.index_high[lane] = (number >> 32) as u32;
-            if let Some(judged) = later.judged {
-                self.state.distance_error[EGO][lane] = judged[simulation];
-                self.state.speed_error[EGO][lane] = judged[later.index.len() + simulation];
+            if let Some(errors) = later.judgement_errors {
+                self.state.distance_error[EGO][lane] = errors[simulation];
+                self.state.speed_error[EGO][lane] = errors[later.index.len() + simulation];
             }
             for (slot, (old, new)) in before.iter().zip(&self.world.p).enumerate() {
                 let ahead = new.start_s[lane] - old.start_s[lane];
@@ -253,7 +253,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     /// A step, and how many of 10 ms that is: frames at other times than decisions want a state at each.
     fn stride(&self, inputs: &Inputs<'_>) -> (Stride, u32) {
         let rates = &self.world.rates;
-        if inputs.record_every.is_multiple_of(SUBSTEPS) {
+        if inputs.steps_per_frame.is_multiple_of(SUBSTEPS) {
             (rates.coarse, SUBSTEPS)
         } else {
             (rates.fine, 1)
@@ -375,7 +375,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
 
 /// Whether the road of any simulation is a ring.
 fn has_ring<S: Simd>(q: &Simulation<S>) -> bool {
-    (0..LANES).any(|lane| q.ring[lane] != 0.0)
+    (0..LANES).any(|lane| q.ring_length[lane] != 0.0)
 }
 
 fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {

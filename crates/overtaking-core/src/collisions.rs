@@ -201,8 +201,8 @@ type Turn<S> = Option<V<S>>;
 fn turn_of<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, j: usize) -> Turn<S> {
     w.road
         .ways
-        .two_way
-        .then(|| w.p[i].direction * w.p[j].direction)
+        .has_oncoming_traffic
+        .then(|| w.p[i].travel_sign * w.p[j].travel_sign)
 }
 
 /// A position of the second vehicle of a pair in the frame of the first.

@@ -27,8 +27,8 @@ fn desired_speed<S: Simd, const N: usize>(
 ) -> V<S> {
     let p = &w.p[i];
     let mut desired = state.desired_speed(w, i);
-    if w.road.ways.two_way {
-        desired = choose(passed, desired * p.passed_factor, desired);
+    if w.road.ways.has_oncoming_traffic {
+        desired = choose(passed, desired * p.speed_factor_when_passed, desired);
         let passing = is_passing(state, i);
         if passing.any_true() {
             desired = choose(passing, speed_of_pass(state, w, i), desired);
@@ -36,7 +36,7 @@ fn desired_speed<S: Simd, const N: usize>(
     } else if i == EGO {
         desired = choose(is_passing(state, i), state.pass_speed(w, i), desired);
     }
-    if w.road.varies() {
+    if w.road.varies_along_road() {
         return min(desired, state.bend_speed[i]);
     }
     desired
@@ -55,7 +55,7 @@ fn time_gap<S: Simd, const N: usize>(
         let follows = state.stage[i].simd_eq(stage::FOLLOW);
         let about_to = state.signalled[i].simd_gt(0.0) & follows;
         let kept = choose(about_to, w.c.signalling_time_gap * own, own);
-        if w.road.ways.two_way {
+        if w.road.ways.has_oncoming_traffic {
             choose(follows, kept * room_left(w, near.slot[LEAD]), kept)
         } else {
             kept
@@ -94,8 +94,8 @@ pub fn behind_leader<S: Simd, const N: usize>(
         let wanted = choose(passing, wanted, eased);
         let eager = passing & wanted.simd_gt(0.0);
         let usual = splat(w.simd, w.c.accelerate_gain);
-        let gain = if w.road.ways.two_way {
-            let hurried = splat(w.simd, w.c.hurry_gain);
+        let gain = if w.road.ways.has_oncoming_traffic {
+            let hurried = splat(w.simd, w.c.urgent_accel_factor);
             choose(state.hurries[i].simd_gt(0.0), hurried, usual)
         } else {
             usual
@@ -139,10 +139,11 @@ fn behind_old_leader<S: Simd, const N: usize>(
     let overlaps =
         aside.simd_lt(p.half_width + pick!(n, slot, |j| w.p[j].half_width) + c.footprint_margin);
     let left = at_least(
-        c.clear_fraction * state.path_duration[i] - state.path_time[i],
+        c.lane_cleared_share * state.path_duration[i] - state.path_time[i],
         0.0,
     );
-    let needed = braking_to_clear(w, gap - p.min_gap, closing, left + c.clear_margin) - accel;
+    let needed =
+        braking_to_clear(w, gap - p.min_gap, closing, left + c.lane_clearance_time) - accel;
     let matters = changing & slot.simd_ge(0.0) & overlaps & needed.simd_gt(0.0);
     if !matters.any_true() {
         return free;
@@ -167,7 +168,7 @@ fn braking_to_clear<S: Simd, const N: usize>(
     closing: V<S>,
     time: V<S>,
 ) -> V<S> {
-    let room = at_least(room, w.c.smallest_gap);
+    let room = at_least(room, w.c.min_effective_gap);
     let way = closing * time;
     choose(
         way.simd_lt(2.0 * room),
@@ -201,7 +202,7 @@ pub fn press<S: Simd, const N: usize>(
     wanted: V<S>,
 ) {
     let c = w.c;
-    let wanted = max(wanted, -(w.p[i].brake_force * w.p[i].inverse_mass));
+    let wanted = max(wanted, -(w.p[i].max_brake_force * w.p[i].inverse_mass));
     let up = choose(
         state.accel[i].simd_lt(0.0),
         splat(w.simd, c.jerk_release),

@@ -233,7 +233,7 @@ fn press<S: Simd, const N: usize>(
     let air = speed - state.tail_wind[i];
     let resistance = p.drag * air * air.abs() + p.rolling;
     let engine = min(p.launch_force, p.power / at_least(speed, c.slip_speed));
-    let force = controls.throttle[i] * engine - controls.brake[i] * p.brake_force - resistance;
+    let force = controls.throttle[i] * engine - controls.brake[i] * p.max_brake_force - resistance;
     state.accel[i] = force * p.inverse_mass;
 }
 

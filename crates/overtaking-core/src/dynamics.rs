@@ -74,7 +74,7 @@ fn drive_force<S: Simd, const N: usize>(
         0.0,
         1.0,
     );
-    max(min(wanted, engine * throttle), -p.brake_force)
+    max(min(wanted, engine * throttle), -p.max_brake_force)
 }
 
 /// Forces of one axle under a load that is asked for a longitudinal force.

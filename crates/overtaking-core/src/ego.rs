@@ -27,7 +27,7 @@ pub fn decide<S: Simd, const N: usize>(
     orders: Option<&Orders<S>>,
 ) {
     let (near, believed) = (mind.near, mind.believed);
-    let two_way = w.road.ways.two_way;
+    let two_way = w.road.ways.has_oncoming_traffic;
     // Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
     let plight = if two_way {
         Some(face(state, w, &mind, EGO))
@@ -228,16 +228,20 @@ fn act<S: Simd, const N: usize>(
     let (c, zero) = (w.c, splat(w.simd, 0.0));
     let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
     put(&mut state.target[i], intent.go_out, mind.near.slot[LEAD]);
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         let beside = goes_on(state, w, i, mind);
         put(&mut state.target[i], beside, mind.near.slot[SLOW_LEAD]);
     }
     let broken_off = intent.abort | intent.remain;
     let sides = (faster, slower, broken_off);
-    let hasty = if w.road.ways.two_way {
+    let hasty = if w.road.ways.has_oncoming_traffic {
         let hurried = state.hurries[i].simd_gt(0.0) | state.yields[i].simd_gt(0.0);
-        let turned = c.turning_way / at_least(state.vx[i], c.slip_speed);
-        Some(choose(hurried, max(w.q.hasty_change, turned), zero))
+        let turned = c.min_change_distance / at_least(state.vx[i], c.slip_speed);
+        Some(choose(
+            hurried,
+            max(w.q.urgent_change_duration, turned),
+            zero,
+        ))
     } else {
         None
     };

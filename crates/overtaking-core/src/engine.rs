@@ -38,17 +38,17 @@ pub struct Inputs<'a> {
     /// Film factor of each lane, padded.
     pub film_path: [f32; 8],
     /// Driving side.
-    pub side: f32,
+    pub overtaking_sign: f32,
     /// x, y, heading of the road, cosine and sine.
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
     /// Rows of `Road::course`, one after the other.
-    pub course: &'a [f32],
+    pub course_table: &'a [f32],
     /// Key of the random numbers.
     pub seed: u64,
     /// Steps between recorded frames.
-    pub record_every: u32,
+    pub steps_per_frame: u32,
     /// What another driver did with the ego.
     pub script: Option<Script<'a>>,
 }
@@ -65,7 +65,7 @@ pub struct Later<'a> {
     /// Simulation numbers from then on: what is drawn at later decisions.
     pub index: &'a [u64],
     /// The ego's errors of distance and of speed at the step, (2, simulation); `None` leaves them as they are.
-    pub judged: Option<&'a [f32]>,
+    pub judgement_errors: Option<&'a [f32]>,
     /// The step.
     pub switch: u32,
 }
@@ -176,7 +176,7 @@ pub(crate) fn alike_together(inputs: &Inputs<'_>) -> Vec<usize> {
             .filter(|slot| valid[slot * batch + simulation] > 0.0)
             .count()
     };
-    let weather = ["puddle_film", "film_rain", "gust_gain"].map(|name| {
+    let weather = ["puddle_film", "film_rain_factor", "gust_gain"].map(|name| {
         let row = SIMULATION_NAMES.iter().position(|known| *known == name);
         row.map_or(&[][..], |row| &inputs.simulation[row * batch..][..batch])
     });

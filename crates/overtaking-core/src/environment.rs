@@ -63,8 +63,8 @@ pub fn move_random_processes<S: Simd, const N: usize>(
 /// A number along or across the road, in the direction of vehicle `i`.
 #[inline(always)]
 fn facing<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, value: V<S>) -> V<S> {
-    if w.road.ways.two_way {
-        w.p[i].direction * value
+    if w.road.ways.has_oncoming_traffic {
+        w.p[i].travel_sign * value
     } else {
         value
     }
@@ -87,7 +87,10 @@ pub fn lane_value<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
 /// Film on a lane outside puddles [mm].
 #[inline(always)]
 pub fn lane_film<S: Simd, const N: usize>(w: &World<'_, S, N>, path: V<S>) -> V<S> {
-    max(w.q.least_film, w.q.film_rain * path - w.q.texture)
+    max(
+        w.q.min_wet_film,
+        w.q.film_rain_factor * path - w.q.texture_depth,
+    )
 }
 
 #[inline(always)]
@@ -102,7 +105,7 @@ fn puddle<S: Simd, const N: usize>(w: &World<'_, S, N>, s: V<S>, path: V<S>) -> 
     let wave = triangle_wave(s * c.inverse_puddle_wave_1 + q.puddle_phase_1 + GOLDEN * path);
     let wave =
         wave + triangle_wave(s * c.inverse_puddle_wave_2 + q.puddle_phase_2 + GOLDEN_SQUARE * path);
-    clamp_to((q.puddle_reach - wave) * c.puddle_slope, 0.0, 1.0)
+    clamp_to((q.puddle_threshold - wave) * c.puddle_slope, 0.0, 1.0)
 }
 
 #[inline(always)]
@@ -148,9 +151,9 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
 #[inline(always)]
 pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
     let (c, p, ways) = (w.c, &w.p[i], &w.road.ways);
-    let [curvature, slope, ways_of @ ..] = w.road.course;
-    let turned = p.direction.simd_lt(0.0);
-    let offset = choose(turned, state.d[i] - ways.across, state.d[i]);
+    let table = &w.road.course_table;
+    let turned = p.travel_sign.simd_lt(0.0);
+    let offset = choose(turned, state.d[i] - ways.edge_sum, state.d[i]);
     let soon = 0.5 * c.decision;
     let late = choose(
         p.two_wheeler.simd_gt(0.0),
@@ -159,25 +162,33 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
     );
     let (s, v) = (state.s[i], state.vx[i]);
     let (here, there) = (s + soon * v, s + (soon + late) * v);
-    let last = (slope.len() - 1) as f32;
+    let last = (table.curvature.len() - 1) as f32;
     let station = |s: V<S>| {
-        let way = choose(turned, ways.far_end - s, s) * c.per_station;
+        let way = choose(turned, ways.length - s, s) * c.per_station;
         clamp_to(way, 0.0, last)
     };
     let (here, there, now) = (station(here), station(there), station(s));
-    let way_of = |row: usize, lane: usize| ways_of[row + usize::from(p.direction[lane] < 0.0)];
+    let is_oncoming = |lane: usize| usize::from(p.travel_sign[lane] < 0.0);
+    let radii = [table.radius_along, table.radius_against];
+    let sights = [
+        table.sight_along,
+        table.sight_against,
+        table.truck_sight_along,
+        table.truck_sight_against,
+    ];
+    let allowed_speeds = [table.allowed_speed_along, table.allowed_speed_against];
     let stretch = |bend: V<S>| 1.0 / at_least(1.0 - bend * offset, LEAST_SHARE);
-    let bend = p.direction * between(here, last, |_| curvature);
-    let ahead = p.direction * between(there, last, |_| curvature);
+    let bend = p.travel_sign * between(here, last, |_| table.curvature);
+    let ahead = p.travel_sign * between(there, last, |_| table.curvature);
     state.stretch[i] = stretch(bend);
     state.curve[i] = bend * state.stretch[i];
     state.curve_ahead[i] = ahead * stretch(ahead);
-    state.slope[i] = p.direction * between(here, last, |_| slope);
-    let radius = between(now, last, |lane| way_of(0, lane));
-    state.bend_speed[i] = (at_most(w.q.side_accel, c.bend_accel) * radius).sqrt();
-    let sight = |lane: usize| if p.truck[lane] > 0.0 { 4 } else { 2 };
-    state.shown[i] = between(now, last, |lane| way_of(sight(lane), lane));
-    let allowed = |place: V<S>| between(place, last, |lane| way_of(6, lane));
+    state.slope[i] = p.travel_sign * between(here, last, |_| table.sine_of_slope);
+    let radius = between(now, last, |lane| radii[is_oncoming(lane)]);
+    state.bend_speed[i] = (at_most(w.q.max_lateral_accel, c.bend_accel) * radius).sqrt();
+    let sight = |lane: usize| 2 * usize::from(p.has_truck_tyres[lane] > 0.0) + is_oncoming(lane);
+    state.shown[i] = between(now, last, |lane| sights[sight(lane)]);
+    let allowed = |place: V<S>| between(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
     let wanted = |limit: V<S>| min(adapted_speed(w, i, limit), p.desired_speed);
     state.allowed_speed[i] = allowed(now);
     let wish = wanted(state.allowed_speed[i]);
@@ -185,7 +196,7 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
     let change = (soon - wish) / c.decision;
     let eased = max(change + (wish - v) * c.per_approach, -p.decel);
     state.most_accel[i] = choose(change.simd_lt(0.0), eased, splat(w.simd, ANY_ACCEL));
-    state.wanted_pass_speed[i] = min(wish * c.pass_speed_factor, p.pass_speed);
+    state.wanted_pass_speed[i] = min(wish * c.passing_speed_factor, p.passing_speed);
     state.wanted_speed[i] = wish;
 }
 
@@ -227,9 +238,9 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             );
         }
         let water = lane_film(w, lane_value(&road.film_path[..n], lane));
-        let columns = speed_columns(w.c, state.vx[i], p.wear, p.truck);
+        let columns = speed_columns(w.c, state.vx[i], p.tyre_wear, p.has_truck_tyres);
         if !has_puddles {
-            let friction = min(at_film(w.c, &columns, water), p.most_friction);
+            let friction = min(at_film(w.c, &columns, water), p.max_friction);
             (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
             continue;
         }
@@ -243,7 +254,7 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             let depth = puddle(w, s, wheel_path);
             *friction = min(
                 at_film(w.c, &columns, water + w.q.puddle_film * depth),
-                p.most_friction,
+                p.max_friction,
             );
         }
     }
@@ -268,7 +279,7 @@ fn shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
         let aside = state.d[i] - d;
         let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
         let upwind = (aside * wind).simd_gt(0.0);
-        let beside = other.shelters.simd_gt(0.0)
+        let beside = other.shelters_wind.simd_gt(0.0)
             & other.valid.simd_gt(0.0)
             & upwind
             & aside.abs().simd_lt(reach);
@@ -310,7 +321,7 @@ pub fn push<S: Simd, const N: usize>(
 ) {
     let q = &w.q;
     let cell = decision as f32 * q.push_rate + q.push_phase;
-    let pushed = q.push_accel.simd_ne(0.0) & (cell - floor(cell)).simd_lt(q.push_share);
+    let pushed = q.push_accel.simd_ne(0.0) & (cell - floor(cell)).simd_lt(q.push_duty_cycle);
     for i in 0..w.count {
         let force = state.wind_force[i] + facing(w, i, q.push_accel) * w.p[i].mass;
         state.wind_force[i] = choose(pushed, force, state.wind_force[i]);
@@ -329,7 +340,7 @@ pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             strength += q.gust_gain * gust_bump(state, w, i);
         }
         let strength = at_least(strength, 0.0);
-        let open = if w.road.ways.two_way {
+        let open = if w.road.ways.has_oncoming_traffic {
             shelter::<S, N, true>(state, w, i)
         } else {
             shelter::<S, N, false>(state, w, i)

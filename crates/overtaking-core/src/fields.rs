@@ -40,13 +40,13 @@ macro_rules! number_fields {
         #[derive(Clone, Copy, Debug, Default)]
         pub struct $name {
             $(pub(crate) $field: f32,)*
-            /// Peak friction of a new tyre at (speed, film) knots.
+            /// Peak friction of a new tyre at (speed, film) station_indices.
             pub friction_new: [[f32; 4]; 3],
             /// The same of a worn one.
             pub friction_worn: [[f32; 4]; 3],
-            /// Speed knots [m/s].
+            /// Speed station_indices [m/s].
             pub friction_speeds: [f32; 3],
-            /// Film knots [mm].
+            /// Film station_indices [mm].
             pub friction_films: [f32; 4],
         }
 

@@ -18,7 +18,7 @@ const LEAST_RATIO: f32 = 1e-6;
 
 #[inline(always)]
 fn wanted_gap<S: Simd>(p: &Vehicle<S>, speed: V<S>, closing: V<S>, time_gap: V<S>) -> V<S> {
-    let dynamic = speed * time_gap + speed * closing * p.interaction;
+    let dynamic = speed * time_gap + speed * closing * p.idm_interaction;
     p.min_gap + at_least(dynamic, 0.0)
 }
 
@@ -45,8 +45,12 @@ pub fn follow<S: Simd>(
             if !brakes.any_true() {
                 return cool;
             }
-            let room = c.heed_until - gap / at_least(speed, c.slip_speed);
-            let heed = clamp_to(room / (c.heed_until - c.heed_wholly), 0.0, 1.0);
+            let room = c.stop_lamp_max_time_gap - gap / at_least(speed, c.slip_speed);
+            let heed = clamp_to(
+                room / (c.stop_lamp_max_time_gap - c.stop_lamp_full_time_gap),
+                0.0,
+                1.0,
+            );
             choose(brakes, min(cool, heed * needed), cool)
         },
     )
@@ -61,7 +65,7 @@ pub fn needed_braking<S: Simd>(
     closing: V<S>,
     leader_accel: V<S>,
 ) -> V<S> {
-    let room = 2.0 * at_least(gap, c.smallest_gap);
+    let room = 2.0 * at_least(gap, c.min_effective_gap);
     let leader_speed = at_least(speed - closing, 0.0);
     let approach = at_least(closing, 0.0);
     let moving = leader_accel - (approach * approach) / room;
@@ -98,7 +102,7 @@ fn iidm<S: Simd>(
     time_gap: V<S>,
 ) -> V<S> {
     let one = splat(speed.simd, 1.0);
-    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
+    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.min_effective_gap);
     let ratio = speed / desired;
     let square = ratio * ratio;
     let free_below = p.accel * (one - square * square);
@@ -126,6 +130,6 @@ pub fn forced_braking<S: Simd>(
     closing: V<S>,
     time_gap: V<S>,
 ) -> V<S> {
-    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.smallest_gap);
+    let z = wanted_gap(p, speed, closing, time_gap) / at_least(gap, c.min_effective_gap);
     at_most(p.accel * (1.0 - z * z), 0.0)
 }

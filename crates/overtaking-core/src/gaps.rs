@@ -73,7 +73,7 @@ fn look<'a, S: Simd, const N: usize>(
         told = is_told(w);
         let faster = faster(state, w, near);
         ordered = told & believed.detected[LEAD] & faster.simd_gt(own.min_speed_gain);
-        command = w.q.command;
+        command = w.q.forced_decision;
     }
     let bounded = own.safe_decel / at_least(demand, LEAST_DEMAND);
     View {
@@ -85,9 +85,12 @@ fn look<'a, S: Simd, const N: usize>(
         detected: &believed.detected,
         leader_speed: state.vx[i] - believed.closing[LEAD],
         demand,
-        imposes: min(at_most(bounded, w.c.most_imposed), own.hardest_decel),
+        imposes: min(
+            at_most(bounded, w.c.max_imposed_decel),
+            own.max_assumed_decel,
+        ),
         impatience,
-        room_left: if w.road.ways.two_way {
+        room_left: if w.road.ways.has_oncoming_traffic {
             room_left(w, near.slot[LEAD])
         } else {
             splat(w.simd, 1.0)
@@ -156,9 +159,9 @@ fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>
     let (later, faster) = soon(w, gap, closing);
     let now = their_braking(w, view, gap, closing);
     let rear = min(now, their_braking(w, view, later, faster)).simd_ge(-view.imposes);
-    let rear = rear & gap.simd_gt(c.smallest_rear_gap * view.demand);
+    let rear = rear & gap.simd_gt(c.min_rear_gap * view.demand);
     // The lane of oncoming traffic is free while the driver sees no other vehicle overtake there.
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         return rear & !view.detected[FAST_LEAD];
     }
     let gain = ((view.speed - view.closing[FAST_LEAD]) - view.leader_speed)
@@ -185,8 +188,8 @@ fn may_return<S: Simd, const N: usize>(
     let front = own_braking(w, view, room, ahead).simd_ge(-own.decel);
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
     // On a two-way road one returns even if one will soon catch up with the next vehicle.
-    if w.road.ways.two_way {
-        return rear & front & view.gap[SLOW_LEAD].simd_gt(w.c.squeeze_gap);
+    if w.road.ways.has_oncoming_traffic {
+        return rear & front & view.gap[SLOW_LEAD].simd_gt(w.c.min_return_gap);
     }
     rear & front & worth
 }
@@ -201,21 +204,21 @@ fn must_abort<S: Simd, const N: usize>(
     let (c, own) = (w.c, view.own);
     let imposed = their_braking(w, view, view.gap[REAR], view.closing[REAR]);
     let braking = own_braking(w, view, view.gap[LEAD], view.closing[LEAD]);
-    let bad = imposed.simd_lt(-(c.abort_imposed * view.imposes))
+    let bad = imposed.simd_lt(-(c.abort_imposed_factor * view.imposes))
         | braking.simd_lt(-(c.abort_factor * own.decel));
     let steady = splat(w.simd, 0.0);
     let back = needed_braking(c, view.speed, view.gap[lead], view.closing[lead], steady);
-    bad & back.simd_ge(-own.hardest_decel) & view.gap[rear].simd_gt(c.smallest_rear_gap)
+    bad & back.simd_ge(-own.max_assumed_decel) & view.gap[rear].simd_gt(c.min_rear_gap)
 }
 
 /// Whether the lane beside has room enough for a driver in a hurry when the line is crossed.
 #[inline(always)]
 fn may_squeeze<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let (c, closing) = (w.c, view.closing[SLOW_LEAD]);
-    let crossing = 0.5 * w.q.hasty_change;
+    let crossing = 0.5 * w.q.urgent_change_duration;
     let front = view.gap[SLOW_LEAD] - crossing * closing;
     let rear = view.gap[SLOW_REAR] - crossing * at_least(view.closing[SLOW_REAR], 0.0);
-    let squeezed = min(rear, front).simd_gt(c.squeeze_gap);
+    let squeezed = min(rear, front).simd_gt(c.min_return_gap);
     // It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
     let steady = splat(w.simd, 0.0);
     let ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, steady);
@@ -280,7 +283,7 @@ pub fn intend<S: Simd, const N: usize>(
     let mut remain = can_remain(state, w, i) & danger;
     let mut back_now = ready;
     if let Some(plight) = plight {
-        let behind = view.gap[SLOW_REAR].simd_gt(c.smallest_rear_gap);
+        let behind = view.gap[SLOW_REAR].simd_gt(c.min_rear_gap);
         let falls_in = plight.yields & plight.fits & behind;
         back_now = (back_now | plight.hurries) & !falls_in;
         abort |= falls_in;

@@ -28,16 +28,20 @@ pub fn give_way<S: Simd, const N: usize>(
     let out = is_out(state, i);
     let meets = met.faces & state.crashed[i].simd_eq(0.0) & !out;
     let time = met.faced_in;
-    let lifts = meets & time.simd_lt(c.head_on_flash);
-    let brakes = meets & time.simd_lt(c.head_on_time);
+    let lifts = meets & time.simd_lt(c.oncoming_flash_time);
+    let brakes = meets & time.simd_lt(c.oncoming_brake_time);
     state.flashes[i] = choose(lifts, splat(1.0), splat(0.0));
     let halved = 2.0 * at_least(time, SHORTEST);
-    let braking = clamp_to(state.vx[i] / halved, c.head_on_least, c.head_on_most);
+    let braking = clamp_to(
+        state.vx[i] / halved,
+        c.oncoming_min_decel,
+        c.oncoming_max_decel,
+    );
     move_aside(state, w, i, brakes, met.passed, out);
     choose(
         brakes,
         -braking,
-        choose(lifts, splat(-c.head_on_lift), splat(FAR)),
+        choose(lifts, splat(-c.oncoming_lift_decel), splat(FAR)),
     )
 }
 
@@ -54,8 +58,8 @@ fn move_aside<S: Simd, const N: usize>(
 ) {
     let (c, p) = (w.c, &w.p[i]);
     let splat = |value: f32| splat(w.simd, value);
-    let room = choose(passed, p.makes_room, splat(0.0));
-    let wanted = choose(brakes, splat(c.aside_way), room);
+    let room = choose(passed, p.edge_shift_when_passed, splat(0.0));
+    let wanted = choose(brakes, splat(c.edge_shift), room);
     let arrived = state.path_time[i].simd_ge(state.path_duration[i]);
     let moved = wanted.simd_gt(state.aside[i]) | (arrived & wanted.simd_lt(state.aside[i]));
     let moved = moved & state.crashed[i].simd_eq(0.0) & p.valid.simd_gt(0.0) & !out;
@@ -63,8 +67,8 @@ fn move_aside<S: Simd, const N: usize>(
         let (low, high) = lane_borders(w, state.lane[i], 0.0);
         let duration = choose(
             brakes,
-            splat(c.aside_duration),
-            splat(2.0 * c.aside_duration),
+            splat(c.edge_shift_duration),
+            splat(2.0 * c.edge_shift_duration),
         );
         begin_path(state, i, moved, 0.5 * (low + high) - wanted, duration);
         put(&mut state.aside[i], moved, wanted);

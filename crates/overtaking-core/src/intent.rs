@@ -47,7 +47,7 @@ pub fn has_passed<S: Simd, const N: usize>(
     let target = state.target[i];
     let target_s = pick!(w.count, target, |j| state.s[j]);
     let bodies = w.p[i].half_length + pick!(w.count, target, |j| w.p[j].half_length);
-    (state.s[i] - target_s).simd_gt(bodies + w.c.clear_ahead)
+    (state.s[i] - target_s).simd_gt(bodies + w.c.return_clearance)
 }
 
 /// Whether the target of driver `i` is ahead.

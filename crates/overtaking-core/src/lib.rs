@@ -54,7 +54,7 @@ pub use engine::{Inputs, Later, available_levels, current_level, simulate, suppo
 pub use lanes::LANES;
 pub use names::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use output::{MAX_PERCEPTS, Output};
-pub use world::{MAX_KNOTS, Ways};
+pub use world::{MAX_STATIONS, Ways};
 
 /// Vehicle slots that the engine is compiled for.
 pub const SLOTS: [usize; 3] = [8, 16, 32];

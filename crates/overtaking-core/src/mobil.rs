@@ -80,8 +80,8 @@ fn incentives<S: Simd, const N: usize>(
         relieved_gap,
         closing[REAR] + closing[LEAD],
     );
-    let to_fast = fast - here + p.politeness * (after - before) - p.bias;
-    let to_slow = there - own + p.politeness * (relieved - now) + p.bias;
+    let to_fast = fast - here + p.politeness * (after - before) - p.keep_right_bias;
+    let to_slow = there - own + p.politeness * (relieved - now) + p.keep_right_bias;
     (to_fast, to_slow)
 }
 
@@ -102,7 +102,7 @@ fn is_safe<S: Simd, const N: usize>(
         imposed(w, i, v, later, faster),
     );
     let own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap);
-    let room = gap[rear].simd_gt(c.smallest_rear_gap) & gap[front].simd_gt(c.smallest_rear_gap);
+    let room = gap[rear].simd_gt(c.min_rear_gap) & gap[front].simd_gt(c.min_rear_gap);
     room & braking.simd_ge(-p.safe_decel) & own.simd_ge(-p.safe_decel)
 }
 
@@ -145,11 +145,11 @@ pub fn change_lanes<S: Simd, const N: usize>(
     let exists_slow = state.lane[i].simd_ge(1.0);
     let fast = ready
         & exists_fast
-        & to_fast.simd_gt(p.threshold)
+        & to_fast.simd_gt(p.lane_change_threshold)
         & is_safe(state, w, i, believed, FAST_LEAD, FAST_REAR);
     let slow = ready
         & exists_slow
-        & to_slow.simd_gt(p.threshold)
+        & to_slow.simd_gt(p.lane_change_threshold)
         & is_safe(state, w, i, believed, SLOW_LEAD, SLOW_REAR)
         & believed.gap[SLOW_LEAD].simd_gt(c.free_ahead_time * v)
         & !fast;
@@ -225,8 +225,8 @@ fn retreats<S: Simd, const N: usize>(
     let (to_fast, whole) = change_of(state, w, i);
     let old =
         |values: &[V<S>; 6], slow: usize, fast: usize| choose(to_fast, values[slow], values[fast]);
-    let bad_rear =
-        imposed(w, i, v, gap[REAR], closing[REAR]).simd_lt(-(c.abort_imposed * p.safe_decel));
+    let bad_rear = imposed(w, i, v, gap[REAR], closing[REAR])
+        .simd_lt(-(c.abort_imposed_factor * p.safe_decel));
     let own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap);
     let bad_front = own.simd_lt(-(c.abort_factor * p.decel));
     let (ahead, nearing) = (
@@ -234,8 +234,8 @@ fn retreats<S: Simd, const N: usize>(
         old(closing, SLOW_LEAD, FAST_LEAD),
     );
     let back = needed_braking(c, v, ahead, nearing, splat(w.simd, 0.0));
-    let room = back.simd_ge(-p.hardest_decel)
-        & old(gap, SLOW_REAR, FAST_REAR).simd_gt(c.smallest_rear_gap);
+    let room =
+        back.simd_ge(-p.max_assumed_decel) & old(gap, SLOW_REAR, FAST_REAR).simd_gt(c.min_rear_gap);
     ((bad_rear | bad_front) & room & early & whole, to_fast)
 }
 
@@ -284,11 +284,11 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     let c = w.c;
     let left = believed.gap[LEAD] / at_least(believed.closing[LEAD], SLOWEST);
     let hurried = at_least(
-        (left - c.clear_margin) / c.clear_fraction,
-        c.quickest_change,
+        (left - c.lane_clearance_time) / c.lane_cleared_share,
+        c.min_lane_change_duration,
     );
     let usual = min(p.lane_change_duration, hurried);
-    let duration = choose(back, c.retreat_share * p.lane_change_duration, usual);
+    let duration = choose(back, c.abort_duration_share * p.lane_change_duration, usual);
     let duration = hasty.map_or(duration, |hasty| {
         choose(hasty.simd_gt(0.0), hasty, duration)
     });

@@ -117,7 +117,7 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
     if !w.is_ring {
         return distance;
     }
-    distance - w.q.ring * (distance * w.q.inverse_ring).round_ties_even()
+    distance - w.q.ring_length * (distance * w.q.inverse_ring_length).round_ties_even()
 }
 
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
@@ -180,7 +180,7 @@ fn nearest_in<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool
         let shows = other.shows & state.lane[j].simd_eq(lane);
         let mut inside = other.valid & (overlaps | shows);
         if TWO_WAY {
-            inside &= w.p[j].direction.simd_eq(w.p[i].direction);
+            inside &= w.p[j].travel_sign.simd_eq(w.p[i].travel_sign);
         }
         let is_ahead = way.simd_ge(0.0);
         let front = inside & is_ahead & way.simd_lt(ahead.1);

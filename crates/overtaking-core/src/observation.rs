@@ -103,7 +103,7 @@ pub fn observe<S: Simd, const N: usize>(
     }
     let (near, first) = (mind.near, &mind.met.coming);
     let mut vehicles = [Oncoming::nobody(w.simd); 2];
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         vehicles = [*first, look_beyond(state, w, near, first, decision)];
         passing_columns(state, w, mind).write(passing);
     }
@@ -230,7 +230,7 @@ fn oncoming_columns<S: Simd, const N: usize>(
         state.d[j],
         state.indicator[j],
         w.p[j].half_length,
-        w.p[j].truck,
+        w.p[j].has_truck_tyres,
         w.p[j].two_wheeler
     ]);
     let ego_speed = state.road_velocity(EGO).0;
@@ -254,7 +254,7 @@ fn oncoming_columns<S: Simd, const N: usize>(
         gap: choose(is_detected, gap, splat(w.simd, w.c.unseen_gap)),
         closing_speed: if_detected(closing_speed),
         accel: if_detected(accel),
-        lateral_distance: if_detected((w.road.ways.across - d) - state.d[EGO]),
+        lateral_distance: if_detected((w.road.ways.edge_sum - d) - state.d[EGO]),
         indicator: if_detected(-indicator),
         stop_lamp: zero,
         length: if_detected(2.0 * half_length),
@@ -285,7 +285,7 @@ fn passing_columns<S: Simd, const N: usize>(
         expected_closing_speed: usual_closing(state, w, EGO),
         gap_ahead_of_leader: at_most(room_ahead(state, w, EGO, leader), w.c.unseen_gap),
         tall_vehicle_gap_factor: room_left(w, overtaken),
-        line_is_solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
+        line_is_solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_lookahead))),
         return_urgency: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
         abort_state: 0.5 * flag(plight.yields) + 0.5 * flag(plight.yields & plight.fits),
         can_abort_pass: flag(can_fall_in(state, w)),
@@ -312,7 +312,7 @@ fn neighbour_columns<S: Simd, const N: usize>(
         state.indicator[j],
         state.accel[j],
         state.crashed[j],
-        w.p[j].truck,
+        w.p[j].has_truck_tyres,
         w.p[j].two_wheeler
     ]);
     let brakes = requested_accel.simd_lt(-w.c.stop_lamp_decel) | crashed.simd_gt(0.0);

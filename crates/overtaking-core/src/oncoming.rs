@@ -9,7 +9,7 @@ use crate::neighbours::{Body, Neighbours};
 use crate::perception::{LEAST_REACH, optical_depth, recall, sense, strain};
 use crate::state::{EGO, LEAD, NOBODY, State, UNKNOWN};
 use crate::traffic::Traffic;
-use crate::world::{MAX_KNOTS, World, knots};
+use crate::world::{MAX_STATIONS, World, station_indices};
 
 const FAR: f32 = 1e9;
 /// Keeps the time until vehicles meet finite [m/s].
@@ -151,7 +151,7 @@ fn remember<S: Simd, const N: usize>(
     let time = state.oncoming_time[i][lanes] + w.c.decision;
     let longer = choose(seen.simd_eq(before), time, splat(w.simd, 0.0));
     let first = before.simd_eq(UNKNOWN);
-    state.oncoming_time[i][lanes] = choose(first, splat(w.simd, w.c.seen_before), longer);
+    state.oncoming_time[i][lanes] = choose(first, splat(w.simd, w.c.initial_time_in_view), longer);
     state.oncoming_id[i][lanes] = seen;
 }
 
@@ -192,7 +192,7 @@ fn look_at<S: Simd, const N: usize>(
 ) -> Glimpse<S> {
     let [half, contrast, lamp] = pick_each!(w.count, slot, |j| [
         w.p[j].half_length,
-        w.p[j].contrast,
+        w.p[j].log_contrast,
         w.p[j].inverse_head_lamp
     ]);
     let reach = half + w.p[i].half_length;
@@ -216,7 +216,7 @@ pub fn usual_closing<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     i: usize,
 ) -> V<S> {
-    state.road_velocity(i).0 + w.q.usual_speed
+    state.road_velocity(i).0 + w.q.expected_oncoming_speed
 }
 
 /// What driver `i` believes of an oncomer that it sees, and is `sure` of.
@@ -234,24 +234,24 @@ fn judged<S: Simd, const N: usize>(
 ) -> Oncoming<S> {
     let (c, q, p) = (w.c, &w.q, &w.p[i]);
     let [width, two_wheeler, their_vx] = pick_each!(w.count, slot, |j| [
-        w.p[j].loom_width,
+        w.p[j].looming_width,
         w.p[j].two_wheeler,
         state.vx[j]
     ]);
     let detected = view.visible & sure;
     let (own_speed, _) = state.road_velocity(i);
     let urgent = view.gap.simd_lt(c.urgent_time * (own_speed + their_vx));
-    let ticks = choose(urgent, p.urgent_ticks, p.reaction_ticks);
+    let ticks = choose(urgent, p.urgent_reaction_delay, p.reaction_delay);
     let at = splat(w.simd, decision as f32);
     let then = at_least(at - ticks, 0.0);
     let (place, speed) = recall(state, w.simd, then, slot);
     let place = place + speed * ((at - then) * c.decision);
-    let gap = (w.road.ways.far_end - place) - state.s[i] - view.reach;
+    let gap = (w.road.ways.length - place) - state.s[i] - view.reach;
     let closing = own_speed + speed;
     let (_, clear, share, sensed) = sense(state, w, i, gap, closing, width);
     let small = choose(
         two_wheeler.simd_gt(0.0),
-        splat(w.simd, c.small_oncomer),
+        splat(w.simd, c.two_wheeler_distance_factor),
         splat(w.simd, 1.0),
     );
     let judged = exp(q.oncoming_error * state.distance_error[i]) * small;
@@ -278,7 +278,7 @@ fn sight<S: Simd, const N: usize>(
 ) -> V<S> {
     let (c, road) = (w.c, w.road);
     let (place, _) = state.on_the_road(w, i);
-    let turned = w.p[i].direction.simd_lt(0.0);
+    let turned = w.p[i].travel_sign.simd_lt(0.0);
     let [along, against] = &road.ways.sight;
     let mut by_road = splat(w.simd, 0.0);
     for (table, there) in [(along, !turned), (against, turned)] {
@@ -287,10 +287,10 @@ fn sight<S: Simd, const N: usize>(
         }
     }
     let lead = near.slot[LEAD];
-    let [half_width, tall] = pick_each!(w.count, lead, |j| [w.p[j].half_width, w.p[j].tall]);
+    let [half_width, tall] = pick_each!(w.count, lead, |j| [w.p[j].half_width, w.p[j].blocks_view]);
     let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH);
     let edge = near.aside[LEAD] + half_width - c.eye_offset;
-    let middle = 0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.ways.own_lanes]);
+    let middle = 0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.ways.num_own_lanes]);
     let beside = middle - state.d[i] - c.eye_offset;
     let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
     let past = choose(
@@ -304,9 +304,9 @@ fn sight<S: Simd, const N: usize>(
 
 /// What a table of `Ways::sight` says of places [m].
 #[inline(always)]
-fn shown<S: Simd>([stations, values, slopes]: &[[f32; MAX_KNOTS]; 3], place: V<S>) -> V<S> {
+fn shown<S: Simd>([stations, values, slopes]: &[[f32; MAX_STATIONS]; 3], place: V<S>) -> V<S> {
     let mut found = splat(place.simd, 0.0);
-    for k in knots(stations) {
+    for k in station_indices(stations) {
         let here = values[k] + (place - stations[k]) * slopes[k];
         found = choose(place.simd_ge(stations[k]), here, found);
     }

@@ -172,7 +172,7 @@ pub fn obey<S: Simd, const N: usize>(
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
     let mut gives_up = can_abort(state, w, EGO);
-    if w.road.ways.two_way && orders.code().is_some() {
+    if w.road.ways.has_oncoming_traffic && orders.code().is_some() {
         gives_up |= can_fall_in(state, w);
     }
     Intent {

@@ -8,7 +8,7 @@ use crate::names::{Constants, Vehicle};
 use crate::neighbours::Neighbours;
 use crate::oncoming::Oncoming;
 use crate::state::{LEAD, State};
-use crate::world::{World, knots};
+use crate::world::{World, station_indices};
 
 const FAR: f32 = 1e9;
 /// Least surplus of speed to be past with, and of approach [m/s].
@@ -48,7 +48,7 @@ fn top_speed<S: Simd, const N: usize>(
     i: usize,
     leader: V<S>,
 ) -> V<S> {
-    let wanted = max(state.pass_speed(w, i), leader + w.c.passing_surplus);
+    let wanted = max(state.pass_speed(w, i), leader + w.c.passing_speed_surplus);
     let excess = at_least(wanted - state.limit(w, i), 0.0);
     let heeded = wanted - w.p[i].speed_limit_compliance * excess;
     min(heeded, w.p[i].max_speed)
@@ -64,7 +64,11 @@ pub fn speed_of_pass<S: Simd, const N: usize>(
     let (c, own) = (w.c, &w.p[i]);
     let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
     let top = top_speed(state, w, i, other);
-    let hurried = choose(state.hurries[i].simd_gt(0.0), c.hurry_speed * top, top);
+    let hurried = choose(
+        state.hurries[i].simd_gt(0.0),
+        c.urgent_speed_factor * top,
+        top,
+    );
     min(hurried, own.max_speed)
 }
 
@@ -87,14 +91,17 @@ pub fn time_to_pass<S: Simd, const N: usize>(
 /// The way up to who comes, or may come from where the road is not seen.
 #[inline(always)]
 pub fn seen_ahead<S: Simd>(own: &Vehicle<S>, coming: &Oncoming<S>) -> V<S> {
-    min(coming.believed_gap, own.unseen_trust * coming.sight)
+    min(coming.believed_gap, own.assumed_sight_factor * coming.sight)
 }
 
 /// How much more room drivers leave to the vehicle in a slot than to a car.
 #[inline(always)]
 pub fn room_left<S: Simd, const N: usize>(w: &World<'_, S, N>, slot: V<S>) -> V<S> {
-    let tall = pick!(w.count, slot, |j| w.p[j].tall);
-    let (more, same) = (splat(w.simd, w.c.tall_room), splat(w.simd, 1.0));
+    let tall = pick!(w.count, slot, |j| w.p[j].blocks_view);
+    let (more, same) = (
+        splat(w.simd, w.c.tall_vehicle_gap_factor),
+        splat(w.simd, 1.0),
+    );
     choose(tall.simd_gt(0.0), more, same)
 }
 
@@ -118,12 +125,12 @@ pub fn may_meet<S: Simd, const N: usize>(
     let gaining = time_to_pass(state, w, i, way, (speed, speed - leader), leader);
     let need = own.passing_time_factor * (gaining + own.lane_change_duration);
     let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
-    let spare = own.spare * at_least(impatience, c.spare_kept);
+    let spare = own.time_reserve_share * at_least(impatience, c.min_time_reserve_share);
     let enough = seen_ahead(own, coming).simd_gt(need * (1.0 + spare) * closing);
     let room = room_ahead(state, w, i, near.slot[LEAD]);
-    let least = 2.0 * own.half_length + c.squeeze_gap + returns;
-    let room = room.simd_gt(least + c.fit_share * own.time_gap * leader);
-    let solid = is_solid(state, w, i, splat(w.simd, c.line_ahead));
+    let least = 2.0 * own.half_length + c.min_return_gap + returns;
+    let room = room.simd_gt(least + c.return_time_gap_share * own.time_gap * leader);
+    let solid = is_solid(state, w, i, splat(w.simd, c.line_lookahead));
     enough & coming.sure & room & !(solid & own.heeds_solid_lines.simd_gt(0.0))
 }
 
@@ -141,7 +148,7 @@ pub fn room_ahead<S: Simd, const N: usize>(
     for j in (0..w.count).filter(|j| *j != i) {
         let p = &w.p[j];
         let beyond = p.valid.simd_gt(0.0)
-            & p.direction.simd_eq(w.p[i].direction)
+            & p.travel_sign.simd_eq(w.p[i].travel_sign)
             & state.s[j].simd_gt(place)
             & slot.simd_ne(j as i32 as f32);
         room = choose(
@@ -161,13 +168,13 @@ pub fn is_solid<S: Simd, const N: usize>(
     i: usize,
     ahead: V<S>,
 ) -> M<S> {
-    let direction = w.p[i].direction;
+    let direction = w.p[i].travel_sign;
     let ahead = direction * ahead;
-    let [stations, along, against] = &w.road.ways.line;
+    let [stations, along, against] = &w.road.ways.solid_line;
     let turned = direction.simd_lt(0.0);
     let (place, _) = state.on_the_road(w, i);
     let mut solid = [splat(w.simd, 0.0); 2];
-    for k in knots(stations) {
+    for k in station_indices(stations) {
         let mark = choose(turned, splat(w.simd, against[k]), splat(w.simd, along[k]));
         for (solid, place) in solid.iter_mut().zip([place, place + ahead]) {
             *solid = choose(place.simd_ge(stations[k]), mark, *solid);

@@ -147,7 +147,8 @@ impl<S: Simd> Leader<S> {
     #[inline(always)]
     fn new<const N: usize>(w: &World<'_, S, N>, near: &Neighbours<S>) -> Self {
         let slot = near.slot[LEAD];
-        let [tall, half_width] = pick_each!(w.count, slot, |j| [w.p[j].tall, w.p[j].half_width]);
+        let [tall, half_width] =
+            pick_each!(w.count, slot, |j| [w.p[j].blocks_view, w.p[j].half_width]);
         Self {
             is_tall: slot.simd_ge(0.0) & tall.simd_gt(0.0),
             half_width,
@@ -178,10 +179,10 @@ pub fn strain<S: Simd, const N: usize>(
     let (c, q) = (w.c, &w.q);
     let distance = clamp_to(gap, NEAREST, FARTHEST);
     let mut depth = air * distance;
-    let mut sensitivity = q.sight_rear;
+    let mut sensitivity = q.log_contrast_sensitivity_behind;
     if is_front {
         depth += spray * at_most(distance, c.spray_reach);
-        sensitivity = q.sight_front;
+        sensitivity = q.log_contrast_sensitivity_ahead;
     }
     let by_contrast = depth / at_least(contrast + sensitivity, LEAST_CONTRAST);
     let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
@@ -208,7 +209,7 @@ fn notice<S: Simd, const N: usize>(
     let (slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
     let reach = if is_front {
-        w.p[i].attention
+        w.p[i].attention_range
     } else {
         splat(w.simd, c.mirror_range)
     };
@@ -233,7 +234,7 @@ fn notice<S: Simd, const N: usize>(
         longer = choose(slot.simd_eq(known), max(longer, time), longer);
     }
     let first = before.0[role].simd_eq(UNKNOWN);
-    let longer = choose(first, splat(w.simd, c.seen_before), longer + more);
+    let longer = choose(first, splat(w.simd, c.initial_time_in_view), longer + more);
     let longer = choose(visible, longer, zero);
     put(&mut state.seen_time[i][role], now, longer);
     put(&mut state.seen_id[i][role], now, slot);
@@ -336,12 +337,12 @@ pub fn perceive<S: Simd, const N: usize>(
         let (slot, is_front) = (near.slot[role], role.is_multiple_of(2));
         let shines = if is_front {
             pick_each!(w.count, slot, |j| [
-                w.p[j].contrast,
+                w.p[j].log_contrast,
                 bodies[j].inverse_rear_lamp
             ])
         } else {
             pick_each!(w.count, slot, |j| [
-                w.p[j].contrast,
+                w.p[j].log_contrast,
                 w.p[j].inverse_head_lamp
             ])
         };
@@ -382,8 +383,8 @@ pub fn perceive<S: Simd, const N: usize>(
             },
         );
         let ticks = match role {
-            LEAD => choose(urgent, p.urgent_ticks, p.reaction_ticks),
-            _ => p.reaction_ticks,
+            LEAD => choose(urgent, p.urgent_reaction_delay, p.reaction_delay),
+            _ => p.reaction_delay,
         };
         let then = at_least(at - ticks, 0.0);
         let (place, speed) = recall(state, w.simd, then, slot);
@@ -400,7 +401,7 @@ pub fn perceive<S: Simd, const N: usize>(
         } else {
             speed - own_speed
         };
-        let width = pick!(w.count, slot, |j| w.p[j].loom_width);
+        let width = pick!(w.count, slot, |j| w.p[j].looming_width);
         let (looms, clear, share, sensed) = sense(state, w, i, gap, closing, width);
         let error = (judged - 1.0) * share;
         if is_front {

@@ -40,10 +40,10 @@ pub fn weigh<S: Simd, const N: usize>(
     let speed = state.road_velocity(i).0;
     let (lead, bodies) = to_fall_in(state, w, i);
     let faster = speed - other;
-    let aside = 0.5 * w.q.hasty_change;
+    let aside = 0.5 * w.q.urgent_change_duration;
     let onwards = at_least(lead + bodies, 0.0);
     let rest = time_to_pass(state, w, i, onwards, (speed, faster), other) + aside;
-    let brake = c.fall_back_share * own.hardest_decel;
+    let brake = c.abort_decel_share * own.max_assumed_decel;
     let backwards = at_least(bodies - lead, 0.0);
     let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
     let there = choose(
@@ -57,10 +57,10 @@ pub fn weigh<S: Simd, const N: usize>(
     let left = own.return_time_gap * room_left(w, state.target[i]);
     let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
     let too_slow = (onwards / at_least(faster, SLOWEST)).simd_gt(back);
-    let trapped = no_time & (room.simd_lt(c.least_room) | too_slow);
+    let trapped = no_time & (room.simd_lt(c.min_return_space) | too_slow);
     let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
     let beyond = (out | in_stage(state, i, stage::RETURN)) & !yields;
-    let pressed = beyond & ((there - rest).simd_lt(c.calm_margin) | cramped);
+    let pressed = beyond & ((there - rest).simd_lt(c.urgent_return_margin) | cramped);
     let late =
         is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_solid_lines.simd_gt(0.0);
     // What is still gained on another while the brakes come on, and with them.
@@ -72,8 +72,8 @@ pub fn weigh<S: Simd, const N: usize>(
         mind.believed.gap[SLOW_LEAD],
         mind.believed.closing[SLOW_LEAD],
     );
-    let fits =
-        (lead - gained(faster)).simd_gt(bodies) & (front - gained(closing)).simd_gt(c.squeeze_gap);
+    let fits = (lead - gained(faster)).simd_gt(bodies)
+        & (front - gained(closing)).simd_gt(c.min_return_gap);
     Plight {
         yields,
         hurries: pressed | (beyond & late),
@@ -103,12 +103,12 @@ fn is_confined<S: Simd, const N: usize>(
     );
     let next_one = state.vx[i] - closing;
     let bodies = 2.0 * (mind.near.half_length[SLOW_LEAD] + own.half_length);
-    let way = gap + bodies + c.squeeze_gap;
+    let way = gap + bodies + c.min_return_gap;
     let longer = time_to_pass(state, w, i, way, (state.vx[i], closing), next_one);
-    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
+    let longer = longer + 0.5 * w.q.urgent_change_duration + c.urgent_return_margin;
     let late = seen_ahead(own, coming).simd_lt(longer * coming.closing);
     let needed = needed_braking(c, state.vx[i], gap, closing, splat(w.simd, 0.0));
-    past & late & needed.simd_ge(-(c.fall_back_share * own.hardest_decel))
+    past & late & needed.simd_ge(-(c.abort_decel_share * own.max_assumed_decel))
 }
 
 /// Whether driver `i` is past the one that it overtakes and comes beside the next one: it overtakes that now.
@@ -125,7 +125,7 @@ pub fn goes_on<S: Simd, const N: usize>(
     }
     let near = mind.near;
     let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
-    let beside = near.gap[SLOW_LEAD].simd_lt(w.c.squeeze_gap);
+    let beside = near.gap[SLOW_LEAD].simd_lt(w.c.min_return_gap);
     let follows = is_confined(state, w, i, mind) | state.yields[i].simd_gt(0.0);
     past & beside & near.slot[SLOW_LEAD].simd_ge(0.0) & !follows
 }
@@ -154,7 +154,7 @@ fn to_fall_in<S: Simd, const N: usize>(
         state.s[j],
         w.p[j].half_length
     ]);
-    let bodies = w.p[i].half_length + half_length + w.c.squeeze_gap;
+    let bodies = w.p[i].half_length + half_length + w.c.min_return_gap;
     (place - state.s[i], bodies)
 }
 
@@ -175,11 +175,14 @@ pub fn held_back<S: Simd, const N: usize>(
     let (c, own, near, believed) = (w.c, &w.p[i], mind.near, mind.believed);
     let (gap, closing) = (believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]);
     let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
-    let slow = state.road_velocity(i).0.simd_lt(other - c.fall_back_speed);
+    let slow = state
+        .road_velocity(i)
+        .0
+        .simd_lt(other - c.abort_speed_difference);
     let brake = choose(
         slow,
         splat(w.simd, 0.0),
-        -(c.fall_back_share * own.hardest_decel),
+        -(c.abort_decel_share * own.max_assumed_decel),
     );
     let middle = 0.5 * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR]);
     let nearest = at_least(middle - own.min_gap, 0.0) / at_least(state.vx[i], c.slip_speed);
@@ -190,7 +193,7 @@ pub fn held_back<S: Simd, const N: usize>(
         speed_of_pass(state, w, i),
         gap,
         closing,
-        min(c.fit_share * own.time_gap, nearest),
+        min(c.return_time_gap_share * own.time_gap, nearest),
         believed.accel[SLOW_LEAD],
     );
     let capped = choose(is_confined(state, w, i, mind), fitting, free);

@@ -169,8 +169,8 @@ pub fn turned_round<S: Simd, const N: usize>(
 ) -> (V<S>, V<S>) {
     let ways = &w.road.ways;
     (
-        choose(turned, ways.far_end - s, s),
-        choose(turned, ways.across - d, d),
+        choose(turned, ways.length - s, s),
+        choose(turned, ways.edge_sum - d, d),
     )
 }
 
@@ -280,7 +280,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         if !TWO_WAY {
             return (s, d);
         }
-        let turned = w.p[j].direction.simd_ne(w.p[i].direction);
+        let turned = w.p[j].travel_sign.simd_ne(w.p[i].travel_sign);
         turned_round(w, turned, s, d)
     }
 
@@ -288,16 +288,16 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     #[inline(always)]
     pub fn on_the_road(&self, w: &World<'_, S, N>, i: usize) -> (V<S>, V<S>) {
         let (s, d) = (self.s[i], self.d[i]);
-        if !w.road.ways.two_way {
+        if !w.road.ways.has_oncoming_traffic {
             return (s, d);
         }
-        turned_round(w, w.p[i].direction.simd_lt(0.0), s, d)
+        turned_round(w, w.p[i].travel_sign.simd_lt(0.0), s, d)
     }
 
     /// Speed that driver `i` wants where it is.
     #[inline(always)]
     pub fn desired_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies() {
+        if w.road.varies_along_road() {
             self.wanted_speed[i]
         } else {
             w.p[i].desired_speed
@@ -307,27 +307,27 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     /// The same while it passes.
     #[inline(always)]
     pub fn pass_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies() {
+        if w.road.varies_along_road() {
             self.wanted_pass_speed[i]
         } else {
-            w.p[i].pass_speed
+            w.p[i].passing_speed
         }
     }
 
     /// The limit that driver `i` heeds where it is.
     #[inline(always)]
     pub fn limit(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies() {
+        if w.road.varies_along_road() {
             self.allowed_speed[i]
         } else {
-            w.p[i].limit
+            w.p[i].speed_limit
         }
     }
 
     /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
     #[inline(always)]
     pub fn eased(&self, w: &World<'_, S, N>, i: usize, accel: V<S>) -> V<S> {
-        if w.road.varies() {
+        if w.road.varies_along_road() {
             min(accel, self.most_accel[i])
         } else {
             accel

@@ -182,7 +182,7 @@ fn asked<S: Simd, const N: usize, const VARIES: bool>(
     let wanted = accel + c.velocity_gain * (speed - sideways);
     let aim = place + c.lane_deviation * state.wander[i] - d;
     let wanted = wanted + c.position_gain * aim;
-    let mut wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
+    let mut wanted = clamp(wanted, -w.q.max_lateral_accel, w.q.max_lateral_accel);
     if VARIES {
         wanted += state.curve_ahead[i] * (vx * vx);
     }

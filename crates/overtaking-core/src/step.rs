@@ -58,7 +58,7 @@ pub fn perceive<S: Simd, const N: usize>(
         waits,
         ..
     } = minds;
-    let two_way = w.road.ways.two_way;
+    let two_way = w.road.ways.has_oncoming_traffic;
     outlined!(w.simd, {
         for i in 0..w.count {
             bodies[i] = Body::new(state, w, i);
@@ -122,13 +122,13 @@ fn turn_head<S: Simd, const N: usize>(
         perception::draw_check(state, w, i, drawn, decision);
     }
     *looks = perception::looks_around(state, w, i, decision);
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         // Who is in the lane of others looks all the time.
         *looks |= state.lane[i].simd_ge(1.0);
     }
     let changing = state.path_time[i].simd_lt(state.path_duration[i]);
     // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
-    let forced = w.q.command.simd_gt(0.0);
+    let forced = w.q.forced_decision.simd_gt(0.0);
     let told = (w.p[EGO].gap_demand_factor.simd_le(0.0) | forced).any_true();
     let is_asked = i == EGO && (any_time || told);
     is_asked || (*looks | changing).any_true()
@@ -156,7 +156,7 @@ pub fn drive_others<S: Simd, const N: usize>(
             control::behind_leader(state, w, i, (&near[i], &believed[i]), met[i].passed)
         );
     }
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         for i in 1..w.count {
             outlined!(w.simd, {
                 leader[i] = min(leader[i], give_way(state, w, i, &met[i]));
@@ -171,7 +171,7 @@ pub fn drive_others<S: Simd, const N: usize>(
             control::press(state, w, i, wanted);
         });
     }
-    if w.road.ways.two_way {
+    if w.road.ways.has_oncoming_traffic {
         for i in 1..w.count {
             let mind = minds.of_other(i);
             outlined!(w.simd, ego::decide_other(state, w, mind, i, step));
@@ -205,7 +205,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
     orders: Option<&Orders<S>>,
 ) {
     outlined!(w.simd, {
-        let two_way = w.road.ways.two_way;
+        let two_way = w.road.ways.has_oncoming_traffic;
         // The ego flashes under another driver, too.
         let gives_way = if two_way {
             Some(give_way(state, w, EGO, mind.met))
@@ -229,7 +229,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
     });
     outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));
     outlined!(w.simd, {
-        if w.road.ways.two_way {
+        if w.road.ways.has_oncoming_traffic {
             near_pairs::<S, N, true>(state, w, pairs);
         } else {
             near_pairs::<S, N, false>(state, w, pairs);
@@ -259,7 +259,7 @@ fn surroundings<S: Simd, const N: usize>(
         w.simd,
         environment::move_random_processes(state, w, decision)
     );
-    if w.road.varies() {
+    if w.road.varies_along_road() {
         for i in 0..w.count {
             outlined!(w.simd, {
                 environment::course(state, w, i);
@@ -301,7 +301,7 @@ pub fn advance<S: Simd, const N: usize>(
     wheel: Option<V<S>>,
 ) {
     // A step on roads that are straight and level is compiled by itself, and pays nothing for bends.
-    if w.road.varies() {
+    if w.road.varies_along_road() {
         outlined!(w.simd, {
             go_on::<S, N, true>(state, w, pairs, before, stride, wheel);
         });

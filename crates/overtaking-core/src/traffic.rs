@@ -78,16 +78,16 @@ impl<S: Simd, const N: usize> Traffic<S, N> {
         for j in 0..w.count {
             let other = &w.p[j];
             let valid = other.valid.simd_gt(0.0);
-            let d = road.ways.across - state.d[j];
+            let d = road.ways.edge_sum - state.d[j];
             let turned = Turned {
-                s: road.ways.far_end - state.s[j],
+                s: road.ways.length - state.s[j],
                 low_side: d - other.half_width,
                 high_side: d + other.half_width,
                 lane: (road.num_lanes - 1) as f32 - state.lane[j],
                 on_road: valid,
             };
             let strays = turned.overlaps(home) | (bodies[j].shows & turned.lane.simd_eq(0.0));
-            let along = other.direction.simd_gt(0.0);
+            let along = other.travel_sign.simd_gt(0.0);
             self.directions[0] |= u32::from((valid & along).any_true()) << j;
             self.directions[1] |= u32::from((valid & !along).any_true()) << j;
             self.strays |= u32::from((valid & strays).any_true()) << j;
@@ -122,7 +122,7 @@ impl<S: Simd, const N: usize> Traffic<S, N> {
         for j in (0..w.count).filter(|j| opposed >> *j & 1 == 1) {
             let other = &self.turned[j];
             let ahead = other.s - state.s[i];
-            let there = w.p[j].direction.simd_ne(w.p[i].direction) & ahead.simd_ge(0.0);
+            let there = w.p[j].travel_sign.simd_ne(w.p[i].travel_sign) & ahead.simd_ge(0.0);
             let nearer = there & other.on_road & ahead.simd_lt(coming.1);
             coming.0 = choose(nearer, splat(w.simd, j as i32 as f32), coming.0);
             coming.1 = choose(nearer, ahead, coming.1);
@@ -143,7 +143,7 @@ impl<S: Simd, const N: usize> Traffic<S, N> {
             let other = &self.turned[j];
             let ahead = other.s - state.s[i];
             let there = w.p[j].valid.simd_gt(0.0)
-                & w.p[j].direction.simd_ne(w.p[i].direction)
+                & w.p[j].travel_sign.simd_ne(w.p[i].travel_sign)
                 & ahead.simd_ge(0.0);
             let comes = bodies[j].shows & other.lane.simd_eq(state.lane[i]);
             let nearer = there & (comes | other.overlaps((low, high))) & ahead.simd_lt(facing.1);
@@ -185,8 +185,8 @@ impl<S: Simd, const N: usize> Traffic<S, N> {
         for j in (0..w.count).filter(|j| self.overtakers >> *j & 1 == 1) {
             let other = &w.p[j];
             let apart = (state.s[i] - state.s[j]).abs() - (p.half_length + other.half_length);
-            let same = p.direction.simd_eq(other.direction) & self.out[j];
-            let beside = apart.simd_lt(w.c.beside_margin) & same;
+            let same = p.travel_sign.simd_eq(other.travel_sign) & self.out[j];
+            let beside = apart.simd_lt(w.c.passed_awareness_margin) & same;
             passed |= beside & state.lane[j].simd_gt(state.lane[i]);
         }
         passed & state.crashed[i].simd_eq(0.0)

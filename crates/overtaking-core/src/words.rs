@@ -46,9 +46,9 @@ pub fn vehicle_words<S: Simd, const N: usize>(
     let (road, p) = (w.road, &w.p[i]);
     let [x0, y0, heading, cosine, sine] = road.pose;
     let (s, from_slow) = state.on_the_road(w, i);
-    let d = road.side * from_slow;
+    let d = road.overtaking_sign * from_slow;
     let mut lane = i32x16::splat(w.simd, NO_VEHICLE);
-    for k in 0..=road.ways.own_lanes {
+    for k in 0..=road.ways.num_own_lanes {
         let beyond = from_slow.simd_ge(road.boundaries[k]);
         lane = beyond.select(i32x16::splat(w.simd, k as i32), lane);
     }
@@ -58,10 +58,10 @@ pub fn vehicle_words<S: Simd, const N: usize>(
         splat(w.simd, 0.0),
         state.wheel[i],
     );
-    let mut course = heading + road.side * state.psi[i];
-    if road.ways.two_way {
+    let mut course = heading + road.overtaking_sign * state.psi[i];
+    if road.ways.has_oncoming_traffic {
         let half_turn = splat(w.simd, core::f32::consts::PI);
-        course += choose(p.direction.simd_lt(0.0), half_turn, splat(w.simd, 0.0));
+        course += choose(p.travel_sign.simd_lt(0.0), half_turn, splat(w.simd, 0.0));
     }
     [
         rounded(x0 + s * cosine - d * sine, THOUSAND, INT32_LIMIT),
@@ -70,10 +70,10 @@ pub fn vehicle_words<S: Simd, const N: usize>(
         rounded(d, THOUSAND, INT32_LIMIT),
         rounded(speed, THOUSAND, INT32_LIMIT),
         rounded(wrapped(course), TEN_THOUSAND, INT16_LIMIT),
-        rounded(road.side * wheel, TEN_THOUSAND, INT16_LIMIT),
+        rounded(road.overtaking_sign * wheel, TEN_THOUSAND, INT16_LIMIT),
         rounded(state.a_lon[i], THOUSAND, INT16_LIMIT),
-        rounded(road.side * state.a_lat[i], THOUSAND, INT16_LIMIT),
-        rounded(road.side * state.r[i], TEN_THOUSAND, INT16_LIMIT),
+        rounded(road.overtaking_sign * state.a_lat[i], THOUSAND, INT16_LIMIT),
+        rounded(road.overtaking_sign * state.r[i], TEN_THOUSAND, INT16_LIMIT),
         lane,
         lights(state, w, i),
     ]
@@ -85,7 +85,7 @@ fn lights<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     i: usize,
 ) -> i32x16<S> {
-    let towards_left = w.road.side * state.indicator[i];
+    let towards_left = w.road.overtaking_sign * state.indicator[i];
     let left = towards_left.simd_gt(0.0).select(
         i32x16::splat(w.simd, INDICATOR_LEFT),
         i32x16::splat(w.simd, 0),
@@ -95,12 +95,12 @@ fn lights<S: Simd, const N: usize>(
         i32x16::splat(w.simd, 0),
     );
     let braking = state.accel[i].simd_lt(-w.c.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
-    let base: i32x16<S> = w.p[i].lights.to_int();
+    let base: i32x16<S> = w.p[i].initial_lights.to_int();
     let shown = base
         + left
         + right
         + braking.select(i32x16::splat(w.simd, BRAKE), i32x16::splat(w.simd, 0));
-    if !w.road.ways.two_way {
+    if !w.road.ways.has_oncoming_traffic {
         return shown;
     }
     let flashes = state.flashes[i].simd_gt(0.0);

@@ -17,72 +17,111 @@ pub struct Road<'a> {
     /// Film factor of each lane's drainage path, padded.
     pub film_path: [f32; 8],
     /// +1 in right-hand traffic, -1 in left-hand traffic.
-    pub side: f32,
+    pub overtaking_sign: f32,
     /// World x, y of the road's origin [m], heading [rad], its cosine and sine.
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
-    /// What it does at its stations: curvature, slope; then, each along and against it, the radius for the speed, how
-    /// far one sees from a car and from a truck, and the speed that limits allow. Empty where it is straight and level
-    /// and has one limit.
-    pub course: [&'a [f32]; ROWS],
+    /// Geometry, sight and limits by station.
+    pub course_table: CourseTable<'a>,
 }
 
-/// Rows of `Road::course`.
-pub const ROWS: usize = 10;
+/// Geometry, sight and limits of a road at equally spaced stations, as `CourseTable` in
+/// `overtaking.world.road_parameters` explains. Without stations for a road that is straight and level and has one
+/// limit.
+#[derive(Clone, Copy, Debug)]
+pub struct CourseTable<'a> {
+    /// Towards the overtaking side [1/m].
+    pub curvature: &'a [f32],
+    /// Positive where the road rises.
+    pub sine_of_slope: &'a [f32],
+    /// Radius by which drivers choose their speed [m].
+    pub radius_along: &'a [f32],
+    pub radius_against: &'a [f32],
+    /// Sight distance from a car [m].
+    pub sight_along: &'a [f32],
+    pub sight_against: &'a [f32],
+    /// Sight distance from a truck [m].
+    pub truck_sight_along: &'a [f32],
+    pub truck_sight_against: &'a [f32],
+    /// Speed that the limits allow [m/s].
+    pub allowed_speed_along: &'a [f32],
+    pub allowed_speed_against: &'a [f32],
+}
+
+/// Rows of a `CourseTable`.
+const COURSE_ROWS: usize = 10;
+
+impl<'a> CourseTable<'a> {
+    /// Views on the rows of the table of Python, one after the other.
+    fn from_rows(table: &'a [f32]) -> Self {
+        let stations = table.len() / COURSE_ROWS;
+        let row = |k: usize| &table[k * stations..(k + 1) * stations];
+        Self {
+            curvature: row(0),
+            sine_of_slope: row(1),
+            radius_along: row(2),
+            radius_against: row(3),
+            sight_along: row(4),
+            sight_against: row(5),
+            truck_sight_along: row(6),
+            truck_sight_against: row(7),
+            allowed_speed_along: row(8),
+            allowed_speed_against: row(9),
+        }
+    }
+}
 
 impl<'a> Road<'a> {
     /// That of a batch.
     pub fn of(inputs: &Inputs<'a>) -> Self {
-        let stations = inputs.course.len() / ROWS;
-        let row = |k: usize| &inputs.course[k * stations..(k + 1) * stations];
         Self {
             num_lanes: inputs.num_lanes,
             boundaries: inputs.boundaries,
             film_path: inputs.film_path,
-            side: inputs.side,
+            overtaking_sign: inputs.overtaking_sign,
             pose: inputs.pose,
             ways: inputs.ways,
-            course: std::array::from_fn(row),
+            course_table: CourseTable::from_rows(inputs.course_table),
         }
     }
 
     /// Whether vehicle `i` overtakes as the ego does: against oncoming traffic everybody.
     pub fn lets_overtake(&self, i: usize) -> bool {
-        i == EGO || self.ways.two_way
+        i == EGO || self.ways.has_oncoming_traffic
     }
 
     /// Whether it bends or rises anywhere, or has several limits.
-    pub fn varies(&self) -> bool {
-        !self.course[0].is_empty()
+    pub fn varies_along_road(&self) -> bool {
+        !self.course_table.curvature.is_empty()
     }
 }
 
 /// Most stations between which sight, or the line between the directions, changes.
-pub const MAX_KNOTS: usize = 64;
+pub const MAX_STATIONS: usize = 64;
 
 /// The directions of a road.
 #[derive(Clone, Copy, Debug)]
 pub struct Ways {
     /// Lanes of the road's own direction.
-    pub own_lanes: usize,
+    pub num_own_lanes: usize,
     /// Whether others may come the other way.
-    pub two_way: bool,
-    /// Station from which oncoming vehicles count theirs [m].
-    pub far_end: f32,
+    pub has_oncoming_traffic: bool,
+    /// End of the road, from which oncoming vehicles count their stations [m].
+    pub length: f32,
     /// Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
-    pub across: f32,
+    pub edge_sum: f32,
     /// Along and against the road: stations, how far one sees there [m], and how much more per metre.
-    pub sight: [[[f32; MAX_KNOTS]; 3]; 2],
+    pub sight: [[[f32; MAX_STATIONS]; 3]; 2],
     /// Stations, and 1 from where on the line is not to be crossed by who drives along the road, and by who
     /// comes the other way.
-    pub line: [[f32; MAX_KNOTS]; 3],
+    pub solid_line: [[f32; MAX_STATIONS]; 3],
 }
 
-/// The knots of a table, without the last one's repetitions.
+/// The station_indices of a table, without the last one's repetitions.
 #[inline(always)]
-pub fn knots(stations: &[f32; MAX_KNOTS]) -> impl Iterator<Item = usize> + '_ {
-    (0..MAX_KNOTS).take_while(|k| *k == 0 || stations[*k] > stations[*k - 1])
+pub fn station_indices(stations: &[f32; MAX_STATIONS]) -> impl Iterator<Item = usize> + '_ {
+    (0..MAX_STATIONS).take_while(|k| *k == 0 || stations[*k] > stations[*k - 1])
 }
 
 /// Steps between two decisions.

@@ -74,7 +74,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         simulations,
         slots,
         frames,
-        record_every,
+        steps_per_frame,
         num_lanes,
         branched,
         switch,
@@ -88,18 +88,18 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     constants.friction_speeds = floats(file)?;
     constants.friction_films = floats(file)?;
     let (boundaries, film_path) = (floats(file)?, floats(file)?);
-    let ([side], pose) = (floats(file)?, floats(file)?);
-    let [own_lanes, two_way, far_end, across] = floats(file)?;
+    let ([overtaking_sign], pose) = (floats(file)?, floats(file)?);
+    let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = floats(file)?;
     let ways = Ways {
-        own_lanes: own_lanes as usize,
-        two_way: two_way > 0.0,
-        far_end,
-        across,
+        num_own_lanes: num_own_lanes as usize,
+        has_oncoming_traffic: has_oncoming_traffic > 0.0,
+        length,
+        edge_sum,
         sight: [
             [floats(file)?, floats(file)?, floats(file)?],
             [floats(file)?, floats(file)?, floats(file)?],
         ],
-        line: [floats(file)?, floats(file)?, floats(file)?],
+        solid_line: [floats(file)?, floats(file)?, floats(file)?],
     };
     let mut parameters = || -> Outcome<_> {
         let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;
@@ -124,19 +124,19 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         num_lanes,
         boundaries,
         film_path,
-        side,
+        overtaking_sign,
         pose,
         ways,
-        course: &[],
+        course_table: &[],
         seed,
-        record_every: record_every as u32,
+        steps_per_frame: steps_per_frame as u32,
         script: None,
     };
     let later = afterwards.as_ref().map(|(vehicle, simulation)| Later {
         vehicle,
         simulation,
         index: &index,
-        judged: None,
+        judgement_errors: None,
         switch: switch as u32,
     });
     let run = |out: Output<'_>| -> Outcome<_> {

@@ -49,12 +49,12 @@ impl Driven<'_> {
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
             film_path: self.road.film_path,
-            side: self.road.side,
+            overtaking_sign: self.road.overtaking_sign,
             pose: self.road.pose,
             ways: self.road.ways(),
-            course: &self.road.course,
+            course_table: &self.road.course_table,
             seed: self.seed,
-            record_every: 1,
+            steps_per_frame: 1,
             script: None,
         };
         overtaking_core::driven::act(&inputs, deed, level, table.as_slice_mut()?)

@@ -16,7 +16,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::orders::{Kind, PARTS, Script};
 use overtaking_core::pool::process_pool;
 use overtaking_core::{
-    Constants, Inputs, Later, MAX_KNOTS, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES,
+    Constants, Inputs, Later, MAX_PERCEPTS, MAX_STATIONS, MAX_VEHICLES, Output, SIMULATION_NAMES,
     VEHICLE_NAMES, Ways, supported, with_outputs,
 };
 use overtaking_portable::{is_compiled, simulate_at};
@@ -34,26 +34,26 @@ struct Road {
     num_lanes: usize,
     boundaries: [f32; 9],
     film_path: [f32; 8],
-    side: f32,
+    overtaking_sign: f32,
     pose: [f32; 5],
-    own_lanes: usize,
-    two_way: bool,
-    far_end: f32,
-    across: f32,
-    sight: [[[f32; MAX_KNOTS]; 3]; 2],
-    line: [[f32; MAX_KNOTS]; 3],
-    course: Vec<f32>,
+    num_own_lanes: usize,
+    has_oncoming_traffic: bool,
+    length: f32,
+    edge_sum: f32,
+    sight: [[[f32; MAX_STATIONS]; 3]; 2],
+    solid_line: [[f32; MAX_STATIONS]; 3],
+    course_table: Vec<f32>,
 }
 
 impl Road {
     fn ways(&self) -> Ways {
         Ways {
-            own_lanes: self.own_lanes.clamp(1, 8),
-            two_way: self.two_way,
-            far_end: self.far_end,
-            across: self.across,
+            num_own_lanes: self.num_own_lanes.clamp(1, 8),
+            has_oncoming_traffic: self.has_oncoming_traffic,
+            length: self.length,
+            edge_sum: self.edge_sum,
             sight: self.sight,
-            line: self.line,
+            solid_line: self.solid_line,
         }
     }
 }
@@ -116,7 +116,7 @@ type Turn<'a> = (
 
 /// Simulate a batch and fill the arrays of `outputs`, a dictionary by field.
 #[pyfunction]
-#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, record_every, road, constants, outputs, later=Vec::new(), actions=None, level=None))]
+#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, steps_per_frame, road, constants, outputs, later=Vec::new(), actions=None, level=None))]
 #[allow(clippy::too_many_arguments)]
 fn simulate(
     py: Python<'_>,
@@ -126,7 +126,7 @@ fn simulate(
     slots: usize,
     frames: usize,
     seed: u64,
-    record_every: u32,
+    steps_per_frame: u32,
     road: Road,
     constants: Numbers,
     outputs: &Bound<'_, PyDict>,
@@ -140,7 +140,7 @@ fn simulate(
         index.as_slice()?,
     );
     let batch = index.len();
-    if slots == 0 || slots > MAX_VEHICLES || record_every == 0 {
+    if slots == 0 || slots > MAX_VEHICLES || steps_per_frame == 0 {
         return Err(PyValueError::new_err(format!(
             "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
         )));
@@ -158,12 +158,12 @@ fn simulate(
     let constants = constants.constants()?;
     let later: Vec<_> = later
         .iter()
-        .map(|(vehicle, simulation, index, judged, switch)| {
+        .map(|(vehicle, simulation, index, errors, switch)| {
             Ok(Later {
                 vehicle: vehicle.as_slice()?,
                 simulation: simulation.as_slice()?,
                 index: index.as_slice()?,
-                judged: judged.as_ref().map(|one| one.as_slice()).transpose()?,
+                judgement_errors: errors.as_ref().map(|one| one.as_slice()).transpose()?,
                 switch: *switch,
             })
         })
@@ -172,7 +172,7 @@ fn simulate(
         expect_length("later vehicle", later.vehicle.len(), vehicle.len())?;
         expect_length("later simulation", later.simulation.len(), simulation.len())?;
         expect_length("later index", later.index.len(), index.len())?;
-        let errors = later.judged.map_or(2 * batch, <[f32]>::len);
+        let errors = later.judgement_errors.map_or(2 * batch, <[f32]>::len);
         expect_length("later errors", errors, 2 * batch)?;
     }
     let script = actions.as_ref().map(|actions| script(actions, batch));
@@ -185,12 +185,12 @@ fn simulate(
         num_lanes: road.num_lanes.clamp(1, 8),
         boundaries: road.boundaries,
         film_path: road.film_path,
-        side: road.side,
+        overtaking_sign: road.overtaking_sign,
         pose: road.pose,
         ways: road.ways(),
-        course: &road.course,
+        course_table: &road.course_table,
         seed,
-        record_every,
+        steps_per_frame,
         script: script.transpose()?,
     };
     let level = supported(level).map_err(PyValueError::new_err)?;

@@ -40,7 +40,7 @@ struct Batch<'py> {
     index: PyReadonlyArray1<'py, u64>,
     slots: usize,
     seed: u64,
-    record_every: u32,
+    steps_per_frame: u32,
     road: Road,
     constants: Numbers,
 }
@@ -52,7 +52,7 @@ struct Kept {
     index: Vec<u64>,
     slots: usize,
     seed: u64,
-    record_every: u32,
+    steps_per_frame: u32,
     road: Road,
     constants: Constants,
 }
@@ -60,7 +60,7 @@ struct Kept {
 impl Batch<'_> {
     fn kept(self) -> PyResult<Kept> {
         let (slots, batch) = (self.slots, self.index.len());
-        if slots == 0 || slots > MAX_VEHICLES || self.record_every == 0 || batch == 0 {
+        if slots == 0 || slots > MAX_VEHICLES || self.steps_per_frame == 0 || batch == 0 {
             return Err(PyValueError::new_err(format!(
                 "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
             )));
@@ -82,7 +82,7 @@ impl Batch<'_> {
             index: self.index.as_slice()?.to_vec(),
             slots,
             seed: self.seed,
-            record_every: self.record_every,
+            steps_per_frame: self.steps_per_frame,
             constants: self.constants.constants()?,
             road: self.road,
         })
@@ -100,12 +100,12 @@ impl Kept {
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
             film_path: self.road.film_path,
-            side: self.road.side,
+            overtaking_sign: self.road.overtaking_sign,
             pose: self.road.pose,
             ways: self.road.ways(),
-            course: &self.road.course,
+            course_table: &self.road.course_table,
             seed: self.seed,
-            record_every: self.record_every,
+            steps_per_frame: self.steps_per_frame,
             script: None,
         }
     }

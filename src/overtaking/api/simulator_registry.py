@@ -16,7 +16,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.scenarios.specification import Specification
 from overtaking.sim.version import MODEL_VERSION
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 ProfileSource = str | Path | Mapping[str, Any] | Specification
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
@@ -80,7 +80,7 @@ def replay_actions(
 ) -> Trajectories:
     """Simulate a batch in which another driver did something; it is not needed again."""
     run = simulator_module(simulator, MODEL_SIMULATORS).run
-    return run(scenario, parameters(scenario), actions=actions)
+    return run(scenario, step_parameters(scenario), actions=actions)
 
 
 def simulator_module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:

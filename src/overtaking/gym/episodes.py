@@ -36,9 +36,9 @@ from overtaking.sim.stepping import Renewable
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
 from overtaking.world.step_parameters import (
     SIMULATION_FIELDS,
-    Parameters,
+    StepParameters,
     VehicleParameters,
-    parameters,
+    step_parameters,
 )
 
 MAX_DRAWN_AHEAD = 256
@@ -54,7 +54,7 @@ class SampledScenarios:
 
     def __init__(self, scenario: Scenario) -> None:
         """Compute the parameters."""
-        self.scenario, self.parameters = scenario, parameters(scenario)
+        self.scenario, self.parameters = scenario, step_parameters(scenario)
 
 
 class ScenarioRef(NamedTuple):
@@ -221,12 +221,12 @@ class EpisodeBatch:
         params = join_parameters(sort_refs(self._refs))
         # Decisions fall on steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. The specification
         # sets one horizon for all its scenarios, so later episodes need no more.
-        max_decisions = int(params.simulation[_LAST_STEP].max()) // SUBSTEPS + 1
+        max_decisions = int(params.simulation_table[_LAST_STEP].max()) // SUBSTEPS + 1
         # All actions are kept: labels, pictures and copies of the batch simulate them again.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
         # Each parameter has shape (vehicle, env); the ego is vehicle 0.
-        self._vehicle = np.array([values[EGO_SLOT] for values in params.of_vehicles])
-        self.scenario_index = params.index.astype(np.int64)
+        self._vehicle = np.array([values[EGO_SLOT] for values in params.vehicles])
+        self.scenario_index = params.scenario_index.astype(np.int64)
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)
         self.num_clipped = np.zeros(num_envs, np.int64)
@@ -286,8 +286,8 @@ class EpisodeBatch:
         params = join_parameters(sort_refs(refs))
         observed = self._stepper.renew(rows, params)
         self.observations[rows], self.is_running[rows] = observed.table, observed.runs
-        self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.of_vehicles]
-        self.scenario_index[rows] = params.index
+        self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
+        self.scenario_index[rows] = params.scenario_index
         # `num_step_decisions` stays: it describes the last step, also where that step ended an
         # episode and the next one begins at once.
         self.num_decisions[rows] = self.num_clipped[rows] = 0
@@ -310,11 +310,11 @@ class EpisodeBatch:
         """The episode of a row from its start until now."""
         refs = sort_refs([self._refs[row]])
         params = join_parameters(refs)
-        simulation = params.simulation.copy()
+        simulation = params.simulation_table.copy()
         simulation[_LAST_STEP] = np.minimum(
             simulation[_LAST_STEP], np.float32(self.num_decisions[row] * SUBSTEPS)
         )
-        params = dataclasses.replace(params, simulation=simulation)
+        params = dataclasses.replace(params, simulation_table=simulation)
         return self._simulate(refs, params, np.array([row]))
 
     @property
@@ -362,7 +362,7 @@ class EpisodeBatch:
         self.is_running = observed.runs
 
     def _simulate(
-        self, refs: SortedRefs, params: Parameters, rows: NDArray[np.int64]
+        self, refs: SortedRefs, params: StepParameters, rows: NDArray[np.int64]
     ) -> Trajectories:
         """Simulate episodes again from the actions that were carried out."""
         num_decisions = self.num_decisions[rows]
@@ -395,7 +395,7 @@ class EpisodeBatch:
         return stepper
 
 
-def join_parameters(refs: SortedRefs) -> Parameters:
+def join_parameters(refs: SortedRefs) -> StepParameters:
     """Parameters of scenarios of one or several batches, as one batch in their original order."""
     batches, rows, restore = refs
 
@@ -407,9 +407,9 @@ def join_parameters(refs: SortedRefs) -> Parameters:
         ]
         return np.ascontiguousarray(np.concatenate(arrays, axis=-1)[..., restore])
 
-    # These arrays differ between scenarios; `of_vehicles` and `of_simulations` are views of them.
+    # These arrays differ between scenarios; `vehicles` and `simulations` are views of them.
     # The road, the constants and the seed are the same for all scenarios of a supply.
-    names = ("vehicle", "simulation", "index")
+    names = ("vehicle_table", "simulation_table", "scenario_index")
     return dataclasses.replace(batches[0].parameters, **{name: join(name) for name in names})
 
 

@@ -242,7 +242,7 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     sight, film = ahead.sight, _mean_film(ahead.film, road_parameters(scenario.road).film_path)
     lamp = np.full_like(ahead.rain_rate, constant("weather.lamps.rear_position"))
     lamp = lamp / sight["lamp_threshold"]
-    depth = sight["sight_front"] + log(constant("model.speed_choice.contrast"))
+    depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
     inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
     arrays = {
         "film": film,
@@ -262,13 +262,13 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
 def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
     """Film of each lane with the puddles spread evenly over it, (simulation, lane) [mm]."""
     film = lane_film(
-        water["least_film"][:, None],
-        water["film_rain"][:, None],
+        water["min_wet_film"][:, None],
+        water["film_rain_factor"][:, None],
         film_path[None, :],
-        water["texture"][:, None],
+        water["texture_depth"][:, None],
     )
     # See `film.puddle`: half the square of the threshold is the share that is under water.
-    covered = np.float32(0.5) * water["puddle_reach"] * water["puddle_reach"]
+    covered = np.float32(0.5) * water["puddle_threshold"] * water["puddle_threshold"]
     return film + (water["puddle_film"] * covered)[:, None]
 
 

@@ -185,7 +185,7 @@ class RoadSpeeds:
 
     def _speeds(self, s: F32, lane: U8, factors: DesiredSpeedFactors) -> F32:
         constants = model_constants()
-        is_oncoming = lane >= self.road.own_lanes
+        is_oncoming = lane >= self.road.num_own_lanes
         limit = allowed_speed(constants, self.road, s, is_oncoming)
         desired_speed = adapted_speed(factors, limit)
         # Only a local limit below the limit of the road slows a start.

@@ -244,7 +244,7 @@ def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenari
     # The compiled `minimum` gives the same result as NumPy's, faster.
     desired_speed = minimum(desired_speed, scenario.vehicles.max_speed)
     states = start.states_at_speed(desired_speed)
-    road_speeds = _speeds_for_road(scenario, factors, conditions.side_accel)
+    road_speeds = _speeds_for_road(scenario, factors, conditions.max_lateral_accel)
     if road_speeds is not None:
         # Place the vehicles again: speeds in bends depend on the stations, and gaps depend on the
         # speeds. `repair_starts` slows the vehicles that are still too fast. Stations count in each
@@ -291,7 +291,7 @@ def _speeds_for_road(
     """
     road = road_parameters(scenario.road)
     # `course` has shape (10, station), without stations on a straight, level road with one limit.
-    if not road.course.shape[1]:
+    if not road.varies_along_road:
         return None
     shape = scenario.start_s.shape
     return RoadSpeeds(

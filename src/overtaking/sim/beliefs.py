@@ -9,7 +9,7 @@ import numpy as np
 
 from overtaking.model.driver_interface import MAX_ACTION_PARTS, split_observation
 from overtaking.sim.stepping import stepper
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F32
@@ -53,7 +53,7 @@ def _told(
 ) -> tuple[F32, F32]:
     """Columns of the egos and of their neighbours."""
     kind = None if actions is None else actions.kind
-    steps = stepper(parameters(scenario), kind, is_true=is_true, simulator=simulator)
+    steps = stepper(step_parameters(scenario), kind, is_true=is_true, simulator=simulator)
     nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
     table, runs, _ = steps.begin()

@@ -15,7 +15,7 @@ from overtaking.model.trajectories import STATE_DTYPES, States, Trajectories
 from overtaking.model.vehicles import EGO_SLOT, DriverTraits
 from overtaking.model.weather import Weather
 from overtaking.sim import engine
-from overtaking.world.step_parameters import Turn, parameters, with_command
+from overtaking.world.step_parameters import ParameterSwitch, step_parameters, with_forced_decision
 
 __all__ = [
     "ForcedDecision",
@@ -106,21 +106,23 @@ def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> T
     Raises:
         ConfigError: There is no such frame.
     """
-    given = parameters(scenario)
+    given = step_parameters(scenario)
     last = max(given.num_frames - 1, 0)
-    turns: list[Turn] = []
+    turns: list[ParameterSwitch] = []
     for one in versions:
         is_beyond = one.frame > last and scenario.num_simulations > 0
         if one.frame < 0 or is_beyond:
             raise _no_frame(last, one.frame)
-        then = parameters(one.scenario)
+        then = step_parameters(one.scenario)
         if one.index is not None:
-            then = dataclasses.replace(then, index=np.ascontiguousarray(one.index))
-        then = dataclasses.replace(with_command(then, int(one.decision)), judged=one.judged)
+            then = dataclasses.replace(then, scenario_index=np.ascontiguousarray(one.index))
+        then = dataclasses.replace(
+            with_forced_decision(then, int(one.decision)), judgement_errors=one.judged
+        )
         if one.frame == 0:
             given = then
         else:
-            turns.append((one.frame * given.record_every, then))
+            turns.append(ParameterSwitch(one.frame * given.steps_per_frame, then))
     return run(scenario, given, turns)
 
 

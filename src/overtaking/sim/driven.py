@@ -15,7 +15,7 @@ from overtaking.sim.reference import driven as reference
 from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
 from overtaking.sim.reference.state import State
 from overtaking.world.constants import ModelConstants, engine_constants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 
 class Mover(Protocol):
@@ -35,13 +35,13 @@ class Mover(Protocol):
         ...
 
 
-def mover(given: Parameters) -> Mover:
+def mover(given: StepParameters) -> Mover:
     """The fastest way to move the vehicles of a batch of one.
 
     Args:
         given: Their parameters, with the lengths of step and tick among the constants.
     """
-    is_small = given.vehicle.shape[1] <= _core.MAX_VEHICLES
+    is_small = given.vehicle_table.shape[1] <= _core.MAX_VEHICLES
     return EngineMover(given) if is_small else ReferenceMover(given)
 
 
@@ -52,11 +52,11 @@ class ReferenceMover:
         given: As in `mover`.
     """
 
-    def __init__(self, given: Parameters) -> None:
+    def __init__(self, given: StepParameters) -> None:
         """Name the parameters."""
         self.constants, self._given = given.constants, given
-        self._p = given.of_vehicles
-        self._q = given.of_simulations
+        self._p = given.vehicles
+        self._q = given.simulations
 
     def weather(self, state: State, decision: int) -> None:
         """See `Mover`."""
@@ -78,15 +78,15 @@ class EngineMover:
         ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
 
-    def __init__(self, given: Parameters, level: str | None = None) -> None:
+    def __init__(self, given: StepParameters, level: str | None = None) -> None:
         """Turn the parameters into what the engine takes."""
         self.constants = given.constants
         self._level = simd_level(level)
         self._given: dict[str, Any] = {
-            "vehicle": np.ascontiguousarray(given.vehicle, np.float32).reshape(-1),
-            "simulation": np.ascontiguousarray(given.simulation, np.float32).reshape(-1),
-            "index": given.index,
-            "slots": given.vehicle.shape[1],
+            "vehicle": np.ascontiguousarray(given.vehicle_table, np.float32).reshape(-1),
+            "simulation": np.ascontiguousarray(given.simulation_table, np.float32).reshape(-1),
+            "index": given.scenario_index,
+            "slots": given.vehicle_table.shape[1],
             "seed": given.seed,
             "road": road_values(given),
             "constants": engine_constants(given.constants),

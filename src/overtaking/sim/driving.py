@@ -30,7 +30,7 @@ from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.sim.stepping import stepper
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 OBSERVATION_SOURCES = ("human", "truth")
 """Observations without a sensor: the beliefs of the model's driver, or the state of the world."""
@@ -120,11 +120,11 @@ def drive(scenario: Scenario, driver: Driver, run: Run, simulator: str = "engine
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
     """
-    given = parameters(scenario)
+    given = step_parameters(scenario)
     return run(scenario, given, actions=asked(scenario, given, driver, simulator))
 
 
-def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str) -> Actions:
+def asked(scenario: Scenario, given: StepParameters, driver: Driver, simulator: str) -> Actions:
     """The actions of a driver in a batch; a simulation with these actions is the one it observed.
 
     Args:
@@ -133,7 +133,7 @@ def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str)
         driver: The driver.
         simulator: `engine` or `reference`; both let it do the same.
     """
-    last = int(given.of_simulations.last_step.max(initial=0.0))
+    last = int(given.simulations.last_step.max(initial=0.0))
     log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MAX_ACTION_PARTS), np.int32)
     clipped = np.zeros(scenario.num_simulations, np.int64)
     if scenario.num_simulations:
@@ -145,7 +145,7 @@ def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str)
 
 def _asked(
     scenario: Scenario,
-    given: Parameters,
+    given: StepParameters,
     driver: Driver,
     simulator: str,
     clipped: NDArray[np.int64],
@@ -181,8 +181,8 @@ def _asked(
 class _Eyes:
     """Makes observations of a batch from the numbers of the engines."""
 
-    def __init__(self, scenario: Scenario, given: Parameters, sensor: Sensor | None) -> None:
-        self._scenario, self._vehicle = scenario, given.of_vehicles.of(0)
+    def __init__(self, scenario: Scenario, given: StepParameters, sensor: Sensor | None) -> None:
+        self._scenario, self._vehicle = scenario, given.vehicles.at_slots(0)
         self._sensing = Sensing(sensor, scenario, given) if sensor else None
 
     def look(self, stepped: SteppedObservation, decision: int) -> Observation:

@@ -22,7 +22,7 @@ from overtaking.model.trajectories import (
     with_world_coordinates,
 )
 from overtaking.world.constants import engine_constants
-from overtaking.world.step_parameters import Parameters, Turn, parameters
+from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 
 _WIDE, _BYTE = np.int32, np.uint8
 _BELIEFS = {
@@ -47,13 +47,13 @@ def simulate(
     Raises:
         ConfigError: The SIMD level is unknown or this CPU lacks it.
     """
-    return run(scenario, parameters(scenario), level=level, buffers=buffers)
+    return run(scenario, step_parameters(scenario), level=level, buffers=buffers)
 
 
 def run(
     scenario: Scenario,
-    given: Parameters,
-    later: Sequence[Turn] = (),
+    given: StepParameters,
+    later: Sequence[ParameterSwitch] = (),
     *,
     actions: Actions | None = None,
     level: str | None = None,
@@ -74,17 +74,23 @@ def run(
     forced = simd_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
     afterwards = [
-        (one.vehicle.reshape(-1), one.simulation.reshape(-1), one.index, _flat(one.judged), step)
+        (
+            one.vehicle_table.reshape(-1),
+            one.simulation_table.reshape(-1),
+            one.scenario_index,
+            _flat(one.judgement_errors),
+            step,
+        )
         for step, one in later
     ]
     _core.simulate(
-        vehicle=given.vehicle.reshape(-1),
-        simulation=given.simulation.reshape(-1),
-        index=given.index,
+        vehicle=given.vehicle_table.reshape(-1),
+        simulation=given.simulation_table.reshape(-1),
+        index=given.scenario_index,
         slots=scenario.num_slots,
         frames=room,
         seed=given.seed,
-        record_every=given.record_every,
+        steps_per_frame=given.steps_per_frame,
         road=road_values(given),
         constants=engine_constants(given.constants),
         outputs=flat,
@@ -99,7 +105,7 @@ def _flat(judged: F32 | None) -> F32 | None:
     return None if judged is None else judged.reshape(-1)
 
 
-def road_values(given: Parameters) -> dict[str, Any]:
+def road_values(given: StepParameters) -> dict[str, Any]:
     """The road as the compiled engine takes it."""
     road = given.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
@@ -107,15 +113,15 @@ def road_values(given: Parameters) -> dict[str, Any]:
         "num_lanes": road.num_lanes,
         "boundaries": road.boundaries.tolist(),
         "film_path": road.film_path.tolist(),
-        "side": float(road.side),
+        "overtaking_sign": float(road.overtaking_sign),
         "pose": [float(number) for number in pose],
-        "own_lanes": road.own_lanes,
-        "two_way": road.two_way,
-        "far_end": float(road.far_end),
-        "across": float(road.across),
+        "num_own_lanes": road.num_own_lanes,
+        "has_oncoming_traffic": road.has_oncoming_traffic,
+        "length": float(road.length),
+        "edge_sum": float(road.edge_sum),
         "sight": road.sight.tolist(),
-        "line": road.line.tolist(),
-        "course": road.course.reshape(-1).tolist(),
+        "solid_line": road.solid_line.tolist(),
+        "course_table": np.concatenate(road.course_table).tolist(),
     }
 
 

@@ -16,7 +16,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.scenarios.specification_values import suggestion
 from overtaking.sim.observation import uniform_numbers
 from overtaking.world.constants import DECISIONS_PER_SECOND
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _MAX_FILE_BYTES = 1 << 20
 _AHEAD = np.array([role.endswith(("leader", "oncoming")) for role in NEIGHBOUR_ROLES])
@@ -126,11 +126,11 @@ class Sensing:
         given: Its parameters.
     """
 
-    def __init__(self, sensor: Sensor, scenario: Scenario, given: Parameters) -> None:
+    def __init__(self, sensor: Sensor, scenario: Scenario, given: StepParameters) -> None:
         """Have seen nothing yet."""
         self._sensor, self._scenario = sensor, scenario
         self._unseen = given.constants.unseen_gap
-        self._half = given.of_vehicles.of(0).half_length
+        self._half = given.vehicles.at_slots(0).half_length
         weather = scenario.weather
         kept = 1.0 - sensor.rain_loss * weather.rain / 100.0
         self._clear = (kept * (1.0 - sensor.fog_loss * weather.fog / 100.0)).astype(np.float32)

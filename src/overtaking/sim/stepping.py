@@ -11,7 +11,7 @@ from overtaking.sim.engine import road_values
 from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
 from overtaking.world.constants import engine_constants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 
 class Stepper(Protocol):
@@ -35,7 +35,7 @@ class Stepper(Protocol):
 
 
 def stepper(
-    given: Parameters,
+    given: StepParameters,
     kind: str | None,
     *,
     is_true: bool,
@@ -72,7 +72,7 @@ class Renewable:
     """
 
     def __init__(
-        self, given: Parameters, kind: str | None, *, is_true: bool, level: str | None = None
+        self, given: StepParameters, kind: str | None, *, is_true: bool, level: str | None = None
     ) -> None:
         """Stand before the first decision."""
         self._batch = _core.Stepper(_values(given), kind, is_true, simd_level(level))
@@ -85,7 +85,7 @@ class Renewable:
         """As `Stepper.step`."""
         return SteppedObservation(*self._batch.step(values, decisions))
 
-    def renew(self, rows: NDArray[np.int64], parameters: Parameters) -> SteppedObservation:
+    def renew(self, rows: NDArray[np.int64], parameters: StepParameters) -> SteppedObservation:
         """Begin new simulations in some rows.
 
         Args:
@@ -98,15 +98,15 @@ class Renewable:
         return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
 
 
-def _values(given: Parameters) -> dict[str, Any]:
+def _values(given: StepParameters) -> dict[str, Any]:
     """A batch as the compiled stepper takes it."""
     return {
-        "vehicle": given.vehicle.reshape(-1),
-        "simulation": given.simulation.reshape(-1),
-        "index": given.index,
-        "slots": given.vehicle.shape[1],
+        "vehicle": given.vehicle_table.reshape(-1),
+        "simulation": given.simulation_table.reshape(-1),
+        "index": given.scenario_index,
+        "slots": given.vehicle_table.shape[1],
         "seed": given.seed,
-        "record_every": given.record_every,
+        "steps_per_frame": given.steps_per_frame,
         "road": road_values(given),
         "constants": engine_constants(given.constants),
     }

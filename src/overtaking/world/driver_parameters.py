@@ -27,10 +27,21 @@ from overtaking.world.weather_parameters import (
     with_effective_weather,
 )
 
-ONCOMING_JUDGEMENT_FIELDS = ("oncoming_error", "oncoming_sight", "usual_speed", "hasty_change")
+ONCOMING_JUDGEMENT_FIELDS = (
+    "oncoming_error",
+    "oncoming_sight",
+    "expected_oncoming_speed",
+    "urgent_change_duration",
+)
 """Fields of `SimulationParameters` that only a two-way road needs; 0 elsewhere."""
 
-REACTION_TO_ONCOMING_FIELDS = ("unseen_trust", "spare", "limit", "makes_room", "passed_factor")
+REACTION_TO_ONCOMING_FIELDS = (
+    "assumed_sight_factor",
+    "time_reserve_share",
+    "speed_limit",
+    "edge_shift_when_passed",
+    "speed_factor_when_passed",
+)
 """Fields of `VehicleParameters` that only a two-way road needs; 0 elsewhere."""
 
 _NEVER = np.float32(1e9)
@@ -186,8 +197,8 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
     return {
         "oncoming_error": error if context.effects.distance_error else np.zeros_like(error),
         "oncoming_sight": _sight_of_oncoming(context),
-        "usual_speed": np.full_like(error, expected_speed),
-        "hasty_change": maximum(
+        "expected_oncoming_speed": np.full_like(error, expected_speed),
+        "urgent_change_duration": maximum(
             min_change_duration_by_friction(context), constant("model.oncoming.hasty_change")
         ),
     }
@@ -228,7 +239,7 @@ def min_change_duration_by_friction(context: StepContext) -> F32:
     borders = road_parameters(context.scenario.road).boundaries
     width = borders[1] - borders[0]
     share = constant("model.lane_change.accel_share")
-    return np.sqrt(_QUINTIC_PEAK * width / (share * context.conditions.side_accel))
+    return np.sqrt(_QUINTIC_PEAK * width / (share * context.conditions.max_lateral_accel))
 
 
 def _speeds(context: StepContext) -> FieldArrays:
@@ -242,7 +253,7 @@ def _speeds(context: StepContext) -> FieldArrays:
     desired = minimum(adapted_speed(factors, limit), max_speed)
     return {
         "desired_speed": desired,
-        "pass_speed": minimum(desired * context.constants.pass_speed_factor, max_speed),
+        "passing_speed": minimum(desired * context.constants.passing_speed_factor, max_speed),
         "free_speed": scenario.drivers.desired_speed,
     }
 
@@ -258,11 +269,11 @@ def _following(context: StepContext) -> FieldArrays:
     grip_share = constant("model.following.grip_share")
     usable_decel = grip_share * context.constants.gravity * friction[:, None]
     return {
-        "interaction": HALF / np.sqrt(traits.accel * traits.decel),
+        "idm_interaction": HALF / np.sqrt(traits.accel * traits.decel),
         "overspeed_exponent": constant("model.following.free_exponent")
         * traits.accel
         / traits.decel,
-        "hardest_decel": minimum(context.scenario.vehicles.peak_decel, usable_decel),
+        "max_assumed_decel": minimum(context.scenario.vehicles.peak_decel, usable_decel),
     }
 
 
@@ -279,8 +290,8 @@ def _reaction(context: StepContext) -> FieldArrays:
     haze_factor = np.where(is_hazy, constant("model.perception.reaction_haze_factor"), ONE)
     usual = reaction_time * night_factor[:, None] * haze_factor[:, None]
     return {
-        "reaction_ticks": _whole_decisions(usual, context.effects),
-        "urgent_ticks": _whole_decisions(reaction_time, context.effects),
+        "reaction_delay": _whole_decisions(usual, context.effects),
+        "urgent_reaction_delay": _whole_decisions(reaction_time, context.effects),
     }
 
 
@@ -299,8 +310,8 @@ def _limits(context: StepContext) -> FieldArrays:
     """
     reaction_time = context.scenario.drivers.reaction_time
     return {
-        "attention": np.full_like(reaction_time, context.constants.sight_range),
-        "most_friction": np.full_like(reaction_time, _UNLIMITED_FRICTION),
+        "attention_range": np.full_like(reaction_time, context.constants.sight_range),
+        "max_friction": np.full_like(reaction_time, _UNLIMITED_FRICTION),
     }
 
 
@@ -315,9 +326,9 @@ def _lane_changes(context: StepContext) -> FieldArrays:
         gain = np.where(np.arange(gain.shape[1]) == EGO_SLOT, gain, _NEVER)
     min_duration = min_change_duration_by_friction(context)[:, None]
     return {
-        "threshold": threshold,
+        "lane_change_threshold": threshold,
         "min_speed_gain": gain,
-        "bias": traits.keep_right_bias,
+        "keep_right_bias": traits.keep_right_bias,
         "lane_change_duration": maximum(traits.lane_change_duration, min_duration),
     }
 
@@ -367,7 +378,9 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
     # `sight_front` is log(glare factor / contrast threshold). So `contrast` is a multiple of the
     # contrast threshold, and a car is seen down to a multiple of 1.
-    contrast = exp(conditions.sight_front) * constant("model.speed_choice.contrast")
+    contrast = exp(conditions.log_contrast_sensitivity_ahead) * constant(
+        "model.speed_choice.contrast"
+    )
     threshold = maximum(conditions.lamp_threshold, visibility.MIN_ILLUMINANCE)
     lamp = np.full_like(extinction, lamp_intensity)
     return _VisibleRange(
@@ -383,9 +396,9 @@ def _passing(scenario: Scenario) -> FieldArrays:
     # The root is a choice. Divided by the demand itself, trust led to more collisions, and careful
     # drivers hardly passed on straight, empty roads.
     return {
-        "unseen_trust": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
-        "spare": constant("model.oncoming.time_reserve_share") * demand,
-        "limit": np.full_like(scenario.start_s, scenario.road.speed_limit),
+        "assumed_sight_factor": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
+        "time_reserve_share": constant("model.oncoming.time_reserve_share") * demand,
+        "speed_limit": np.full_like(scenario.start_s, scenario.road.speed_limit),
     }
 
 
@@ -403,8 +416,8 @@ def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     racing_factor = np.where(is_racing, constant("model.oncoming.races_factor"), ONE)
     edge_shift = constant("model.oncoming.edge_shift_when_passed")
     return {
-        "makes_room": np.where(shifts_to_edge, edge_shift, ZERO),
-        "passed_factor": np.where(
+        "edge_shift_when_passed": np.where(shifts_to_edge, edge_shift, ZERO),
+        "speed_factor_when_passed": np.where(
             is_yielding, constant("model.oncoming.yields_factor"), racing_factor
         ),
     }

@@ -1,9 +1,10 @@
-"""The road as the step sees it: lateral axis towards the fast side, tables of a fixed size."""
+"""The road as the step sees it: lateral axis towards the overtaking side, tables of fixed size."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from overtaking.world import road_surface
 from overtaking.world.constants import ModelConstants
 from overtaking.world.sight_distance import visible_distance
 
-MAX_KNOTS = 64
+MAX_STATIONS = 64
 """Largest number of stations at which sight, or the line between the directions, changes."""
 
 _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
@@ -28,35 +29,61 @@ _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
 _FAR = 1e9
 """Sight distance where a road does not limit it [m]."""
 
-_RADIUS, _ALLOWED = slice(2, 4), slice(8, 10)
-"""Rows of `RoadParameters.course` along and against the road."""
+
+class CourseTable(NamedTuple):
+    """Geometry, sight and speed limits of a road at equally spaced stations.
+
+    Every row has shape (station,). The stations are `model.steering.station` apart. The table
+    is empty if the road is straight and level and has one speed limit. Rows that end in
+    `_against` hold for drivers against the direction of the road.
+
+    Attributes:
+        curvature: Positive where the road bends towards the overtaking side [1/m].
+        sine_of_slope: Positive where the road rises along `s`.
+        radius_along: Radius by which drivers choose their speed, see `_course_table` [m].
+        radius_against: The same for the other direction [m].
+        sight_along: Sight distance from a car [m].
+        sight_against: The same for the other direction [m].
+        truck_sight_along: Sight distance from a truck, over crests longer than from a car [m].
+        truck_sight_against: The same for the other direction [m].
+        allowed_speed_along: Largest speed that the limits allow, see `_allowed_speeds` [m/s].
+        allowed_speed_against: The same for the other direction [m/s].
+    """
+
+    curvature: F32
+    sine_of_slope: F32
+    radius_along: F32
+    radius_against: F32
+    sight_along: F32
+    sight_against: F32
+    truck_sight_along: F32
+    truck_sight_against: F32
+    allowed_speed_along: F32
+    allowed_speed_against: F32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadParameters:
-    """The road as the step sees it, with the lateral axis towards the fast side.
+    """The road as the step sees it, with the lateral axis towards the overtaking side.
 
     Attributes:
         num_lanes: Number of driving lanes, including the opposing lane of a two-way road.
-        own_lanes: Number of lanes of the road's own direction.
-        two_way: Whether the opposing lane has traffic.
-        far_end: End of the road, from which oncoming vehicles count their stations [m].
-        across: Sum of the lateral positions of both edges. An oncoming vehicle at d is at
-            `across` - d in the frame of its own direction [m].
+        num_own_lanes: Number of lanes of the road's own direction.
+        has_oncoming_traffic: Whether vehicles may come in the opposing lane.
+        length: End of the road, from which oncoming vehicles count their stations [m].
+        edge_sum: Sum of the lateral positions of both edges. An oncoming vehicle at d is at
+            `edge_sum` - d in the frame of its own direction [m].
         sight: Along the road and against it: stations [m], sight distance there [m], and its change
-            per metre; (2, 3, MAX_KNOTS).
-        line: Stations [m], and from there on 1 if the line between the directions is solid for
-            traffic along the road, and 1 if it is solid for oncoming traffic; (3, MAX_KNOTS).
-        course: Geometry, sight and limits at stations every `model.steering.station`. The rows are
-            the curvature towards the fast side [1/m], the sine of the slope, and four pairs of
-            rows, along the road and against it: the radius by which drivers choose their speed [m]
-            (see `_course_table`), the sight distance [m], that distance from a truck [m], and the
-            speed that the limits allow [m/s] (see `_allowed_speeds`). Shape (10, station), without
-            stations for a road that is straight and level and has one limit.
-        boundaries: Lane borders from slow to fast, padded with the last, shape (MAX_LANES + 1,)
-            [m].
+            per metre; (2, 3, MAX_STATIONS).
+        solid_line: Stations [m], and from there on 1 if the line between the directions is solid
+            for traffic along the road, and 1 if it is solid for oncoming traffic;
+            (3, MAX_STATIONS).
+        course_table: Geometry, sight and limits by station; views on the rows of one array, which
+            the engine gets.
+        boundaries: Lane borders from the kerb side to the overtaking side, padded with the last,
+            shape (MAX_LANES + 1,) [m].
         film_path: `road_surface.film_path_factor` of each lane, padded, shape (MAX_LANES,).
-        side: +1 in right-hand traffic, -1 in left-hand traffic.
+        overtaking_sign: +1 in right-hand traffic, -1 in left-hand traffic.
         x0: World x of the road's origin [m].
         y0: World y of the road's origin [m].
         heading: Direction of travel [rad].
@@ -65,21 +92,26 @@ class RoadParameters:
     """
 
     num_lanes: int
-    own_lanes: int
-    two_way: bool
-    far_end: np.float32
-    across: np.float32
+    num_own_lanes: int
+    has_oncoming_traffic: bool
+    length: np.float32
+    edge_sum: np.float32
     sight: F32
-    line: F32
-    course: F32
+    solid_line: F32
+    course_table: CourseTable
     boundaries: F32
     film_path: F32
-    side: np.float32
+    overtaking_sign: np.float32
     x0: np.float32
     y0: np.float32
     heading: np.float32
     cosine: np.float32
     sine: np.float32
+
+    @property
+    def varies_along_road(self) -> bool:
+        """Whether the road bends, rises or has several speed limits."""
+        return bool(self.course_table.curvature.size)
 
 
 @lru_cache(maxsize=16)
@@ -88,35 +120,36 @@ def road_parameters(road: Road) -> RoadParameters:
 
     Results are cached: all callers share the arrays and must not change them.
     """
-    side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
-    borders = side * as_f32(road.lane_boundaries)
-    two_way = has_two_directions(road)
-    if two_way:
+    overtaking_sign = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
+    borders = overtaking_sign * as_f32(road.lane_boundaries)
+    has_oncoming_traffic = has_two_directions(road)
+    if has_oncoming_traffic:
         # The opposing lane is one more lane, as wide as lane 0. Turned by half a circle each lane
         # becomes the other, so oncoming vehicles are simulated like all others, in a frame of their
         # own.
         borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
-    across = borders[0] + borders[-1]
+    edge_sum = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
     borders = _pad_borders(borders)
-    crown = borders[road.num_lanes] if two_way else borders[-1]
-    course = _course_table(road)
+    crown = borders[road.num_lanes if has_oncoming_traffic else -1]
+    empty_sight = np.zeros((2, 3, MAX_STATIONS), np.float32)
+    empty_line = np.zeros((3, MAX_STATIONS), np.float32)
     # On a road that bends the step has road coordinates only, so it needs no pose.
     pose = (0.0, 0.0, 0.0) if road.is_curved else (road.x0, road.y0, road.heading)
     x0, y0, heading = map(np.float32, pose)
     sine, cosine = sincos(heading)
     return RoadParameters(
         num_lanes=num_lanes,
-        own_lanes=road.num_lanes,
-        two_way=two_way,
-        far_end=np.float32(road.length),
-        across=across,
-        sight=_sight_table(road) if two_way else np.zeros((2, 3, MAX_KNOTS), np.float32),
-        line=_line_table(road) if two_way else np.zeros((3, MAX_KNOTS), np.float32),
-        course=course,
+        num_own_lanes=road.num_lanes,
+        has_oncoming_traffic=has_oncoming_traffic,
+        length=np.float32(road.length),
+        edge_sum=edge_sum,
+        sight=_sight_table(road) if has_oncoming_traffic else empty_sight,
+        solid_line=_line_table(road) if has_oncoming_traffic else empty_line,
+        course_table=_course_table(road),
         boundaries=borders,
         film_path=road_surface.film_path_factor(_drainage_path(borders, crown)),
-        side=side,
+        overtaking_sign=overtaking_sign,
         x0=x0,
         y0=y0,
         heading=heading,
@@ -128,8 +161,8 @@ def road_parameters(road: Road) -> RoadParameters:
 def has_two_directions(road: Road) -> bool:
     """Whether traffic of both directions can be simulated: one lane each, equally wide.
 
-    The tables of its course may have at most `MAX_KNOTS` - 1 stations. On all other roads vehicles
-    keep to the lanes of the road's own direction.
+    The tables of its course may have at most `MAX_STATIONS` - 1 stations. On all other roads
+    vehicles keep to the lanes of the road's own direction.
     """
     opposing_lane, course = road.overtaking_side_neighbour, road.course or RoadCourse()
     return (
@@ -138,11 +171,11 @@ def has_two_directions(road: Road) -> bool:
         and opposing_lane is not None
         and opposing_lane.width == road.lanes[0].width
         and max(map(len, (course.sight, course.sight_against, road.overtaking_edge_marks)))
-        < MAX_KNOTS
+        < MAX_STATIONS
     )
 
 
-def refuse_oncoming(scenario: Scenario, where: str) -> None:
+def check_one_direction(scenario: Scenario, where: str) -> None:
     """Check that no vehicle starts in the opposing lane.
 
     Args:
@@ -179,7 +212,9 @@ def bend_speed(
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
         is_oncoming: Whether they drive against the road.
     """
-    radius = _row_for_direction(constants, road, _RADIUS, s, is_oncoming)
+    table = road.course_table
+    rows = (table.radius_along, table.radius_against)
+    radius = _value_for_direction(constants, road, rows, s, is_oncoming)
     return np.sqrt(minimum(constants.bend_accel, max_lateral_accel) * radius)
 
 
@@ -194,11 +229,13 @@ def allowed_speed(
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
         is_oncoming: Whether they drive against the road.
     """
-    return _row_for_direction(constants, road, _ALLOWED, s, is_oncoming)
+    table = road.course_table
+    rows = (table.allowed_speed_along, table.allowed_speed_against)
+    return _value_for_direction(constants, road, rows, s, is_oncoming)
 
 
-def along_course(row: F32, station: F32) -> F32:
-    """Interpolate a row of `RoadParameters.course`, constant beyond its ends.
+def interpolate_course(row: F32, station: F32) -> F32:
+    """Interpolate a row of a `CourseTable`, constant beyond its ends.
 
     Args:
         row: The row, shape (station,).
@@ -211,12 +248,16 @@ def along_course(row: F32, station: F32) -> F32:
     return low + (position - first) * (high - low)
 
 
-def _row_for_direction(
-    constants: ModelConstants, road: RoadParameters, rows: slice, s: F32, is_oncoming: Mask
+def _value_for_direction(
+    constants: ModelConstants,
+    road: RoadParameters,
+    rows: tuple[F32, F32],
+    s: F32,
+    is_oncoming: Mask,
 ) -> F32:
     """A pair of rows of the course, interpolated: the second row for oncoming vehicles."""
-    station = np.where(is_oncoming, road.far_end - s, s) * constants.per_station
-    along, against = (along_course(row, station) for row in road.course[rows])
+    station = np.where(is_oncoming, road.length - s, s) * constants.per_station
+    along, against = (interpolate_course(row, station) for row in rows)
     return np.where(is_oncoming, against, along)
 
 
@@ -228,7 +269,8 @@ def _pad_borders(borders: F32) -> F32:
 def _drainage_path(borders: F32, crown: np.float32) -> F32:
     """Length of the water's path from the crown to the middle of each lane [m].
 
-    The crown is the fast edge; on a two-way road it is the line between the directions.
+    The crown is the edge on the overtaking side, or the line between the directions of a two-way
+    road.
     """
     centres = (borders[1:] + borders[:-1]) * HALF
     return np.maximum(np.abs(crown - centres), constant("model.water.min_drainage_path"))
@@ -251,7 +293,7 @@ def _sight_table(road: Road) -> F32:
 
 
 def _line_table(road: Road) -> F32:
-    """The table `RoadParameters.line`."""
+    """The table `RoadParameters.solid_line`."""
     marks = road.overtaking_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
@@ -259,8 +301,8 @@ def _line_table(road: Road) -> F32:
     return _pad_stations([stations, along, against])
 
 
-def _course_table(road: Road) -> F32:
-    """Curvature, slope, speeds and sight by station, the rows of `RoadParameters.course`.
+def _course_table(road: Road) -> CourseTable:
+    """Curvature, slope, speeds and sight by station.
 
     The curvature is the mean around a station, so that the turns of all stations add up to the turn
     of the line. The radius by which drivers choose their speed is the smallest R + 2 (b / a) x over
@@ -270,7 +312,7 @@ def _course_table(road: Road) -> F32:
     if road.course is None or not (
         road.course.segments or road.course.grade or road.course.speed_limit_spans
     ):
-        return np.zeros((10, 0), np.float32)
+        return CourseTable._make(np.zeros((len(CourseTable._fields), 0), np.float32))
     spacing = float(constant("model.steering.station"))
     stations = np.arange(math.ceil(road.length / spacing) + 1, dtype=np.float64) * spacing
     turn = road.heading_at(stations + 0.5 * spacing) - road.heading_at(stations - 0.5 * spacing)
@@ -287,15 +329,16 @@ def _course_table(road: Road) -> F32:
     against = np.minimum.accumulate(radius - rise * stations) + rise * stations
     rows = [road.overtaking_sign * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
     allowed = [_allowed_speeds(road, stations, direction) for direction in (1, -1)]
-    return np.array([*rows, *_sight_rows(road, len(stations)), *allowed], np.float32)
+    rows += [*_sight_rows(road, len(stations)), *allowed]
+    return CourseTable._make(np.array(rows, np.float32))
 
 
 def _allowed_speeds(road: Road, stations: F64, direction: int) -> F64:
     """Largest speed from which a driver slows down in time for every limit ahead [m/s].
 
     At a distance x before a limit l that is the root of l^2 + 2 b x, with the deceleration b. Each
-    stretch is extended by one station at either end, because `along_course` interpolates: a vehicle
-    inside the stretch, between two stations, must find the limit at both.
+    stretch is extended by one station at either end, because `interpolate_course` is linear between
+    stations: a vehicle inside the stretch, between two stations, must find the limit at both.
 
     Args:
         road: The road.
@@ -326,7 +369,7 @@ def _sight_rows(road: Road, num_stations: int) -> list[F64]:
 
 
 def _pad_stations(rows: Sequence[ArrayLike]) -> F32:
-    """Rows of `MAX_KNOTS` numbers, the last station repeated."""
+    """Rows of `MAX_STATIONS` numbers, the last station repeated."""
     table = np.array([np.asarray(row, np.float64) for row in rows])
-    padding = np.repeat(table[:, -1:], MAX_KNOTS - table.shape[1], axis=1)
+    padding = np.repeat(table[:, -1:], MAX_STATIONS - table.shape[1], axis=1)
     return np.concatenate([table, padding], axis=1).astype(np.float32)

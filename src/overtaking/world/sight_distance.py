@@ -175,7 +175,7 @@ def _spans_where(road: Road, is_inside: Mask) -> Iterator[tuple[float, float]]:
 
 
 def _stations(road: Road) -> F64:
-    """The stations of `RoadParameters.course` [m]."""
+    """The stations of `RoadParameters.course_table` [m]."""
     count = int(np.ceil(road.length / station_spacing())) + 1
     return np.arange(count, dtype=np.float64) * station_spacing()
 

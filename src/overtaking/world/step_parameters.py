@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from overtaking.world.driver_parameters import (
     reaction_to_oncoming,
     weather_slowing,
 )
-from overtaking.world.road_parameters import RoadParameters, refuse_oncoming, road_parameters
+from overtaking.world.road_parameters import RoadParameters, check_one_direction, road_parameters
 from overtaking.world.vehicle_parameters import vehicle_parameters
 from overtaking.world.weather_parameters import SimulationParameters, step_context
 
@@ -49,7 +50,7 @@ class VehicleParameters(NamedTuple):
     valid: F32
     half_length: F32
     half_width: F32
-    tall: F32
+    blocks_view: F32
     mass: F32
     inverse_mass: F32
     inverse_inertia: F32
@@ -65,7 +66,7 @@ class VehicleParameters(NamedTuple):
     drag: F32
     rolling: F32
     max_speed: F32
-    brake_force: F32
+    max_brake_force: F32
     front_drive: F32
     half_track: F32
     understeer: F32
@@ -75,31 +76,31 @@ class VehicleParameters(NamedTuple):
     side_wind: F32
     wind_centre: F32
     wind_arm: F32
-    wear: F32
-    truck: F32
-    shelters: F32
+    tyre_wear: F32
+    has_truck_tyres: F32
+    shelters_wind: F32
     spray: F32
-    loom_width: F32
-    contrast: F32
+    looming_width: F32
+    log_contrast: F32
     inverse_tail_lamp: F32
     inverse_head_lamp: F32
-    lights: F32
+    initial_lights: F32
     desired_speed: F32
-    pass_speed: F32
+    passing_speed: F32
     time_gap: F32
     min_gap: F32
     accel: F32
     decel: F32
-    interaction: F32
+    idm_interaction: F32
     overspeed_exponent: F32
-    hardest_decel: F32
-    reaction_ticks: F32
-    urgent_ticks: F32
-    attention: F32
-    most_friction: F32
+    max_assumed_decel: F32
+    reaction_delay: F32
+    urgent_reaction_delay: F32
+    attention_range: F32
+    max_friction: F32
     politeness: F32
-    threshold: F32
-    bias: F32
+    lane_change_threshold: F32
+    keep_right_bias: F32
     safe_decel: F32
     lane_change_duration: F32
     min_speed_gain: F32
@@ -114,19 +115,19 @@ class VehicleParameters(NamedTuple):
     start_d: F32
     start_speed: F32
     start_lane: F32
-    direction: F32
-    makes_room: F32
-    passed_factor: F32
+    travel_sign: F32
+    edge_shift_when_passed: F32
+    speed_factor_when_passed: F32
     passing_time_factor: F32
-    unseen_trust: F32
-    spare: F32
+    assumed_sight_factor: F32
+    time_reserve_share: F32
     heeds_solid_lines: F32
-    limit: F32
+    speed_limit: F32
     free_speed: F32
     speed_limit_compliance: F32
     caution: F32
 
-    def of(self, slot: int | slice) -> "VehicleParameters":
+    def at_slots(self, slot: int | slice) -> "VehicleParameters":
         """The parameters of one vehicle, shape (simulation,), or of several."""
         return VehicleParameters._make(row[slot] for row in self)
 
@@ -135,54 +136,63 @@ VEHICLE_FIELDS = VehicleParameters._fields
 SIMULATION_FIELDS = SimulationParameters._fields
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameters:
+@dataclass(frozen=True, kw_only=True)  # No slots: the views on the tables are cached.
+class StepParameters:
     """All inputs of a batch.
 
     Attributes:
-        vehicle: Shape (field, vehicle, simulation), fields as `VEHICLE_FIELDS`.
-        simulation: Shape (field, simulation), fields as `SIMULATION_FIELDS`.
+        vehicle_table: Shape (field, vehicle, simulation), fields as `VEHICLE_FIELDS`.
+        simulation_table: Shape (field, simulation), fields as `SIMULATION_FIELDS`.
         road: The road.
         constants: Constants of the model, without the disabled effects.
         seed: Key of the random numbers.
-        index: Numbers from which the scenarios are drawn, shape (simulation,).
-        record_every: Steps between recorded frames.
-        judged: The ego's errors of distance and speed at the step from which these parameters hold,
-            in standard deviations, shape (2, simulation); None leaves them unchanged.
+        scenario_index: Numbers from which the scenarios are drawn, shape (simulation,).
+        steps_per_frame: Steps between recorded frames.
+        judgement_errors: The ego's errors of distance and speed at the step from which these
+            parameters hold, in standard deviations, shape (2, simulation); None leaves them
+            unchanged.
     """
 
-    vehicle: F32
-    simulation: F32
+    vehicle_table: F32
+    simulation_table: F32
     road: RoadParameters
     constants: ModelConstants
     seed: int
-    index: U64
-    record_every: int
-    judged: F32 | None = None
+    scenario_index: U64
+    steps_per_frame: int
+    judgement_errors: F32 | None = None
 
-    @property
-    def of_vehicles(self) -> VehicleParameters:
-        """The rows of `vehicle` by name."""
-        return VehicleParameters._make(self.vehicle)
+    @cached_property
+    def vehicles(self) -> VehicleParameters:
+        """The rows of `vehicle_table` by name."""
+        return VehicleParameters._make(self.vehicle_table)
 
-    @property
-    def of_simulations(self) -> SimulationParameters:
-        """The rows of `simulation` by name."""
-        return SimulationParameters._make(self.simulation)
+    @cached_property
+    def simulations(self) -> SimulationParameters:
+        """The rows of `simulation_table` by name."""
+        return SimulationParameters._make(self.simulation_table)
 
     @property
     def num_frames(self) -> int:
         """Number of frames of the longest simulation; 1 for an empty batch."""
-        last = self.of_simulations.last_step
-        return int(last.max()) // self.record_every + 1 if last.size else 1
+        last = self.simulations.last_step
+        return int(last.max()) // self.steps_per_frame + 1 if last.size else 1
 
 
-Turn = tuple[int, Parameters]
-"""A step, and the parameters from that step on; vehicles are displaced and accelerated by the
-differences of their starts."""
+class ParameterSwitch(NamedTuple):
+    """New parameters in the middle of a simulation.
+
+    Attributes:
+        step: Step from which they hold, at least 1.
+        params: The parameters. Vehicles are displaced and accelerated by the differences between
+            their starts in these parameters and in those before.
+    """
+
+    step: int
+    params: StepParameters
 
 
-def parameters(scenario: Scenario, effects: EnabledEffects | None = None) -> Parameters:
+def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -> StepParameters:
     """Compute all inputs of the step.
 
     Args:
@@ -201,27 +211,27 @@ def parameters(scenario: Scenario, effects: EnabledEffects | None = None) -> Par
         | context.conditions.step_fields()
         | weather_slowing(scenario, context.conditions)
     )
-    if road_parameters(scenario.road).two_way:
+    if road_parameters(scenario.road).has_oncoming_traffic:
         vehicle |= reaction_to_oncoming(context)
         simulation |= oncoming_judgement(context)
     else:
-        refuse_oncoming(
+        check_one_direction(
             scenario, "a road that is not two equally wide lanes, one in each direction"
         )
         vehicle |= dict.fromkeys(REACTION_TO_ONCOMING_FIELDS, np.zeros_like(scenario.start_s))
         simulation |= dict.fromkeys(ONCOMING_JUDGEMENT_FIELDS, np.zeros_like(scenario.horizon))
-    return Parameters(
-        vehicle=_stack(vehicle, VEHICLE_FIELDS),
-        simulation=_stack(simulation, SIMULATION_FIELDS),
+    return StepParameters(
+        vehicle_table=_stack(vehicle, VEHICLE_FIELDS),
+        simulation_table=_stack(simulation, SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
         constants=context.constants,
         seed=scenario.seed,
-        index=np.ascontiguousarray(scenario.scenario_index),
-        record_every=scenario.frame_interval_ms // STEP_MS,
+        scenario_index=np.ascontiguousarray(scenario.scenario_index),
+        steps_per_frame=scenario.frame_interval_ms // STEP_MS,
     )
 
 
-def with_ring(params: Parameters, length: F32) -> Parameters:
+def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
     Each vehicle reacts to the nearest image of every other vehicle. Vehicles that are laps apart
@@ -232,36 +242,38 @@ def with_ring(params: Parameters, length: F32) -> Parameters:
         params: Parameters of a road with ends.
         length: Length of the closed road, shape (simulation,) [m].
     """
-    simulation = params.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("ring")] = length
-    simulation[SIMULATION_FIELDS.index("inverse_ring")] = np.float32(1.0) / length
-    return with_command(dataclasses.replace(params, simulation=simulation), ForcedDecision.STAY)
+    simulation = params.simulation_table.copy()
+    simulation[SIMULATION_FIELDS.index("ring_length")] = length
+    simulation[SIMULATION_FIELDS.index("inverse_ring_length")] = np.float32(1.0) / length
+    return with_forced_decision(
+        dataclasses.replace(params, simulation_table=simulation), ForcedDecision.STAY
+    )
 
 
-def with_command(params: Parameters, command: int) -> Parameters:
+def with_forced_decision(params: StepParameters, decision: int) -> StepParameters:
     """Parameters with a decision forced on every ego, see `sim.branch`.
 
     Args:
         params: Parameters of a batch.
-        command: A `ForcedDecision`.
+        decision: A `ForcedDecision`.
     """
-    simulation = params.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = command
-    return dataclasses.replace(params, simulation=simulation)
+    simulation = params.simulation_table.copy()
+    simulation[SIMULATION_FIELDS.index("forced_decision")] = decision
+    return dataclasses.replace(params, simulation_table=simulation)
 
 
 def _clock(scenario: Scenario) -> dict[str, F32]:
     """Fields of `SimulationParameters` for the end of a simulation, and those without an effect.
 
-    No decision is forced and the road has ends; `with_command` and `with_ring` set these fields.
+    No decision is forced and the road has ends; `with_forced_decision` and `with_ring` change that.
     """
     zero = np.zeros_like(scenario.horizon)
     return {
         "last_step": np.rint(scenario.horizon * STEPS_PER_SECOND),
         "deadline_step": np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
-        "command": zero,
-        "ring": zero,
-        "inverse_ring": zero,
+        "forced_decision": zero,
+        "ring_length": zero,
+        "inverse_ring_length": zero,
     }
 
 

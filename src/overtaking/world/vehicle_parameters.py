@@ -40,7 +40,7 @@ def vehicle_parameters(context: StepContext) -> FieldArrays:
     - Body: `half_length`, `half_width`; `half_track`, half the distance of the left and right
       wheels; `tall`, the flag of a body that hides the road ahead from drivers behind it;
       `shelters`, the flag of a body that shelters vehicles to its lee from side wind; `spray`, the
-      spray behind the vehicle relative to that of a car [1].
+      spray behind the vehicle relative to the spray of a car [1].
     - Inertia: `inverse_mass` [1/kg], `inverse_inertia` about the vertical axis [1/(kg m^2)];
       `cg_front`, `cg_rear`, the distances of the centre of gravity from the front and the rear
       axle, both positive; `inverse_wheelbase` [1/m].
@@ -147,8 +147,8 @@ def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
         # The effect `occlusion` disables hidden views only; shelter from wind is no part of it.
-        "tall": is_tall & effects.occlusion,
-        "shelters": is_tall,
+        "blocks_view": is_tall & effects.occlusion,
+        "shelters_wind": is_tall,
         "spray": vehicles.spray_factor,
     }
 
@@ -177,7 +177,7 @@ def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
         "drag": constants.half_air_density * vehicles.drag_area,
         "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
         "max_speed": np.where(vehicles.unlawful_presence, raised_max_speed, vehicles.max_speed),
-        "brake_force": vehicles.mass * vehicles.peak_decel,
+        "max_brake_force": vehicles.mass * vehicles.peak_decel,
         "front_drive": vehicles.front_drive_share,
     }
 
@@ -188,8 +188,8 @@ def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
         "understeer": understeer_gradient(vehicles, constants),
         "moment_angle": moment_angle(vehicles, constants),
         "side_lag": side_lag(vehicles, constants),
-        "wear": vehicles.tyre_wear,
-        "truck": (vehicles.kind == VehicleKind.TRUCK).astype(np.float32),
+        "tyre_wear": vehicles.tyre_wear,
+        "has_truck_tyres": (vehicles.kind == VehicleKind.TRUCK).astype(np.float32),
     }
 
 
@@ -218,7 +218,7 @@ def _lamps(context: StepContext) -> FieldArrays:
     Bicycles have no lamps. Where lateral pushes stand for the weather (`Scenario.pushes`), the
     effective weather is a dry, clear day, see `weather_parameters.with_effective_weather`.
     Vehicles still switch their lamps by the recorded night, but drivers judge an approach by the
-    width of the body, as by day. Rain and fog in `conditions` are those of the effective weather.
+    width of the body, as by day. Rain and fog in `conditions` come from the effective weather.
     """
     vehicles, conditions = context.scenario.vehicles, context.conditions
     has_lamps = vehicles.kind != VehicleKind.BICYCLE
@@ -233,13 +233,13 @@ def _lamps(context: StepContext) -> FieldArrays:
     )
     head_lamp = constant("model.lights.headlamp")
     return {
-        "lights": _light_bit(has_low_beam, Lights.LOW_BEAM)
+        "initial_lights": _light_bit(has_low_beam, Lights.LOW_BEAM)
         + _light_bit(has_fog_lamp, Lights.REAR_FOG),
         "inverse_tail_lamp": np.where(has_low_beam, ONE / tail_lamp, _LAMP_OFF),
         "inverse_head_lamp": np.where(has_low_beam, ONE / head_lamp, _LAMP_OFF),
-        "loom_width": np.where(is_effective_night, vehicles.lamp_separation, vehicles.width),
+        "looming_width": np.where(is_effective_night, vehicles.lamp_separation, vehicles.width),
         # Koschmieder's law: a vehicle is seen up to the optical depth log(contrast / threshold).
-        "contrast": log(vehicles.contrast),
+        "log_contrast": log(vehicles.contrast),
     }
 
 
@@ -247,22 +247,22 @@ def _start(scenario: Scenario) -> FieldArrays:
     """States at the start, each vehicle in the frame of its own direction.
 
     A two-way road has one lane in each direction, both equally wide. The opposing lane has the
-    number after the road's own lanes. The frame of oncoming vehicles is that of the road turned by
-    half a circle about its middle, so each lane takes the place of the other: in this frame an
+    number after the road's own lanes. Oncoming vehicles have the frame of the road turned by half a
+    circle about its middle, so each lane takes the place of the other: in this frame an
     oncoming vehicle starts in lane 0, between the same borders as a vehicle along the road.
     """
     road = road_parameters(scenario.road)
     borders = road.boundaries
     # A slot without a vehicle may hold any number as its lane.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
-    is_oncoming = road.two_way & (lane == road.own_lanes)
+    is_oncoming = road.has_oncoming_traffic & (lane == road.num_own_lanes)
     lane = np.where(is_oncoming, 0, lane)
     return {
-        "start_s": np.where(is_oncoming, road.far_end - scenario.start_s, scenario.start_s),
+        "start_s": np.where(is_oncoming, road.length - scenario.start_s, scenario.start_s),
         "start_d": HALF * (borders[lane] + borders[lane + 1]),
         "start_speed": scenario.start_speed,
         "start_lane": lane,
-        "direction": np.where(is_oncoming, -ONE, ONE),
+        "travel_sign": np.where(is_oncoming, -ONE, ONE),
     }
 
 

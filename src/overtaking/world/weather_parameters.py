@@ -42,39 +42,40 @@ class SimulationParameters(NamedTuple):
         deadline_step: Step at which it ends if the ego has not attempted to overtake.
         fog_extinction: Extinction coefficient of fog [1/m].
         rain_extinction: Extinction coefficient of rain, to an observer at rest [1/m].
-        sight_front: Logarithm of glare factor over contrast threshold, looking ahead [1].
-        sight_rear: The same, looking back [1].
+        log_contrast_sensitivity_ahead: Logarithm of glare factor over contrast threshold, for a
+            driver that looks ahead [1].
+        log_contrast_sensitivity_behind: The same for a look back [1].
         lamp_threshold: Illuminance at which a driver detects a lamp [lx].
         inverse_lit_range: One over the range of the driver's low beam, 0 by day [1/m].
         detection_time: Time in which a driver notices a vehicle in plain view [s].
         distance_error: Coefficient of variation of judged distances [1].
         speed_error: Coefficient of variation of judged closing speeds [1].
         wind_along: Mean wind in the direction of travel [m/s].
-        wind_across: Mean wind towards the fast side [m/s].
+        wind_across: Mean wind towards the overtaking side [m/s].
         gust_gain: Amplitude of single gusts over the mean [1].
         gust_phase: Position of the gusts along the road, in [0, 1) of their spacing.
         gust_length: Length of road that each of them covers [m].
-        push_accel: Lateral acceleration of pushes towards the fast side, 0 without them [m/s^2].
+        push_accel: Lateral acceleration of pushes towards the overtaking side, 0 without [m/s^2].
         push_rate: Pushes per decision [1].
-        push_share: Share of the time in which a push acts [1].
+        push_duty_cycle: Share of the time in which a push acts [1].
         push_phase: Time of the first push, in [0, 1) of the interval.
-        least_film: Film of a wet road, 0 on a dry one [mm].
-        film_rain: `road_surface.film_rain_factor` of the rain.
-        texture: Depth of the road's texture [mm].
-        puddle_reach: Threshold of the field of puddles, see `road_surface.puddle_depth_share`.
+        min_wet_film: Film of a wet road, 0 on a dry one [mm].
+        film_rain_factor: `road_surface.film_rain_factor` of the rain.
+        texture_depth: Depth of the road's texture [mm].
+        puddle_threshold: Threshold of the field of puddles, see `road_surface.puddle_depth_share`.
         puddle_film: Depth of a puddle above the film [mm].
         puddle_phase_1: Phase of the first wave of that field, in [0, 1).
         puddle_phase_2: Phase of the second wave, in [0, 1).
-        side_accel: Largest lateral acceleration that drivers choose [m/s^2].
-        command: Code of the decision that is forced on the ego, 0 without one; see
-            `step_parameters.with_command`.
-        ring: Length of a road that closes on itself, 0 for a road with ends [m].
-        inverse_ring: One over that length, 0 for a road with ends [1/m].
+        max_lateral_accel: Largest lateral acceleration that drivers choose [m/s^2].
+        forced_decision: Code of the decision that is forced on the ego, 0 without one; see
+            `step_parameters.with_forced_decision`.
+        ring_length: Length of a road that closes on itself, 0 for a road with ends [m].
+        inverse_ring_length: One over that length, 0 for a road with ends [1/m].
         oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
         oncoming_sight: Distance at which a driver sees an oncoming car in this weather [m].
-        usual_speed: Speed that drivers assume of oncoming vehicles until their images grow visibly
-            [m/s].
-        hasty_change: Duration of the shortest lane change in an emergency [s].
+        expected_oncoming_speed: Speed that drivers assume of oncoming vehicles until their images
+            grow visibly [m/s].
+        urgent_change_duration: Duration of the shortest lane change in an emergency [s].
         rain_slowing: Speed by which a fully cautious driver slows for rain [m/s].
         stoppable_speed: Speed from which a driver stops within sight of a lit vehicle [m/s].
 
@@ -85,8 +86,8 @@ class SimulationParameters(NamedTuple):
     deadline_step: F32
     fog_extinction: F32
     rain_extinction: F32
-    sight_front: F32
-    sight_rear: F32
+    log_contrast_sensitivity_ahead: F32
+    log_contrast_sensitivity_behind: F32
     lamp_threshold: F32
     inverse_lit_range: F32
     detection_time: F32
@@ -99,23 +100,23 @@ class SimulationParameters(NamedTuple):
     gust_length: F32
     push_accel: F32
     push_rate: F32
-    push_share: F32
+    push_duty_cycle: F32
     push_phase: F32
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
+    min_wet_film: F32
+    film_rain_factor: F32
+    texture_depth: F32
+    puddle_threshold: F32
     puddle_film: F32
     puddle_phase_1: F32
     puddle_phase_2: F32
-    side_accel: F32
-    command: F32
-    ring: F32
-    inverse_ring: F32
+    max_lateral_accel: F32
+    forced_decision: F32
+    ring_length: F32
+    inverse_ring_length: F32
     oncoming_error: F32
     oncoming_sight: F32
-    usual_speed: F32
-    hasty_change: F32
+    expected_oncoming_speed: F32
+    urgent_change_duration: F32
     rain_slowing: F32
     stoppable_speed: F32
 
@@ -150,8 +151,8 @@ class SceneConditions:
     believed_friction: F32
     fog_extinction: F32
     rain_extinction: F32
-    sight_front: F32
-    sight_rear: F32
+    log_contrast_sensitivity_ahead: F32
+    log_contrast_sensitivity_behind: F32
     lamp_threshold: F32
     inverse_lit_range: F32
     detection_time: F32
@@ -164,16 +165,16 @@ class SceneConditions:
     gust_length: F32
     push_accel: F32
     push_rate: F32
-    push_share: F32
+    push_duty_cycle: F32
     push_phase: F32
-    least_film: F32
-    film_rain: F32
-    texture: F32
-    puddle_reach: F32
+    min_wet_film: F32
+    film_rain_factor: F32
+    texture_depth: F32
+    puddle_threshold: F32
     puddle_film: F32
     puddle_phase_1: F32
     puddle_phase_2: F32
-    side_accel: F32
+    max_lateral_accel: F32
 
     def step_fields(self) -> dict[str, F32]:
         """The fields of `SimulationParameters` that these conditions decide."""
@@ -238,7 +239,7 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
     return SceneConditions(
         rain_rate=weather.rain_rate,
         believed_friction=friction,
-        side_accel=minimum(comfort, grip_share * model_constants().gravity * friction),
+        max_lateral_accel=minimum(comfort, grip_share * model_constants().gravity * friction),
         **_sight(effective_scenario, weather, effects),
         **wind,
         **weather.film,
@@ -304,7 +305,7 @@ def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
     """
     sine, cosine = sincos(scenario.weather.wind_direction)
     speed = constant("weather.wind.full_speed") * (scenario.weather.wind * PERCENT)
-    return speed * cosine, road_parameters(scenario.road).side * speed * sine
+    return speed * cosine, road_parameters(scenario.road).overtaking_sign * speed * sine
 
 
 def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
@@ -312,15 +313,15 @@ def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
     weather, pushes = scenario.weather, scenario.pushes
     zero = np.zeros_like(weather.rain)
     if pushes is None:
-        return dict.fromkeys(("push_accel", "push_rate", "push_share", "push_phase"), zero)
+        return dict.fromkeys(("push_accel", "push_rate", "push_duty_cycle", "push_phase"), zero)
     sine, _ = sincos(weather.wind_direction)
-    push_sign = np.where(road_parameters(scenario.road).side * sine < 0, -ONE, ONE)
+    push_sign = np.where(road_parameters(scenario.road).overtaking_sign * sine < 0, -ONE, ONE)
     strength = HALF * PERCENT * (weather.rain + weather.wind)
     per_second = strength / np.float32(pushes.interval)
     return {
         "push_accel": push_sign * np.float32(pushes.accel),
         "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
-        "push_share": minimum(per_second * np.float32(pushes.duration), ONE),
+        "push_duty_cycle": minimum(per_second * np.float32(pushes.duration), ONE),
         "push_phase": draws.uniform(),
     }
 
@@ -361,20 +362,22 @@ def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
     return {
-        "least_film": road_surface.min_wet_film(rain, puddles),
-        "film_rain": road_surface.film_rain_factor(rain),
-        "texture": np.full_like(rate, constant("weather.film.texture_depth_mm")),
+        "min_wet_film": road_surface.min_wet_film(rain, puddles),
+        "film_rain_factor": road_surface.film_rain_factor(rain),
+        "texture_depth": np.full_like(rate, constant("weather.film.texture_depth_mm")),
         # The share of the road under water is half the square of the threshold, see
         # `road_surface.puddle_depth_share`.
-        "puddle_reach": np.sqrt(TWO * road_surface.puddle_cover(puddles)),
+        "puddle_threshold": np.sqrt(TWO * road_surface.puddle_cover(puddles)),
         "puddle_film": road_surface.puddle_depth(puddles),
     }
 
 
 def _believed_friction(water: dict[str, F32]) -> F32:
     """Friction coefficient that drivers assume: of one car tyre at one speed, outside puddles."""
-    path = np.full_like(water["film_rain"], constant("model.believed_grip.path_factor"))
-    film = road_surface.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
+    path = np.full_like(water["film_rain_factor"], constant("model.believed_grip.path_factor"))
+    film = road_surface.lane_film(
+        water["min_wet_film"], water["film_rain_factor"], path, water["texture_depth"]
+    )
     speed = np.full_like(film, constant("model.believed_grip.speed"))
     wear = np.full_like(film, constant("model.believed_grip.tyre_wear"))
     car = np.zeros_like(film)
@@ -389,7 +392,9 @@ def _sight(
     zero = np.zeros_like(rate)
     error = constant("weather.errors.closing_speed_cv") if effects.distance_error else ZERO
     return conditions.sight | {
-        "sight_rear": _contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
+        "log_contrast_sensitivity_behind": _contrast(
+            scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))
+        ),
         "detection_time": _detection_time(weather.night) if effects.delay else zero,
         "distance_error": _distance_error(scenario) if effects.distance_error else zero,
         "speed_error": np.full_like(rate, error),
@@ -403,7 +408,7 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict
     return {
         "fog_extinction": limited * visibility.fog_extinction(weather.fog),
         "rain_extinction": limited * visibility.rain_extinction(rate),
-        "sight_front": _contrast(scenario, rate, np.abs(weather.sun_azimuth)),
+        "log_contrast_sensitivity_ahead": _contrast(scenario, rate, np.abs(weather.sun_azimuth)),
         "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _is_dusk(scenario)),
         "inverse_lit_range": np.where(weather.night, inverse_lit_range, np.zeros_like(rate)),
     }

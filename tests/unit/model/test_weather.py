@@ -10,7 +10,7 @@ from overtaking.model.weather import NO_PRESET, REMOVABLE_FACTORS
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 
 @pytest.fixture(scope="module")
@@ -24,23 +24,29 @@ def test_without_rain_there_are_no_films_puddles_and_rain_clouds(drawn):
     wet = drawn.weather.rain > 0
     assert wet.any()
     dried = drawn.weather.without("rain")
-    step = parameters(drawn.replace(weather=dried)).of_simulations
-    for name in ("least_film", "film_rain", "puddle_film", "puddle_reach", "rain_extinction"):
+    step = step_parameters(drawn.replace(weather=dried)).simulations
+    for name in (
+        "min_wet_film",
+        "film_rain_factor",
+        "puddle_film",
+        "puddle_threshold",
+        "rain_extinction",
+    ):
         assert not getattr(step, name).any(), name
     assert not dried.cloudiness[wet].any()
     np.testing.assert_array_equal(dried.cloudiness[~wet], drawn.weather.cloudiness[~wet])
     np.testing.assert_array_equal(dried.wind, drawn.weather.wind)
     # Nothing lights low beams by day any more, but fog.
-    lights = parameters(drawn.replace(weather=dried.without("fog"))).of_vehicles.lights
+    lights = step_parameters(drawn.replace(weather=dried.without("fog"))).vehicles.initial_lights
     assert not lights[:, ~dried.night].any()
 
 
 def test_wind_fog_night_and_glare_can_be_removed_alone(drawn):
     weather = drawn.weather
-    assert not parameters(
+    assert not step_parameters(
         drawn.replace(weather=weather.without("wind"))
-    ).of_simulations.wind_across.any()
-    thin = parameters(drawn.replace(weather=weather.without("fog"))).of_simulations.fog_extinction
+    ).simulations.wind_across.any()
+    thin = step_parameters(drawn.replace(weather=weather.without("fog"))).simulations.fog_extinction
     # Clear air has the extinction of the best visibility that airports report.
     assert len(np.unique(thin)) == 1
     assert thin[0] < 1e-3

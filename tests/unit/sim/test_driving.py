@@ -13,7 +13,7 @@ from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.sensor import Sensing, Sensor
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 pytestmark = pytest.mark.ci
 
@@ -308,7 +308,7 @@ def test_every_action_names_its_numbers():
 class TestSensor:
     def sensed(self, scenes, decisions=40, **changes):
         """The truth at some decisions, and what a sensor tells of it."""
-        given = parameters(scenes)
+        given = step_parameters(scenes)
         sensor = Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | changes)
         sensing = Sensing(sensor, scenes, given)
         truth = np.zeros((decisions, 6, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)), np.float32)
@@ -328,7 +328,7 @@ class TestSensor:
         )
         truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
         ahead = np.array([name.endswith(("leader", "oncoming")) for name in NEIGHBOUR_ROLES])
-        half = parameters(clear).of_vehicles.of(0).half_length[:, None]
+        half = step_parameters(clear).vehicles.at_slots(0).half_length[:, None]
         within = truth.gap + half <= np.where(ahead, 150.0, 80.0)
         np.testing.assert_array_equal(told.is_detected > 0, within)
         np.testing.assert_array_equal(told.gap[within], truth.gap[within])

@@ -20,7 +20,7 @@ from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage, Trajecto
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
 from overtaking.sim.branch import ForcedDecision, branch
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 CAR = 4.4
 
@@ -41,7 +41,7 @@ def other(s: float, lane: int, speed: float) -> Vehicle:
 
 def told(*vehicles: Vehicle, horizon: float = 40.0, road: Road | None = None, **options):
     world = scenario(list(vehicles), road=road or wide_road(), horizon=horizon, **options)
-    return engine.run(world, parameters(world, CLEAR_MINDED))
+    return engine.run(world, step_parameters(world, CLEAR_MINDED))
 
 
 def stages(ran: Trajectories) -> list[Stage]:
@@ -137,7 +137,7 @@ def test_a_danger_that_comes_up_behind_makes_it_give_up_early():
     racer = other(-205.0, 1, 48.0)
     timid = ego(speed=22.0, indicator_lead_time=0.1, lane_change_duration=9.0, safe_decel=2.0)
     world = scenario([timid, other(30.0, 0, 20.0), racer], road=wide_road(), horizon=30.0)
-    ran = engine.run(world, parameters(world, dataclasses.replace(CLEAR_MINDED, range=True)))
+    ran = engine.run(world, step_parameters(world, dataclasses.replace(CLEAR_MINDED, range=True)))
     assert stages(ran)[:3] == [Stage.FOLLOW, Stage.PULL_OUT, Stage.ABORT]
     given_up = first(ran, Stage.ABORT)
     # Before half of the way, and then back to the lane that it came from.
@@ -227,7 +227,7 @@ def test_the_longest_wait_does_not_ask_more_of_others_than_an_emergency_does():
     m, view = view_of(ego(gap_demand_factor=0.1, safe_decel=4.0))
     assert float(view.demand[0]) == pytest.approx(0.1, rel=1e-5)
     assert float(view.imposes[0]) == pytest.approx(6.0)
-    assert float(m.given.constants.most_imposed) == pytest.approx(6.0)
+    assert float(m.given.constants.max_imposed_decel) == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize(

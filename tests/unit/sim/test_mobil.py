@@ -14,7 +14,7 @@ from overtaking.sim import engine
 from overtaking.sim.reference import control, mobil
 from overtaking.sim.reference.state import LEAD
 from overtaking.sim.reference.steering import begin_path
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
@@ -189,7 +189,7 @@ def dense_traffic(seed: int, **driver: float) -> Trajectories:
             row.append(car(place, int(random.integers(3)), speed, desired_speed=wish, **driver))
         rows.append(row)
     world = scenario(*rows, road=wide_road(), horizon=60.0)
-    return engine.run(world, parameters(world, dataclasses.replace(CLEAR_MINDED, mobil=True)))
+    return engine.run(world, step_parameters(world, dataclasses.replace(CLEAR_MINDED, mobil=True)))
 
 
 def test_of_two_who_signal_for_one_place_the_one_behind_waits():

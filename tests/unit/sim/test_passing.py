@@ -37,21 +37,21 @@ def time_to_reach(kind: str, begin: float, end: float) -> float:
 )
 def test_drivers_reckon_with_what_their_engine_has_at_the_speed_of_passing(kind, begin, end):
     m = moment([Vehicle(kind=kind, driver={"accel": 9.0})])
-    given, own = m.given.constants, m.p.of(0)
+    given, own = m.given.constants, m.p.at_slots(0)
     speed, top = (np.array([one], np.float32) for one in (begin, end))
     accel = reckoned_accel(given, own, speed, top)
     taken = (end - begin) / float(accel[0])
     assert taken == pytest.approx(time_to_reach(kind, begin, end), rel=0.05)
     # Who likes less than that uses less.
     m = moment([Vehicle(kind=kind, driver={"accel": 0.2})])
-    liked = reckoned_accel(given, m.p.of(0), speed, top)
+    liked = reckoned_accel(given, m.p.at_slots(0), speed, top)
     assert float(liked[0]) == pytest.approx(given.accelerate_gain * 0.2, rel=1e-6)
 
 
 def test_the_same_way_takes_longer_past_who_is_faster():
     m = moment([Vehicle(kind="M", driver={"accel": 2.0})])
     leader = np.arange(10.0, 36.0, 5.0, dtype=np.float32)
-    own = m.p.of(0)
+    own = m.p.at_slots(0)
     accel = reckoned_accel(m.given.constants, own, leader, leader + np.float32(10.0))
     needed = time_to_gain(np.float32(60.0), 0.0 * leader, np.full_like(leader, 10.0), accel)
     assert (np.diff(needed) >= 0.0).all()
@@ -64,12 +64,14 @@ def test_who_heeds_the_limit_heeds_it_as_much_while_passing():
     limit, surplus = np.float32(25.0), np.float32(10.0)
     careless, half, heedful = (
         top_speed(
-            m.p.of(0)._replace(limit=limit, speed_limit_compliance=np.float32(share)),
+            m.p.at_slots(0)._replace(speed_limit=limit, speed_limit_compliance=np.float32(share)),
             surplus,
             leader,
         )
         for share in (0.0, 0.5, 1.0)
     )
-    np.testing.assert_array_equal(careless, np.maximum(leader + surplus, m.p.of(0).pass_speed))
+    np.testing.assert_array_equal(
+        careless, np.maximum(leader + surplus, m.p.at_slots(0).passing_speed)
+    )
     np.testing.assert_array_equal(heedful, np.minimum(careless, limit))
     np.testing.assert_allclose(half, (careless + heedful) / 2, rtol=1e-6)

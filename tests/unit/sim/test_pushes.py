@@ -14,7 +14,7 @@ from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Lights, Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 from overtaking.world.weather_parameters import with_effective_weather
 
 COUNT, SEED = 64, 5
@@ -41,23 +41,23 @@ def test_without_a_push_storm_and_rain_are_a_clear_night(preset: str):
 def test_physics_is_as_it_was_for_a_profile_without_pushes():
     scenario = ot.sample("motorway", num_simulations=8, seed=SEED)
     assert with_effective_weather(scenario) is scenario
-    assert not parameters(scenario).of_simulations.push_accel.any()
+    assert not step_parameters(scenario).simulations.push_accel.any()
 
 
 @pytest.mark.parametrize("preset", ["ClearNight", "SoftRainNight", "MidRainyNight", "HardRainNoon"])
 def test_the_interval_is_the_stated_one_over_the_mean_of_rain_and_wind(preset: str):
     one = weather_presets()[preset]
     share = (one.precipitation_percent + one.wind_intensity_percent) / 200.0
-    q = parameters(drawn(preset, **{"weather.pushes.interval_s": 0.8})).of_simulations
+    q = step_parameters(drawn(preset, **{"weather.pushes.interval_s": 0.8})).simulations
     assert 0.05 / q.push_rate == pytest.approx(0.8 / share, rel=1e-5)
-    assert q.push_share == pytest.approx(0.2 * share / 0.8, rel=1e-5)
+    assert q.push_duty_cycle == pytest.approx(0.2 * share / 0.8, rel=1e-5)
 
 
 @pytest.mark.parametrize("is_mirrored", [False, True])
 def test_pushes_go_where_the_wind_blows_to_on_either_side_of_the_road(is_mirrored: bool):
     scenario = drawn("HardRainNight")
     road = scenario.road.mirror() if is_mirrored else scenario.road
-    pushed = parameters(scenario.replace(road=road)).of_simulations.push_accel
+    pushed = step_parameters(scenario.replace(road=road)).simulations.push_accel
     left = np.sin(scenario.weather.wind_direction) > 0
     towards_fast_side = pushed > 0  # The fast side is on the left in right-hand traffic.
     assert (towards_fast_side == (left != is_mirrored)).all()
@@ -81,7 +81,7 @@ def test_vehicles_drift_to_the_side_of_the_wind_and_are_steered_back():
 
 def test_sight_is_cut_by_night_under_clouds_and_towards_the_sun():
     def cut(preset: str) -> Any:
-        return parameters(drawn(preset)).of_simulations.inverse_lit_range > 0
+        return step_parameters(drawn(preset)).simulations.inverse_lit_range > 0
 
     for preset in ("ClearNight", "HardRainNoon", "MidRainyNight"):
         assert cut(preset).all(), preset

@@ -93,7 +93,7 @@ def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
     for k in range(round(duration / DECISION)):
         b.decide()
         steering.hold_against_wind(b.state, b.c, b.p, k)
-        ran = b.drive_one(b.steer(np.full_like(b.q.side_accel, 4.0)))
+        ran = b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))
         for name, values in rows.items():
             values.append(ran[name])
     return {name: np.array(values) for name, values in rows.items()}
@@ -162,7 +162,7 @@ def drive_after_start(b: Bench, duration: float) -> np.ndarray:
     for k in range(round(duration / DECISION)):
         b.decide()
         steering.hold_against_wind(b.state, b.c, b.p, k + 1)
-        places.append(b.drive_one(b.steer(np.full_like(b.q.side_accel, 4.0)))["d"])
+        places.append(b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))["d"])
     return np.array(places)
 
 
@@ -171,7 +171,7 @@ def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
     b.state.d = b.state.d + np.float32(30.0)
     before = 0.0
     for _ in range(60):
-        middle = b.steer(np.full_like(b.q.side_accel, 50.0))
+        middle = b.steer(np.full_like(b.q.max_lateral_accel, 50.0))
         wheel = float(b.state.wheel[0, 0])
         assert abs(wheel - before) <= 0.4 * DECISION + 1e-6
         assert float(middle[0, 0]) == pytest.approx(0.5 * (wheel + before), abs=1e-6)
@@ -187,7 +187,7 @@ def test_a_sliding_car_is_steered_into_the_slide():
     b.state.vy = np.full_like(b.state.vy, -9.0)
     b.state.r = np.full_like(b.state.r, 0.3)
     for _ in range(20):
-        b.steer(np.full_like(b.q.side_accel, 3.0))
+        b.steer(np.full_like(b.q.max_lateral_accel, 3.0))
     slip = (-9.0 + 0.3 * float(b.p.cg_front[0, 0])) / 25.0
     wheel = float(b.state.wheel[0, 0])
     assert wheel < 0.0
@@ -200,5 +200,5 @@ def test_a_wreck_is_not_steered():
     b = bench(Vehicle(speed=20.0))
     b.state.crashed = np.ones_like(b.state.crashed)
     b.state.d = b.state.d + np.float32(2.0)
-    assert float(b.steer(np.full_like(b.q.side_accel, 4.0))[0, 0]) == 0.0
+    assert float(b.steer(np.full_like(b.q.max_lateral_accel, 4.0))[0, 0]) == 0.0
     assert float(b.state.wheel[0, 0]) == 0.0

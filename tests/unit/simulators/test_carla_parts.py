@@ -21,7 +21,7 @@ from overtaking.simulators.carla.own import HARDEST, check_interval, take_over
 from overtaking.simulators.carla.processes import joined
 from overtaking.simulators.carla.stage import Reading
 from overtaking.simulators.carla_server.world import SCENARIO_NAME
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 
 @pytest.mark.parametrize("kind", VEHICLE_CLASS_NAMES)
@@ -69,7 +69,7 @@ def reading(slots: int, **values: float) -> Reading:
 
 def test_speeds_times_three_are_accelerations_times_nine():
     one = scenario([Vehicle()])
-    state = initial_state(parameters(one))
+    state = initial_state(step_parameters(one))
     seen = reading(8, s=100.0, d=-12.0, along=10.0, yaw_rate=0.1, accel=0.5)
     take_over(state, seen, one, faster=3)
     got = [float(getattr(state, name)[0, 0]) for name in ("s", "d", "vx", "r", "a_lon")]
@@ -78,7 +78,7 @@ def test_speeds_times_three_are_accelerations_times_nine():
 
 def test_a_contact_is_no_acceleration_of_driving():
     one = scenario([Vehicle()])
-    state = initial_state(parameters(one))
+    state = initial_state(step_parameters(one))
     take_over(state, reading(8, accel=-HARDEST - 1.0, accel_left=1.0), one)
     assert state.a_lon[0, 0] == state.a_lat[0, 0] == 0.0
     take_over(state, reading(8, accel=-9.0), one)
@@ -89,7 +89,7 @@ def test_in_left_hand_traffic_the_lateral_axis_is_turned():
     road = wide_road().mirror()
     assert road.driving_side is DrivingSide.LEFT
     one = scenario([Vehicle()], road=road)
-    state = initial_state(parameters(one))
+    state = initial_state(step_parameters(one))
     take_over(state, reading(8, d=4.0, psi=0.1, left=1.0, accel_left=2.0), one)
     got = [float(getattr(state, name)[0, 0]) for name in ("d", "psi", "vy", "a_lat")]
     assert got == pytest.approx([-4.0, -0.1, -1.0, -2.0])

@@ -16,7 +16,11 @@ from overtaking.world.driver_parameters import (
     REACTION_TO_ONCOMING_FIELDS,
 )
 from overtaking.world.road_parameters import road_parameters
-from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters, with_command
+from overtaking.world.step_parameters import (
+    SIMULATION_FIELDS,
+    step_parameters,
+    with_forced_decision,
+)
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -33,8 +37,8 @@ STORM: dict[str, float] = {
 
 def step_fields(world: Scenario, effects: EnabledEffects | None = None) -> tuple[Any, Any]:
     """Vehicle and simulation parameters by name."""
-    given = parameters(world, effects)
-    return given.of_vehicles, given.of_simulations
+    given = step_parameters(world, effects)
+    return given.vehicles, given.simulations
 
 
 def wanted(weather: dict[str, float], *, limit: float = 50.0, **driver: float) -> float:
@@ -65,8 +69,8 @@ def test_a_name_that_does_not_exist_is_refused():
 @pytest.mark.parametrize(
     ("effect", "field", "off"),
     [
-        ("film", "film_rain", 0.0),
-        ("film", "least_film", 0.0),
+        ("film", "film_rain_factor", 0.0),
+        ("film", "min_wet_film", 0.0),
         ("film", "puddle_film", 0.0),
         ("gusts", "gust_gain", 0.0),
         ("range", "fog_extinction", 0.0),
@@ -84,18 +88,20 @@ def test_an_effect_that_is_switched_off_is_gone_and_the_others_stay(
     _, without = step_fields(world, EnabledEffects(**{effect: False}))
     assert float(getattr(whole, field)[0]) != off
     assert float(getattr(without, field)[0]) == off
-    untouched = {"film": "wind_across", "gusts": "film_rain"}.get(effect, "gust_gain")
+    untouched = {"film": "wind_across", "gusts": "film_rain_factor"}.get(effect, "gust_gain")
     assert float(getattr(without, untouched)[0]) == float(getattr(whole, untouched)[0])
 
 
 def test_ablations_of_constants_touch_only_theirs():
     world = scenario([Vehicle()])
-    whole = dataclasses.asdict(parameters(world).constants)
+    whole = dataclasses.asdict(step_parameters(world).constants)
     for effect, name in (
         ("gusts", "turbulence_intensity"), ("wake", "shelter_factor"),
         ("looming", "looming_threshold"), ("delay", "detection_growth"),
     ):  # fmt: skip
-        values = dataclasses.asdict(parameters(world, EnabledEffects(**{effect: False})).constants)
+        values = dataclasses.asdict(
+            step_parameters(world, EnabledEffects(**{effect: False})).constants
+        )
         assert {key for key in whole if whole[key] != values[key]} == {name}
 
 
@@ -145,7 +151,7 @@ def test_nobody_wants_to_drive_faster_than_the_vehicle_can():
     lorry = Vehicle(kind="T", speed=20.0, driver={"desired_speed": 40.0})
     p, _ = step_fields(scenario([lorry], road=wide_road()))
     assert float(p.desired_speed[0, 0]) == pytest.approx(25.0)
-    assert float(p.pass_speed[0, 0]) == pytest.approx(25.0)
+    assert float(p.passing_speed[0, 0]) == pytest.approx(25.0)
 
 
 @pytest.mark.parametrize(
@@ -154,15 +160,15 @@ def test_nobody_wants_to_drive_faster_than_the_vehicle_can():
 )
 def test_reactions_are_slower_at_night_and_in_haze(weather: dict[str, float], factor: float):
     p, _ = step_fields(scenario([Vehicle(driver={"reaction_time": 1.0})], weather=weather))
-    assert float(p.reaction_ticks[0, 0]) == round(20.0 * factor)
-    assert float(p.urgent_ticks[0, 0]) == 20.0
+    assert float(p.reaction_delay[0, 0]) == round(20.0 * factor)
+    assert float(p.urgent_reaction_delay[0, 0]) == 20.0
 
 
 def test_a_lane_change_takes_as_long_as_the_grip_asks_for():
     quick = Vehicle(driver={"lane_change_duration": 2.5})
     for rain in (0.0, 60.0, 100.0):
         p, q = step_fields(scenario([quick], road=wide_road(), weather={"rain": rain}))
-        dared = float(q.side_accel[0])
+        dared = float(q.max_lateral_accel[0])
         duration = float(p.lane_change_duration[0, 0])
         # Its peak, 5.77 D / T^2, is 0.7 of what the driver dares, or the driver's own is longer.
         assert duration == pytest.approx(max(2.5, math.sqrt(5.77 * 3.5 / (0.7 * dared))), rel=1e-5)
@@ -170,7 +176,7 @@ def test_a_lane_change_takes_as_long_as_the_grip_asks_for():
 
 def test_interaction_and_exponent_follow_from_the_driver():
     p, _ = step_fields(scenario([Vehicle(driver={"accel": 1.2, "decel": 2.4})]))
-    assert float(p.interaction[0, 0]) == pytest.approx(0.5 / math.sqrt(1.2 * 2.4))
+    assert float(p.idm_interaction[0, 0]) == pytest.approx(0.5 / math.sqrt(1.2 * 2.4))
     assert float(p.overspeed_exponent[0, 0]) == pytest.approx(4.0 * 1.2 / 2.4)
 
 
@@ -179,7 +185,7 @@ def test_left_hand_traffic_is_the_mirror_image():
     one, other = road_parameters(road), road_parameters(road.mirror())
     np.testing.assert_array_equal(one.boundaries, other.boundaries)
     np.testing.assert_array_equal(one.film_path, other.film_path)
-    assert (float(one.side), float(other.side)) == (1.0, -1.0)
+    assert (float(one.overtaking_sign), float(other.overtaking_sign)) == (1.0, -1.0)
     weather = {"wind": 50.0, "wind_direction": 0.7}
     mirrored = weather | {"wind_direction": -0.7}
     _, right = step_fields(scenario([Vehicle()], road=road, weather=weather))
@@ -202,22 +208,28 @@ def test_a_low_sun_ahead_takes_contrast_ahead_and_one_behind_does_so_in_the_mirr
     _, ahead = step_fields(scenario([Vehicle()], weather=low | {"sun_azimuth": 0.1}))
     _, behind = step_fields(scenario([Vehicle()], weather=low | {"sun_azimuth": math.pi - 0.1}))
     _, aside = step_fields(scenario([Vehicle()], weather=low | {"sun_azimuth": 1.5}))
-    assert float(ahead.sight_front[0]) < float(aside.sight_front[0])
-    assert float(ahead.sight_rear[0]) == float(aside.sight_rear[0])
-    assert float(behind.sight_rear[0]) == pytest.approx(float(ahead.sight_front[0]), abs=1e-4)
+    assert float(ahead.log_contrast_sensitivity_ahead[0]) < float(
+        aside.log_contrast_sensitivity_ahead[0]
+    )
+    assert float(ahead.log_contrast_sensitivity_behind[0]) == float(
+        aside.log_contrast_sensitivity_behind[0]
+    )
+    assert float(behind.log_contrast_sensitivity_behind[0]) == pytest.approx(
+        float(ahead.log_contrast_sensitivity_ahead[0]), abs=1e-4
+    )
 
 
 def test_a_forced_decision_changes_nothing_else():
-    given = parameters(scenario([Vehicle()]))
-    forced = with_command(given, 3)
-    row = SIMULATION_FIELDS.index("command")
-    assert float(forced.simulation[row, 0]) == 3.0
+    given = step_parameters(scenario([Vehicle()]))
+    forced = with_forced_decision(given, 3)
+    row = SIMULATION_FIELDS.index("forced_decision")
+    assert float(forced.simulation_table[row, 0]) == 3.0
     rest = np.delete(np.arange(len(SIMULATION_FIELDS)), row)
-    np.testing.assert_array_equal(forced.simulation[rest], given.simulation[rest])
-    assert float(given.simulation[row, 0]) == 0.0
+    np.testing.assert_array_equal(forced.simulation_table[rest], given.simulation_table[rest])
+    assert float(given.simulation_table[row, 0]) == 0.0
 
 
 @pytest.mark.parametrize(("interval", "frames"), [(10, 2001), (50, 401), (100, 201)])
 def test_the_number_of_frames_follows_from_horizon_and_interval(interval: int, frames: int):
-    given = parameters(scenario([Vehicle()], frame_interval_ms=interval))
+    given = step_parameters(scenario([Vehicle()], frame_interval_ms=interval))
     assert given.num_frames == frames

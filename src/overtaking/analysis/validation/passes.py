@@ -214,7 +214,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
 
 def _zone(runs: Trajectories, s: float) -> float:
     """Length of the stretch around a station where the line may be crossed; 0 where it may not."""
-    stations, solid, _ = road_parameters(runs.road).line
+    stations, solid, _ = road_parameters(runs.road).solid_line
     changes = np.append(True, np.diff(solid) != 0.0)
     stations, solid = stations[changes], solid[changes]
     borders = np.append(np.maximum(stations, 0.0), runs.road.length)
@@ -390,7 +390,7 @@ def _refused(tally: Tally, batch: Batch) -> None:
     s, speed = (1e-3 * one[row, :, frame] for one in (runs.states.s, runs.states.speed))
     ahead = s[:, LEADER] - s[:, EGO_SLOT]
     held = (ahead > 0.0) & (ahead < limit("held_up_gap") * speed[:, EGO_SLOT])
-    stations, solid, _ = road_parameters(runs.road).line
+    stations, solid, _ = road_parameters(runs.road).solid_line
     place = np.searchsorted(stations[1:], s[:, EGO_SLOT], side="right")
     open_here = solid[np.minimum(place, len(solid) - 1)] == 0.0
     time, away, slot = meeting(runs, row, frame)

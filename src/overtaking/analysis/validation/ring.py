@@ -18,7 +18,7 @@ from overtaking.core.arrays import Buffers
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim import engine
-from overtaking.world.step_parameters import Parameters, parameters, with_ring
+from overtaking.world.step_parameters import StepParameters, step_parameters, with_ring
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -105,7 +105,7 @@ def batches(
         yield batch, counted
 
 
-def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:
+def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, StepParameters]:
     """A batch evenly spread over rings.
 
     Args:
@@ -133,10 +133,10 @@ def on_ring(drawn: Scenario, density: F32) -> tuple[Scenario, Parameters]:
         start_speed=np.minimum(drawn.start_speed, pace).astype(np.float32),
         attempt_deadline=never,
     )
-    return scenario, _endless(with_ring(parameters(scenario), length))
+    return scenario, _endless(with_ring(step_parameters(scenario), length))
 
 
-def _endless(given: Parameters) -> Parameters:
+def _endless(given: StepParameters) -> StepParameters:
     """Parameters with which neither an overtake nor a collision of the ego ends a simulation."""
     constants = given.constants.replace(after_overtake=_NEVER_S, after_collision=_NEVER_S)
     return dataclasses.replace(given, constants=constants)

@@ -35,7 +35,7 @@ from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import top_speeds
 from overtaking.sim.branch import changed
 from overtaking.world.constants import model_constants
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 _AROUND = 400.0
 """How far from the ego vehicles that it has not noticed may be [m]."""
@@ -142,7 +142,7 @@ def _errors_undone(
     scenario: Scenario, percept: Percept, judged: F32
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far ahead [m] and faster [m/s] the noticed are if the ego errs so, (future, vehicle)."""
-    step, c = parameters(scenario.select(slice(0, 1))).of_simulations, model_constants()
+    step, c = step_parameters(scenario.select(slice(0, 1))).simulations, model_constants()
     of_gap = np.exp(float(step.distance_error[0]) * judged[0].astype(np.float64)) - 1.0
     of_speed = float(step.speed_error[0]) * judged[1].astype(np.float64)
     shape = (judged.shape[1], scenario.num_slots)

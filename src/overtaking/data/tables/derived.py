@@ -31,11 +31,13 @@ def derived_weather(scenario: Scenario) -> dict[str, F32]:
     zero = np.zeros(scenario.num_simulations, dtype=np.float32)
     path = road_parameters(scenario.road).film_path[0]
     film_mm = road_surface.lane_film(
-        water["least_film"], water["film_rain"], path, water["texture"]
+        water["min_wet_film"], water["film_rain_factor"], path, water["texture_depth"]
     )
     extinction = sight["fog_extinction"] + sight["rain_extinction"]
     lamp = constant("weather.lamps.rear_position")
-    unlit = contrast_range(extinction, exp(sight["sight_front"]) * CONTRAST, zero + np.float32(1.0))
+    unlit = contrast_range(
+        extinction, exp(sight["log_contrast_sensitivity_ahead"]) * CONTRAST, zero + np.float32(1.0)
+    )
     lit = lamp_range(extinction, zero + lamp, sight["lamp_threshold"])
     along, across = mean_wind(felt)
     return {

@@ -53,8 +53,8 @@ class Frame:
 
 def frame_of(road: RoadParameters, p: Fields, i: int, j: int | slice) -> Frame:
     """How vehicle `j` is seen from vehicle `i`."""
-    turn = p.direction[i] * p.direction[j]
-    return Frame(turn=turn, far_end=road.far_end, across=road.across)
+    turn = p.travel_sign[i] * p.travel_sign[j]
+    return Frame(turn=turn, far_end=road.length, across=road.edge_sum)
 
 
 def near_pairs(state: State, c: ModelConstants, road: RoadParameters, p: Fields) -> Pairs:

@@ -12,14 +12,14 @@ from overtaking.sim.reference.passing import room_left, speed_of_pass
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _FREE = np.float32(1e9)
 
 
 def behind_leader(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     near: Neighbours,
     believed: Beliefs,
@@ -42,12 +42,12 @@ def behind_leader(
     # A driver about to pull out accepts a smaller gap.
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
     kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
-    if given.road.two_way:
+    if given.road.has_oncoming_traffic:
         follows = state.stage == np.float32(Stage.FOLLOW)
         kept = np.where(follows, kept * room_left(c, p, near.slot[LEAD]), kept)
     wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
     wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
-    eager = np.where(state.hurries > 0, c.hurry_gain, c.accelerate_gain)
+    eager = np.where(state.hurries > 0, c.urgent_accel_factor, c.accelerate_gain)
     return wanted * np.where(passing & (wanted > 0), eager, np.float32(1.0))
 
 
@@ -55,17 +55,17 @@ def _is_passing(state: State) -> Mask:
     return (state.stage == np.float32(Stage.PULL_OUT)) | (state.stage == np.float32(Stage.PASS))
 
 
-def _desired_speed(state: State, given: Parameters, p: Fields, met: Encounters | None) -> F32:
-    desired, passing = p.desired_speed, p.pass_speed
+def _desired_speed(state: State, given: StepParameters, p: Fields, met: Encounters | None) -> F32:
+    desired, passing = p.desired_speed, p.passing_speed
     if met is not None:
         passing = speed_of_pass(state, given, p)
-        desired = np.where(met.passed, desired * p.passed_factor, desired)
+        desired = np.where(met.passed, desired * p.speed_factor_when_passed, desired)
     return minimum(np.where(_is_passing(state), passing, desired), state.bend_speed)
 
 
 def behind_old_leader(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     near: Neighbours,
     believed: Beliefs,
@@ -94,8 +94,8 @@ def behind_old_leader(
     accel = np.where(to_fast, believed.accel[SLOW_LEAD], believed.accel[FAST_LEAD])
     aside = np.abs(np.where(to_fast, near.aside[SLOW_LEAD], near.aside[FAST_LEAD]))
     overlaps = aside < p.half_width + pick(p.half_width, slot) + c.footprint_margin
-    left = maximum(c.clear_fraction * state.path_duration - state.path_time, np.float32(0.0))
-    needed = _braking_to_clear(c, gap - p.min_gap, closing, left + c.clear_margin) - accel
+    left = maximum(c.lane_cleared_share * state.path_duration - state.path_time, np.float32(0.0))
+    needed = _braking_to_clear(c, gap - p.min_gap, closing, left + c.lane_clearance_time) - accel
     matters = changing & (slot >= 0) & overlaps & (needed > 0)
     desired = _desired_speed(state, given, p, met)
     kept = follow(c, p, state.vx, desired, gap, closing, p.time_gap, accel)
@@ -107,7 +107,7 @@ def _braking_to_clear(c: ModelConstants, room: F32, closing: F32, time: F32) -> 
 
     Where the closing would end before that time, it is the braking that ends it within the room.
     """
-    two, room = np.float32(2.0), maximum(room, c.smallest_gap)
+    two, room = np.float32(2.0), maximum(room, c.min_effective_gap)
     way = closing * time
     return np.where(
         way < two * room, two * (way - room) / (time * time), closing * closing / (two * room)
@@ -115,7 +115,7 @@ def _braking_to_clear(c: ModelConstants, room: F32, closing: F32, time: F32) -> 
 
 
 def set_acceleration(
-    state: State, given: Parameters, p: Fields, leader: F32, old_leader: F32
+    state: State, given: StepParameters, p: Fields, leader: F32, old_leader: F32
 ) -> None:
     """Move the pedals towards the wanted acceleration, as fast as it is urgent.
 
@@ -126,7 +126,7 @@ def set_acceleration(
         Markkula and others 2016: the ramp of emergency braking grows with its urgency.
     """
     c = given.constants
-    wanted = maximum(minimum(leader, old_leader), -(p.brake_force * p.inverse_mass))
+    wanted = maximum(minimum(leader, old_leader), -(p.max_brake_force * p.inverse_mass))
     up = np.where(state.accel < 0, c.jerk_release, c.jerk_up) * c.decision
     down = maximum(-wanted / c.brake_ramp, c.jerk_down) * c.decision
     changed = state.accel + clamp(wanted - state.accel, -down, up)

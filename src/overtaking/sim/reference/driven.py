@@ -12,7 +12,7 @@ from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.sim.reference import dynamics, environment
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 WHEEL_RATE = np.float32(6.0)
@@ -42,7 +42,7 @@ class Controls:
 
 
 def weather(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, decision: int
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, decision: int
 ) -> None:
     """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
     turned = _turned(state, q)
@@ -78,7 +78,7 @@ def _press(state: State, c: ModelConstants, p: Fields, controls: Controls, speed
     air = speed - state.tail_wind
     resistance = p.drag * air * np.abs(air) + p.rolling
     engine = minimum(p.launch_force, p.power / maximum(speed, c.slip_speed))
-    force = controls.throttle * engine - controls.brake * p.brake_force - resistance
+    force = controls.throttle * engine - controls.brake * p.max_brake_force - resistance
     state.accel = force * p.inverse_mass
 
 

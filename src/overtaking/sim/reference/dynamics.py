@@ -83,7 +83,7 @@ def drive_force(
     engine = minimum(p.launch_force, p.power * inverse_speed)
     left = (p.max_speed + c.governor_band - speed) * (_ONE / c.governor_band)
     throttle = clamp(left, _ZERO, _ONE)
-    return maximum(minimum(wanted, engine * throttle), -p.brake_force)
+    return maximum(minimum(wanted, engine * throttle), -p.max_brake_force)
 
 
 def axle_forces(c: ModelConstants, p: Fields, state: State, force: F32, load: F32) -> Axle:

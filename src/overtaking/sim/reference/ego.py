@@ -31,7 +31,7 @@ from overtaking.sim.reference.state import (
     Who,
 )
 from overtaking.world.constants import SUBSTEPS, ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _ZERO = np.float32(0.0)
@@ -41,7 +41,7 @@ _OTHERS = slice(EGO_SLOT + 1, None)  # Everybody but the ego.
 
 def decide(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -79,7 +79,7 @@ def decide(
 
 def decide_others(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -104,7 +104,12 @@ def _enter(state: State, who: Who, stage: F32) -> None:
 
 
 def _face(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, moment: Moment, who: Who
+    state: State,
+    given: StepParameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    who: Who,
 ) -> Plight | None:
     """How drivers stand to oncoming traffic, remembered; None where there is none on the road."""
     if moment.met is None:
@@ -122,12 +127,12 @@ def _haste(state: State, c: ModelConstants, q: SimulationParameters, who: Who) -
     """
     hasty = np.zeros_like(state.s)
     hurried = (state.hurries[who] > 0) | (state.yields[who] > 0)
-    turned = c.turning_way / maximum(state.vx[who], c.slip_speed)
-    hasty[who] = np.where(hurried, maximum(q.hasty_change, turned), _ZERO)
+    turned = c.min_change_distance / maximum(state.vx[who], c.slip_speed)
+    hasty[who] = np.where(hurried, maximum(q.urgent_change_duration, turned), _ZERO)
     return hasty
 
 
-def _wait(state: State, given: Parameters, p: Fields, believed: Beliefs, who: Who) -> None:
+def _wait(state: State, given: StepParameters, p: Fields, believed: Beliefs, who: Who) -> None:
     """Count the time behind a slower leader."""
     c, speed = given.constants, state.vx[who]
     queues = believed.gap[LEAD, who] < c.waiting_time_gap * speed
@@ -138,7 +143,9 @@ def _wait(state: State, given: Parameters, p: Fields, believed: Beliefs, who: Wh
     state.waited[who] = np.where(waits, waited + c.decision, waited)
 
 
-def _next_stage(state: State, given: Parameters, near: Neighbours, who: Who, intent: Intent) -> F32:
+def _next_stage(
+    state: State, given: StepParameters, near: Neighbours, who: Who, intent: Intent
+) -> F32:
     """The stage after this decision; an abort wins over an arrival, a return over both."""
     centre = np.float32(0.5) * (near.lane_low[who] + near.lane_high[who])
     settled = np.abs(state.d[who] - centre) < given.constants.settled_offset
@@ -156,7 +163,7 @@ def _next_stage(state: State, given: Parameters, near: Neighbours, who: Who, int
 
 def _act(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -167,7 +174,7 @@ def _act(
     """Move over and show it; who pulls out remembers whom to overtake."""
     near = moment.near
     target = np.where(intent.go_out, near.slot[LEAD, who], state.target[who])
-    if given.road.two_way:
+    if given.road.has_oncoming_traffic:
         beside = goes_on(state, given, p, q, moment, who)
         target = np.where(beside, near.slot[SLOW_LEAD, who], target)
     state.target[who] = target
@@ -177,7 +184,7 @@ def _act(
     fast[who] = intent.go_out | intent.remain
     slow[who] = intent.go_back | intent.abort
     back[who] = intent.abort | intent.remain
-    hasty = _haste(state, given.constants, q, who) if given.road.two_way else None
+    hasty = _haste(state, given.constants, q, who) if given.road.has_oncoming_traffic else None
     turn_to_lane(state, given, p, (fast, slow, back), moment.believed, decision, hasty)
     _show(state, p, intent, (fast | slow)[who], who)
 
@@ -194,7 +201,7 @@ def _show(state: State, p: Fields, intent: Intent, moved: Mask, who: Who) -> Non
 
 def _end(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     q: SimulationParameters,
     intent: Intent,
     next_stage: F32,

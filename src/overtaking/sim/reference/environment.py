@@ -14,8 +14,8 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world import road_surface
 from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
-from overtaking.world.road_parameters import allowed_speed, along_course, bend_speed
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.road_parameters import allowed_speed, bend_speed, interpolate_course
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
@@ -36,16 +36,16 @@ def _relaxed(process: F32, keep: F32, word: F32) -> F32:
 
 
 def move_random_processes(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, decision: int
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, decision: int
 ) -> None:
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     c = given.constants
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
     draw = [
         uniform_from_word(word)
-        for word in philox_words(given.seed, given.index[None, :], slots, decision)
+        for word in philox_words(given.seed, given.scenario_index[None, :], slots, decision)
     ]
-    along = state.vx - p.direction * q.wind_along
+    along = state.vx - p.travel_sign * q.wind_along
     air_speed = np.sqrt(along * along + q.wind_across * q.wind_across)
     # The first draw is the stationary state: nothing of a past is kept.
     kept = np.float32(0.0 if decision == 0 else 1.0)
@@ -65,68 +65,69 @@ def lane_value(values: F32, lane: F32, count: int) -> F32:
     return chosen
 
 
-def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
+def grip(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> None:
     """Friction under the wheels of either side."""
     c, road = given.constants, given.road
     lane = np.zeros_like(state.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.d >= road.boundaries[k], np.float32(k), lane)
     path = lane_value(road.film_path, lane, road.num_lanes)
-    water = road_surface.lane_film(q.least_film, q.film_rain, path, q.texture)
-    columns = road_surface.friction_at_speed(c, state.vx, p.wear, p.truck)
+    water = road_surface.lane_film(q.min_wet_film, q.film_rain_factor, path, q.texture_depth)
+    columns = road_surface.friction_at_speed(c, state.vx, p.tyre_wear, p.has_truck_tyres)
     width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
     sides = []
     s, d = on_the_road(state, given, p)
     for offset in (p.half_track, -p.half_track):
-        wheel_path = road_surface.floor((d + p.direction * offset - road.boundaries[0]) / width)
+        wheel_path = road_surface.floor((d + p.travel_sign * offset - road.boundaries[0]) / width)
         depth = road_surface.puddle_depth_share(
-            c, s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach
+            c, s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_threshold
         )
         found = road_surface.friction_at_film(c, columns, water + q.puddle_film * depth)
-        sides.append(minimum(found, p.most_friction))
+        sides.append(minimum(found, p.max_friction))
     state.mu_fast, state.mu_slow = sides
 
 
-def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
+def course(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> None:
     """What the road does under each vehicle until the next decision: it bends, it rises.
 
     Values are those of the middle of that time. For who comes the other way a bend to the left
     is one to the right, and a rise is a fall.
     """
     c, road = given.constants, given.road
-    if not road.course.shape[1]:
+    if not road.varies_along_road:
         return
-    one, half = np.float32(1.0), np.float32(0.5)
-    curvature, slope, _, _, *sights = road.course[:8]
-    high = p.truck > 0
-    turned = p.direction < 0
-    offset = np.where(turned, state.d - road.across, state.d)
+    one, half, table = np.float32(1.0), np.float32(0.5), road.course_table
+    high = p.has_truck_tyres > 0
+    turned = p.travel_sign < 0
+    offset = np.where(turned, state.d - road.edge_sum, state.d)
     soon = half * c.decision
     late = np.where(p.two_wheeler > 0, c.two_wheeler_lag, c.steering_lag + p.side_lag * state.vx)
     here = state.s + soon * state.vx
     there = state.s + (soon + late) * state.vx
 
     def at(row: F32, s: F32) -> F32:
-        return along_course(row, np.where(turned, road.far_end - s, s) * c.per_station)
+        return interpolate_course(row, np.where(turned, road.length - s, s) * c.per_station)
 
     def stretch(bend: F32) -> F32:
         return one / maximum(one - bend * offset, _LEAST_SHARE)
 
-    bend, ahead = (p.direction * at(curvature, s) for s in (here, there))
+    bend, ahead = (p.travel_sign * at(table.curvature, s) for s in (here, there))
     state.stretch = stretch(bend)
     state.curve = bend * state.stretch
     state.curve_ahead = ahead * stretch(ahead)
-    state.slope = p.direction * at(slope, here)
-    each = [at(row, state.s) for row in sights]
+    state.slope = p.travel_sign * at(table.sine_of_slope, here)
     by_car, by_truck = (
-        np.where(turned, against, along)
-        for along, against in zip(each[::2], each[1::2], strict=True)
+        np.where(turned, at(against, state.s), at(along, state.s))
+        for along, against in (
+            (table.sight_along, table.sight_against),
+            (table.truck_sight_along, table.truck_sight_against),
+        )
     )
-    state.bend_speed = bend_speed(c, road, q.side_accel, state.s, turned)
+    state.bend_speed = bend_speed(c, road, q.max_lateral_accel, state.s, turned)
     state.shown = np.where(high, by_truck, by_car)
 
 
-def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> Fields:
+def at_limits(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> Fields:
     """The parameters of drivers with the speeds that they want by the limits at and ahead of them.
 
     Ahead of a lower limit the wanted speed falls. The driver brakes at the rate at which it falls,
@@ -140,9 +141,9 @@ def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameter
         q: Simulation parameters.
     """
     c, road = given.constants, given.road
-    if not road.course.shape[1]:
+    if not road.varies_along_road:
         return p
-    turned = p.direction < 0
+    turned = p.travel_sign < 0
     wish = DesiredSpeedFactors(
         p.free_speed, p.speed_limit_compliance, p.caution, q.rain_slowing, q.stoppable_speed
     )
@@ -155,11 +156,11 @@ def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameter
     change = (soon - here) / c.decision
     eased = change + (here - state.vx) * c.per_approach
     state.most_accel = np.where(change < 0, maximum(eased, -p.decel), ANY_ACCEL)
-    passing = minimum(here * c.pass_speed_factor, p.pass_speed)
-    return p._replace(desired_speed=here, pass_speed=passing, limit=allowed)
+    passing = minimum(here * c.passing_speed_factor, p.passing_speed)
+    return p._replace(desired_speed=here, passing_speed=passing, speed_limit=allowed)
 
 
-def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:
+def shelter(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> F32:
     """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation).
 
     Source:
@@ -180,14 +181,14 @@ def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters)
         )
         aside = state.d - other_d
         reach = c.shelter_reach + p.half_width + p.half_width[j]
-        upwind = aside * (p.direction * q.wind_across) > 0
-        beside = (p.shelters[j] > 0) & (p.valid[j] > 0) & upwind & (np.abs(aside) < reach)
+        upwind = aside * (p.travel_sign * q.wind_across) > 0
+        beside = (p.shelters_wind[j] > 0) & (p.valid[j] > 0) & upwind & (np.abs(aside) < reach)
         beside[j] = False
         share = np.where(beside, minimum(share, open_share), share)
     return share
 
 
-def gust_bump(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:
+def gust_bump(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> F32:
     """The single gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped.
 
     Source:
@@ -203,7 +204,7 @@ def gust_bump(state: State, given: Parameters, p: Fields, q: SimulationParameter
     )
 
 
-def wind(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
+def wind(state: State, given: StepParameters, p: Fields, q: SimulationParameters) -> None:
     """Side force, yaw moment and tail wind of each vehicle.
 
     Source:
@@ -215,8 +216,8 @@ def wind(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
     bumps = q.gust_gain * gust_bump(state, given, p, q)
     strength = one + c.turbulence_intensity * state.gust + bumps
     strength = maximum(strength, np.float32(0.0))
-    across = p.direction * q.wind_across * strength * shelter(state, given, p, q)
-    state.tail_wind = p.direction * q.wind_along * strength
+    across = p.travel_sign * q.wind_across * strength * shelter(state, given, p, q)
+    state.tail_wind = p.travel_sign * q.wind_along * strength
     along = maximum(state.vx - state.tail_wind, _LEAST_AIR_SPEED)
     angle = atan(np.abs(across) / along)
     sine, _ = sincos(minimum(c.wind_angle_factor * angle, _QUARTER_TURN))
@@ -234,6 +235,6 @@ def push(state: State, p: Fields, q: SimulationParameters, decision: int) -> Non
         intervals for less rain and wind. Size and duration are choices of the specification.
     """
     cell = np.float32(decision) * q.push_rate + q.push_phase
-    pushed = (q.push_accel != 0) & (cell - road_surface.floor(cell) < q.push_share)
-    force = state.wind_force + p.direction * q.push_accel * p.mass
+    pushed = (q.push_accel != 0) & (cell - road_surface.floor(cell) < q.push_duty_cycle)
+    force = state.wind_force + p.travel_sign * q.push_accel * p.mass
     state.wind_force = np.where(pushed, force, state.wind_force)

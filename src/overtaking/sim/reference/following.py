@@ -18,7 +18,7 @@ _LEAST_RATIO = np.float32(1e-6)  # Of the wanted to the actual gap, for its loga
 
 def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
     """s* of the intelligent driver model [m]."""
-    dynamic = speed * time_gap + speed * closing * p.interaction
+    dynamic = speed * time_gap + speed * closing * p.idm_interaction
     return p.min_gap + maximum(dynamic, np.float32(0.0))
 
 
@@ -47,7 +47,7 @@ def iidm(
     """
     one = np.float32(1.0)
     wanted_time = p.time_gap if time_gap is None else time_gap
-    z = wanted_gap(p, speed, closing, wanted_time) / maximum(gap, c.smallest_gap)
+    z = wanted_gap(p, speed, closing, wanted_time) / maximum(gap, c.min_effective_gap)
     ratio = speed / desired
     square = ratio * ratio
     free_below = p.accel * (one - square * square)
@@ -77,7 +77,7 @@ def needed_braking(
         Constant-acceleration heuristic of Kesting, Treiber, Helbing 2010, equation 2.5.
     """
     zero = np.float32(0.0)
-    room = np.float32(2.0) * maximum(gap, c.smallest_gap)
+    room = np.float32(2.0) * maximum(gap, c.min_effective_gap)
     leader_speed = maximum(speed - closing, zero)
     approach = maximum(closing, zero)
     moving = leader_accel - (approach * approach) / room
@@ -132,8 +132,12 @@ def follow(
     """
     needed = needed_braking(c, speed, gap, closing, leader_accel)
     cool = cooled(c, p, iidm(c, p, speed, desired, gap, closing, time_gap), needed)
-    room = c.heed_until - gap / maximum(speed, c.slip_speed)
-    heed = clamp(room / (c.heed_until - c.heed_wholly), np.float32(0.0), np.float32(1.0))
+    room = c.stop_lamp_max_time_gap - gap / maximum(speed, c.slip_speed)
+    heed = clamp(
+        room / (c.stop_lamp_max_time_gap - c.stop_lamp_full_time_gap),
+        np.float32(0.0),
+        np.float32(1.0),
+    )
     return np.where(leader_accel < -c.stop_lamp_decel, minimum(cool, heed * needed), cool)
 
 
@@ -149,5 +153,5 @@ def forced_braking(
     Source:
         Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.
     """
-    z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.smallest_gap)
+    z = wanted_gap(p, speed, closing, time_gap) / maximum(gap, c.min_effective_gap)
     return minimum(p.accel * (np.float32(1.0) - z * z), np.float32(0.0))

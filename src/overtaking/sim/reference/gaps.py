@@ -40,7 +40,7 @@ from overtaking.sim.reference.state import (
     Who,
     pick,
 )
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _STEADY = np.float32(0.0)
@@ -88,7 +88,7 @@ class View:
 
 def look(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -106,7 +106,7 @@ def look(
         believed: What drivers believe of them.
         who: The drivers.
     """
-    own = p.of(who)
+    own = p.at_slots(who)
     waited = state.waited[who] * own.inverse_patience
     impatience = maximum(exp(-waited), given.constants.patience_floor)
     gap, closing = believed.gap[:, who], believed.closing[:, who]
@@ -116,7 +116,9 @@ def look(
         told = is_told(p)
         seen = told & believed.detected[LEAD, who]
         ordered = seen & (faster(state, near) > own.min_speed_gain)
-    bounded = minimum(own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.most_imposed)
+    bounded = minimum(
+        own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.max_imposed_decel
+    )
     return View(
         who=who,
         own=own,
@@ -126,20 +128,20 @@ def look(
         detected=believed.detected[:, who],
         leader_speed=state.vx[who] - closing[LEAD],
         demand=demand,
-        imposes=minimum(bounded, own.hardest_decel),
+        imposes=minimum(bounded, own.max_assumed_decel),
         impatience=impatience,
         room_left=room_left(given.constants, p, near.slot[LEAD, who])
-        if given.road.two_way
+        if given.road.has_oncoming_traffic
         else _ONE,
         told=told,
         ordered=ordered,
-        command=q.command if who == EGO_SLOT else np.zeros_like(q.command),
+        command=q.forced_decision if who == EGO_SLOT else np.zeros_like(q.forced_decision),
     )
 
 
 def is_told(p: Fields) -> Mask:
     """Whether the ego is told to change lanes, as in the study: it demands no gap."""
-    return p.of(EGO_SLOT).gap_demand_factor <= 0
+    return p.at_slots(EGO_SLOT).gap_demand_factor <= 0
 
 
 def faster(state: State, near: Neighbours) -> F32:
@@ -147,19 +149,19 @@ def faster(state: State, near: Neighbours) -> F32:
     return state.vx[EGO_SLOT] - pick(state.vx, near.slot[LEAD, EGO_SLOT])
 
 
-def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
+def own_braking(given: StepParameters, view: View, gap: F32, closing: F32) -> F32:
     """Acceleration that a vehicle ahead forces on a driver at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed, gap, closing, time_gap)
 
 
-def their_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
+def their_braking(given: StepParameters, view: View, gap: F32, closing: F32) -> F32:
     """Acceleration that a driver in front would force on a vehicle behind."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed + closing, gap, closing, time_gap)
 
 
-def wants_to_pass(given: Parameters, view: View) -> Mask:
+def wants_to_pass(given: StepParameters, view: View) -> Mask:
     """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
     own = view.own
     slower = own.desired_speed - view.leader_speed > own.min_speed_gain * view.impatience
@@ -170,7 +172,7 @@ def wants_to_pass(given: Parameters, view: View) -> Mask:
     return view.detected[LEAD] & slower & (soon | close)
 
 
-def may_pull_out(given: Parameters, view: View) -> Mask:
+def may_pull_out(given: StepParameters, view: View) -> Mask:
     """Whether the next lane looks free enough, and faster, to this driver.
 
     The lane of oncoming traffic is free while no other is seen to overtake there.
@@ -180,8 +182,8 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     gap, closing = view.gap[FAST_REAR], view.closing[FAST_REAR]
     now = their_braking(given, view, gap, closing)
     rear = minimum(now, their_braking(given, view, *soon(given, gap, closing))) >= -view.imposes
-    rear = rear & (gap > c.smallest_rear_gap * view.demand)
-    if given.road.two_way:
+    rear = rear & (gap > c.min_rear_gap * view.demand)
+    if given.road.has_oncoming_traffic:
         return rear & ~view.detected[FAST_LEAD]
     next_speed = view.speed - view.closing[FAST_LEAD]
     gain = next_speed - view.leader_speed > own.min_speed_gain * view.impatience
@@ -189,7 +191,7 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     return front & rear & (gain | far | ~view.detected[FAST_LEAD])
 
 
-def may_return(given: Parameters, view: View, room_left: F32 | np.float32 = _ONE) -> Mask:
+def may_return(given: StepParameters, view: View, room_left: F32 | np.float32 = _ONE) -> Mask:
     """Whether the slower lane has room: behind when the line is crossed, ahead at the end.
 
     Args:
@@ -207,12 +209,12 @@ def may_return(given: Parameters, view: View, room_left: F32 | np.float32 = _ONE
     front = own_braking(given, view, room, ahead) >= -own.decel
     c = given.constants
     # On a two-way road one returns even if one will soon catch up with the next vehicle.
-    if given.road.two_way:
-        return rear & front & (view.gap[SLOW_LEAD] > c.squeeze_gap)
+    if given.road.has_oncoming_traffic:
+        return rear & front & (view.gap[SLOW_LEAD] > c.min_return_gap)
     return rear & front & (view.gap[SLOW_LEAD] > c.stay_time * view.closing[SLOW_LEAD])
 
 
-def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
+def must_abort(given: StepParameters, view: View, lead: int, rear: int) -> Mask:
     """Whether the lane being entered has turned dangerous, and the old one still has room.
 
     Args:
@@ -224,31 +226,33 @@ def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
     c, own = given.constants, view.own
     imposed = their_braking(given, view, view.gap[REAR], view.closing[REAR])
     braking = own_braking(given, view, view.gap[LEAD], view.closing[LEAD])
-    bad = (imposed < -(c.abort_imposed * view.imposes)) | (braking < -(c.abort_factor * own.decel))
+    bad = (imposed < -(c.abort_imposed_factor * view.imposes)) | (
+        braking < -(c.abort_factor * own.decel)
+    )
     back = needed_braking(c, view.speed, view.gap[lead], view.closing[lead], _STEADY)
-    return bad & (back >= -own.hardest_decel) & (view.gap[rear] > c.smallest_rear_gap)
+    return bad & (back >= -own.max_assumed_decel) & (view.gap[rear] > c.min_rear_gap)
 
 
-def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
+def may_squeeze(given: StepParameters, q: SimulationParameters, view: View) -> Mask:
     """Whether the lane beside has room enough for a driver in a hurry when the line is crossed."""
     c, closing = given.constants, view.closing[SLOW_LEAD]
-    crossing = np.float32(0.5) * q.hasty_change
+    crossing = np.float32(0.5) * q.urgent_change_duration
     front = view.gap[SLOW_LEAD] - crossing * closing
     rear = view.gap[SLOW_REAR] - crossing * maximum(view.closing[SLOW_REAR], _STEADY)
-    squeezed = minimum(rear, front) > c.squeeze_gap
+    squeezed = minimum(rear, front) > c.min_return_gap
     # It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
     ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, _STEADY)
     return squeezed & (ahead >= -(c.abort_factor * view.own.decel))
 
 
-def has_room_behind(given: Parameters, view: View) -> Mask:
+def has_room_behind(given: StepParameters, view: View) -> Mask:
     """Whether nobody is close behind in the slower lane."""
-    return view.gap[SLOW_REAR] > given.constants.smallest_rear_gap
+    return view.gap[SLOW_REAR] > given.constants.min_rear_gap
 
 
 def intend(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -296,7 +300,7 @@ def intend(
 
 
 def _starts(
-    state: State, given: Parameters, p: Fields, moment: Moment, view: View, arrived: Mask
+    state: State, given: StepParameters, p: Fields, moment: Moment, view: View, arrived: Mask
 ) -> Mask:
     """Whether an overtake is wanted and looked possible, or is forced by a branch."""
     c, who, met = given.constants, view.who, moment.met
@@ -318,7 +322,7 @@ def _starts(
 
 def _turns_back(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     view: View,
@@ -344,14 +348,14 @@ def _turns_back(
     return has_lane & (wanted | (view.command == ForcedDecision.RETURN))
 
 
-def _gives_up(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
+def _gives_up(state: State, given: StepParameters, view: View, looks: Mask) -> Mask:
     """Whether drivers go back while pulling out: in danger, or forced by a branch."""
     danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
     forced = view.command == ForcedDecision.CANCEL
     return can_abort(state, given, view.who) & (danger | forced)
 
 
-def _stays_out(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
+def _stays_out(state: State, given: StepParameters, view: View, looks: Mask) -> Mask:
     """Whether drivers give up their way back in danger, unless a branch forces a return."""
     danger = looks & ~view.told & must_abort(given, view, FAST_LEAD, FAST_REAR)
     return can_remain(state, given, view.who) & danger & (view.command != ForcedDecision.RETURN)

@@ -12,7 +12,7 @@ from overtaking.core.float32_math import maximum
 from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.mobil import change_of
 from overtaking.sim.reference.state import Fields, State, Who, pick
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,31 +50,31 @@ def has_arrived(state: State, who: Who) -> Mask:
     return state.path_time[who] >= state.path_duration[who]
 
 
-def has_passed(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
+def has_passed(state: State, given: StepParameters, p: Fields, who: Who) -> Mask:
     """Whether the target's front is visibly behind the own rear."""
     behind = state.s[who] - pick(state.s, state.target[who])
     bodies = p.half_length[who] + pick(p.half_length, state.target[who])
-    return behind > bodies + given.constants.clear_ahead
+    return behind > bodies + given.constants.return_clearance
 
 
-def is_early(state: State, given: Parameters, who: Who) -> Mask:
+def is_early(state: State, given: StepParameters, who: Who) -> Mask:
     """Whether going back is shorter than going on."""
     return state.path_time[who] < given.constants.abort_until * state.path_duration[who]
 
 
-def can_abort(state: State, given: Parameters, who: Who) -> Mask:
+def can_abort(state: State, given: StepParameters, who: Who) -> Mask:
     """Whether drivers pull out, and going back is shorter than going on."""
     return in_stage(state, who, Stage.PULL_OUT) & is_early(state, given, who)
 
 
-def can_remain(state: State, given: Parameters, who: Who) -> Mask:
+def can_remain(state: State, given: StepParameters, who: Who) -> Mask:
     """Whether drivers change back by a whole lane, and going back is shorter than going on."""
     comes_back = in_stage(state, who, Stage.RETURN) | in_stage(state, who, Stage.ABORT)
     _, whole = change_of(state, given)
     return comes_back & is_early(state, given, who) & whole[who]
 
 
-def signal(state: State, given: Parameters, who: Who, start: Mask, back: Mask) -> None:
+def signal(state: State, given: StepParameters, who: Who, start: Mask, back: Mask) -> None:
     """Remember the side that is wanted, and for how long it has been shown."""
     decision, zero, one = given.constants.decision, np.float32(0.0), np.float32(1.0)
     state.wanted[who] = np.where(start, one, np.where(back, -one, zero))

@@ -20,7 +20,7 @@ from overtaking.sim.reference.state import (
     State,
 )
 from overtaking.sim.reference.steering import begin_path
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _STEADY = np.float32(0.0)
 _SLOWEST = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
@@ -29,13 +29,13 @@ Claims = tuple[F32, F32]
 """Lanes and sides, each (vehicle, simulation), of `claimed`."""
 
 
-def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:
+def imposed(given: StepParameters, p: Fields, speed: F32, gap: F32, closing: F32) -> F32:
     """Acceleration imposed on a follower, judged by the standard of the driver in front [m/s^2]."""
     return forced_braking(given.constants, p, speed + closing, gap, closing, p.time_gap)
 
 
 def incentives(
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     v: F32,
     believed: Beliefs,
@@ -75,12 +75,14 @@ def incentives(
     relieved_gap = gap[REAR] + gap[LEAD] + body
     now = imposed(given, p, v, gap[REAR], closing[REAR])
     relieved = imposed(given, p, v - closing[LEAD], relieved_gap, closing[REAR] + closing[LEAD])
-    to_fast = fast - here + p.politeness * (after - before) - p.bias
-    to_slow = there - own + p.politeness * (relieved - now) + p.bias
+    to_fast = fast - here + p.politeness * (after - before) - p.keep_right_bias
+    to_slow = there - own + p.politeness * (relieved - now) + p.keep_right_bias
     return to_fast, to_slow
 
 
-def is_safe(given: Parameters, p: Fields, v: F32, believed: Beliefs, front: int, rear: int) -> Mask:
+def is_safe(
+    given: StepParameters, p: Fields, v: F32, believed: Beliefs, front: int, rear: int
+) -> Mask:
     """Whether a lane change endangers neither the driver nor the new follower, now and soon.
 
     Args:
@@ -98,11 +100,11 @@ def is_safe(given: Parameters, p: Fields, v: F32, believed: Beliefs, front: int,
         imposed(given, p, v, *soon(given, gap[rear], closing[rear])),
     )
     own = forced_braking(c, p, v, gap[front], closing[front], p.time_gap)
-    room = (gap[rear] > c.smallest_rear_gap) & (gap[front] > c.smallest_rear_gap)
+    room = (gap[rear] > c.min_rear_gap) & (gap[front] > c.min_rear_gap)
     return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
 
 
-def soon(given: Parameters, gap: F32, closing: F32) -> tuple[F32, F32]:
+def soon(given: StepParameters, gap: F32, closing: F32) -> tuple[F32, F32]:
     """Gap [m] to a follower, and how fast it closes [m/s], if it speeds up for some seconds."""
     c = given.constants
     faster = c.foresight_accel * c.foresight
@@ -111,7 +113,7 @@ def soon(given: Parameters, gap: F32, closing: F32) -> tuple[F32, F32]:
 
 def change_lanes(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     believed: Beliefs,
     own: F32,
@@ -138,8 +140,8 @@ def change_lanes(
     safe_slow = is_safe(given, p, state.vx, believed, SLOW_LEAD, SLOW_REAR)
     # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
     worth = believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * state.vx
-    fast = ready & has_fast & safe_fast & (to_fast > p.threshold)
-    slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & worth & ~fast
+    fast = ready & has_fast & safe_fast & (to_fast > p.lane_change_threshold)
+    slow = ready & has_slow & safe_slow & (to_slow > p.lane_change_threshold) & worth & ~fast
     wanted = _side(fast, slow)
     shows = looks & (state.path_time >= state.path_duration)
     shows[EGO_SLOT] = False
@@ -168,7 +170,7 @@ def claimed(state: State) -> Claims:
     return state.lane.copy(), np.where(waits, state.indicator, np.float32(0.0))
 
 
-def must_wait(state: State, given: Parameters, side: F32, claims: Claims) -> Mask:
+def must_wait(state: State, given: StepParameters, side: F32, claims: Claims) -> Mask:
     """Who lets somebody first who signals for the same place from the other side of it.
 
     That is who is farther ahead, or moves to the fast side where nobody is.
@@ -189,7 +191,7 @@ def must_wait(state: State, given: Parameters, side: F32, claims: Claims) -> Mas
     return waits
 
 
-def change_of(state: State, given: Parameters) -> tuple[Mask, Mask]:
+def change_of(state: State, given: StepParameters) -> tuple[Mask, Mask]:
     """Whether each lane change is to the fast side, and whole: a retreat has less far to go."""
     low, high = lane_borders(state, given, 0.0)
     half = np.float32(0.5)
@@ -197,7 +199,9 @@ def change_of(state: State, given: Parameters) -> tuple[Mask, Mask]:
     return way > 0, np.abs(way) > half * (high - low)
 
 
-def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> tuple[Mask, Mask]:
+def _retreats(
+    state: State, given: StepParameters, p: Fields, believed: Beliefs
+) -> tuple[Mask, Mask]:
     """Who gives up a lane change that has turned dangerous, and whether it is to the fast side."""
     c = given.constants
     v, gap, closing = state.vx, believed.gap, believed.closing
@@ -206,18 +210,20 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
         tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
         for slow, fast in ((SLOW_LEAD, FAST_LEAD), (SLOW_REAR, FAST_REAR))
     )
-    bad_rear = imposed(given, p, v, gap[REAR], closing[REAR]) < -(c.abort_imposed * p.safe_decel)
+    bad_rear = imposed(given, p, v, gap[REAR], closing[REAR]) < -(
+        c.abort_imposed_factor * p.safe_decel
+    )
     own = forced_braking(c, p, v, gap[LEAD], closing[LEAD], p.time_gap)
     bad_front = own < -(c.abort_factor * p.decel)
     back = needed_braking(c, v, front[0], front[1], _STEADY)
-    room = (back >= -p.hardest_decel) & (behind[0] > c.smallest_rear_gap)
+    room = (back >= -p.max_assumed_decel) & (behind[0] > c.min_rear_gap)
     early = state.path_time < c.abort_until * state.path_duration
     sound = (state.crashed == 0) & (p.valid > 0)
     sound[EGO_SLOT] = False
     return (bad_rear | bad_front) & room & early & whole & sound, to_fast
 
 
-def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
+def _is_ready(state: State, given: StepParameters, p: Fields) -> Mask:
     """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
     arrived = state.path_time >= state.path_duration
     rested = state.since_change >= given.constants.cooldown
@@ -228,7 +234,7 @@ def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
 
 def turn_to_lane(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     sides: tuple[Mask, Mask, Mask],
     believed: Beliefs,
@@ -254,9 +260,11 @@ def turn_to_lane(
     state.lane = state.lane + step
     low, high = lane_borders(state, given, 0.0)
     left = believed.gap[LEAD] / maximum(believed.closing[LEAD], _SLOWEST)
-    hurried = maximum((left - c.clear_margin) / c.clear_fraction, c.quickest_change)
+    hurried = maximum(
+        (left - c.lane_clearance_time) / c.lane_cleared_share, c.min_lane_change_duration
+    )
     usual = minimum(p.lane_change_duration, hurried)
-    duration = np.where(back, c.retreat_share * p.lane_change_duration, usual)
+    duration = np.where(back, c.abort_duration_share * p.lane_change_duration, usual)
     if hasty is not None:
         duration = np.where(hasty > 0, hasty, duration)
     begin_path(state, moved, np.float32(0.5) * (low + high), duration)

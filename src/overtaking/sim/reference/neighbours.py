@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Gap without a neighbour [m].
 _SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
@@ -37,7 +37,7 @@ class Neighbours:
     lane_high: F32
 
 
-def lane_borders(state: State, given: Parameters, shift: float) -> tuple[F32, F32]:
+def lane_borders(state: State, given: StepParameters, shift: float) -> tuple[F32, F32]:
     """Borders of the lane `shift` lanes from each vehicle's own [m]."""
     road = given.road
     low = lane_value(road.boundaries, state.lane + np.float32(shift), road.num_lanes + 1)
@@ -45,7 +45,7 @@ def lane_borders(state: State, given: Parameters, shift: float) -> tuple[F32, F3
     return low, high
 
 
-def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
+def find_neighbours(state: State, given: StepParameters, p: Fields) -> Neighbours:
     """The nearest vehicle ahead and behind in the own, the faster and the slower lane.
 
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
@@ -57,7 +57,7 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     found = _Nearest(state.s.shape)
     for j in range(state.s.shape[0]):
         ahead, beside = along(given, state.s[j] - state.s), state.d[j] - state.d
-        others = (p.valid[j] > 0) & (p.direction[j] == p.direction)
+        others = (p.valid[j] > 0) & (p.travel_sign[j] == p.travel_sign)
         others[j] = False
         shows = shows_change(state, given, j)
         for k, (low, high) in enumerate(bands):
@@ -77,21 +77,21 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     )
 
 
-def along(given: Parameters, distance: F32) -> F32:
+def along(given: StepParameters, distance: F32) -> F32:
     """A distance along the road; on a ring that to the nearest image [m]."""
-    q = given.of_simulations
-    ring, inverse = q.ring, q.inverse_ring
+    q = given.simulations
+    ring, inverse = q.ring_length, q.inverse_ring_length
     return distance - ring * np.rint(distance * inverse)
 
 
-def shows_change(state: State, given: Parameters, j: int) -> Mask:
+def shows_change(state: State, given: StepParameters, j: int) -> Mask:
     """Whether others can tell to which lane vehicle `j` is changing."""
     changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
     moves = state.path_time[j] > given.constants.visible_fraction * state.path_duration[j]
     return changing & ((state.indicator[j] != 0) | moves)
 
 
-def _overlaps(state: State, given: Parameters, p: Fields, j: int, low: F32, high: F32) -> Mask:
+def _overlaps(state: State, given: StepParameters, p: Fields, j: int, low: F32, high: F32) -> Mask:
     """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
     margin = given.constants.corridor_margin
     low_side, high_side = state.d[j] - p.half_width[j], state.d[j] + p.half_width[j]

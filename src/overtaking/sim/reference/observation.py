@@ -39,7 +39,7 @@ from overtaking.sim.reference.state import (
     seen_from_each,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _HALF = np.float32(0.5)
@@ -64,7 +64,7 @@ class NeighbourMotion(NamedTuple):
 
 def observe(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -112,7 +112,7 @@ def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingCo
         table[:, index] = values
 
 
-def _ego_columns(state: State, given: Parameters, p: Fields, moment: Moment) -> EgoColumns:
+def _ego_columns(state: State, given: StepParameters, p: Fields, moment: Moment) -> EgoColumns:
     """The ego itself."""
     ego, near = EGO_SLOT, moment.near
     lane_centre = _HALF * (near.lane_low[ego] + near.lane_high[ego])
@@ -157,7 +157,7 @@ def _believed_motion(
 
 
 def _true_motion(
-    state: State, near: Neighbours, given: Parameters, role: NeighbourRole
+    state: State, near: Neighbours, given: StepParameters, role: NeighbourRole
 ) -> NeighbourMotion:
     """The true motion of a neighbour; a large gap and zeros without one."""
     slot, zero = near.slot[role, EGO_SLOT], np.float32(0.0)
@@ -199,13 +199,13 @@ def _neighbour_columns(
         indicator=if_detected(pick(state.indicator, slot)),
         stop_lamp=if_detected(_flag(brakes)),
         length=if_detected(_TWO * near.half_length[role, EGO_SLOT]),
-        is_truck=if_detected(pick(p.truck, slot)),
+        is_truck=if_detected(pick(p.has_truck_tyres, slot)),
         is_two_wheeler=if_detected(pick(p.two_wheeler, slot)),
     )
 
 
 def _oncoming_columns(
-    state: State, given: Parameters, p: Fields, vehicle: Oncoming, *, is_true: bool
+    state: State, given: StepParameters, p: Fields, vehicle: Oncoming, *, is_true: bool
 ) -> NeighbourColumns:
     """One oncoming vehicle; a large gap and zeros without one."""
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
@@ -230,14 +230,14 @@ def _oncoming_columns(
         indicator=if_detected(-pick(state.indicator, slot)),
         stop_lamp=np.zeros_like(gap),
         length=if_detected(_TWO * vehicle.half_length[ego]),
-        is_truck=if_detected(pick(p.truck, slot)),
+        is_truck=if_detected(pick(p.has_truck_tyres, slot)),
         is_two_wheeler=if_detected(pick(p.two_wheeler, slot)),
     )
 
 
 def _passing_columns(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -256,7 +256,7 @@ def _passing_columns(
         expected_closing_speed=usual_closing(state, q)[ego],
         gap_ahead_of_leader=minimum(gap_ahead_of_leader, given.constants.unseen_gap),
         tall_vehicle_gap_factor=room_left(given.constants, p, overtaken),
-        line_is_solid=_flag(is_solid(state, given, p, ego, given.constants.line_ahead)),
+        line_is_solid=_flag(is_solid(state, given, p, ego, given.constants.line_lookahead)),
         return_urgency=_HALF * plight.hurries + _HALF * plight.pressed,
         abort_state=_HALF * plight.yields + _HALF * (plight.yields & plight.fits),
         can_abort_pass=_flag(can_fall_in(state, given, p, ego)),

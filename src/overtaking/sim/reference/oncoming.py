@@ -25,7 +25,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 from overtaking.sim.reference.traffic import is_passed, nearest
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _FAR = np.float32(1e9)  # Sight past nobody [m].
@@ -82,7 +82,7 @@ class Encounters:
 
 def look_ahead(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -113,7 +113,7 @@ def look_ahead(
 
 def look_beyond(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -130,18 +130,18 @@ def look_beyond(
 
 
 def _sight(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, near: Neighbours
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, near: Neighbours
 ) -> F32:
     """How far drivers see the other lane: by the road, the weather, and past a high leader."""
     c, road = given.constants, given.road
     place, _ = on_the_road(state, given, p)
-    by_road = np.where(p.direction < 0, *(_shown(table, place) for table in road.sight[::-1]))
+    by_road = np.where(p.travel_sign < 0, *(_shown(table, place) for table in road.sight[::-1]))
     lead = near.slot[LEAD]
     reach = maximum(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH)
     edge = near.aside[LEAD] + pick(p.half_width, lead) - c.eye_offset
-    middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.own_lanes])
+    middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
     beside = middle - state.d - c.eye_offset
-    hides = (lead >= 0) & (pick(p.tall, lead) > 0) & (edge > 0) & (beside > 0)
+    hides = (lead >= 0) & (pick(p.blocks_view, lead) > 0) & (edge > 0) & (beside > 0)
     past = np.where(hides, beside * (reach / maximum(edge, LEAST_REACH)), _FAR)
     return minimum(minimum(minimum(by_road, state.shown), past), q.oncoming_sight)
 
@@ -155,7 +155,7 @@ def _shown(table: F32, place: F32) -> F32:
 
 def _judged(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -170,7 +170,7 @@ def _judged(
     slot, distance = met
     half = pick(p.half_length, slot)
     true_gap = distance - (half + p.half_length)
-    shines = pick(p.contrast, slot), pick(p.inverse_head_lamp, slot)
+    shines = pick(p.log_contrast, slot), pick(p.inverse_head_lamp, slot)
     depths = optical_depth(state, given, p, q, near)
     effort = strain(c, q, true_gap, shines, depths, is_front=True)
     reach = minimum(c.oncoming_range, sight if lanes == _ANY_LANE else state.shown)
@@ -185,15 +185,15 @@ def _judged(
     detected = visible & sure
     own_speed, _ = road_velocity(state)
     urgent = true_gap < c.urgent_time * (own_speed + pick(state.vx, slot))
-    ticks = np.where(urgent, p.urgent_ticks, p.reaction_ticks)
+    ticks = np.where(urgent, p.urgent_reaction_delay, p.reaction_delay)
     then = maximum(np.float32(decision) - ticks, np.float32(0.0))
     elapsed = (np.float32(decision) - then) * c.decision
     place, speed = recall(state, then, slot)
     place = place + speed * elapsed
-    gap = (given.road.far_end - place) - state.s - (half + p.half_length)
+    gap = (given.road.length - place) - state.s - (half + p.half_length)
     closing = own_speed + speed
-    _, clear, share, sensed = sense(state, c, q, gap, closing, pick(p.loom_width, slot))
-    small = np.where(pick(p.two_wheeler, slot) > 0, c.small_oncomer, one)
+    _, clear, share, sensed = sense(state, c, q, gap, closing, pick(p.looming_width, slot))
+    small = np.where(pick(p.two_wheeler, slot) > 0, c.two_wheeler_distance_factor, one)
     judged = exp(q.oncoming_error * state.distance_error) * small
     habit = usual_closing(state, q)
     return Oncoming(
@@ -211,12 +211,12 @@ def _judged(
 def usual_closing(state: State, q: SimulationParameters) -> F32:
     """Speed of approach that drivers expect of who comes, (vehicle, simulation) [m/s]."""
     own_speed, _ = road_velocity(state)
-    return own_speed + q.usual_speed
+    return own_speed + q.expected_oncoming_speed
 
 
-def _watch(state: State, given: Parameters, lanes: int, seen: F32) -> None:
+def _watch(state: State, given: StepParameters, lanes: int, seen: F32) -> None:
     """Count for how long drivers have seen what they see in some lanes now: slots `seen`."""
     c, before = given.constants, state.oncoming_id[lanes]
     longer = np.where(seen == before, state.oncoming_time[lanes] + c.decision, np.float32(0.0))
-    state.oncoming_time[lanes] = np.where(before == UNKNOWN, c.seen_before, longer)
+    state.oncoming_time[lanes] = np.where(before == UNKNOWN, c.initial_time_in_view, longer)
     state.oncoming_id[lanes] = seen

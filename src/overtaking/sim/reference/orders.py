@@ -19,7 +19,7 @@ from overtaking.sim.reference.intent import (
 )
 from overtaking.sim.reference.plight import can_fall_in
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
 
@@ -90,7 +90,7 @@ def show(state: State, orders: Orders) -> None:
     state.indicator[EGO_SLOT] = np.where(told, side, state.indicator[EGO_SLOT])
 
 
-def can_go_out(state: State, given: Parameters) -> Mask:
+def can_go_out(state: State, given: StepParameters) -> Mask:
     """Whether there is a faster lane for the ego, and no lane change under way, (simulation,)."""
     settled = in_stage(state, EGO_SLOT, Stage.FOLLOW) | in_stage(state, EGO_SLOT, Stage.PASS)
     has_lane = state.lane[EGO_SLOT] < np.float32(given.road.num_lanes - 1)
@@ -105,7 +105,7 @@ def can_go_back(state: State) -> Mask:
     )
 
 
-def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
+def obey(state: State, given: StepParameters, p: Fields, orders: Orders) -> Intent:
     """What the ego sets out to do: what another driver asks for, where that is possible."""
     if orders.steers:
         return _drift(state, given, p)
@@ -156,7 +156,7 @@ def _gives_up(orders: Orders) -> tuple[Mask, Mask, Mask]:
     return aborts, aborts, aborts
 
 
-def _drift(state: State, given: Parameters, p: Fields) -> Intent:
+def _drift(state: State, given: StepParameters, p: Fields) -> Intent:
     """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
     road = given.road
     lane = np.zeros_like(state.stage[EGO_SLOT])

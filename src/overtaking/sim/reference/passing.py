@@ -21,7 +21,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 SLOWEST = np.float32(0.5)
 """Least surplus of speed to be past with, and of approach [m/s]."""
@@ -79,17 +79,17 @@ def top_speed(own: Fields, surplus: np.float32, leader: F32) -> F32:
         surplus: How much faster than the other drivers want to be [m/s].
         leader: Speed of the other [m/s].
     """
-    wanted = maximum(own.pass_speed, leader + surplus)
-    heeded = wanted - own.speed_limit_compliance * maximum(wanted - own.limit, _ZERO)
+    wanted = maximum(own.passing_speed, leader + surplus)
+    heeded = wanted - own.speed_limit_compliance * maximum(wanted - own.speed_limit, _ZERO)
     return minimum(heeded, own.max_speed)
 
 
-def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
+def speed_of_pass(state: State, given: StepParameters, p: Fields) -> F32:
     """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
     c = given.constants
     along, _ = road_velocity(state)
-    top = top_speed(p, c.passing_surplus, pick(along, state.target))
-    return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), p.max_speed)
+    top = top_speed(p, c.passing_speed_surplus, pick(along, state.target))
+    return minimum(np.where(state.hurries > 0, c.urgent_speed_factor * top, top), p.max_speed)
 
 
 def time_to_pass(
@@ -105,7 +105,7 @@ def time_to_pass(
         faster: How much faster that is than the other [m/s].
         other: Speed of the other [m/s].
     """
-    top = top_speed(own, c.passing_surplus, other)
+    top = top_speed(own, c.passing_speed_surplus, other)
     return time_to_gain(way, faster, top - other, reckoned_accel(c, own, speed, top))
 
 
@@ -120,7 +120,7 @@ def seen_ahead(own: Fields, gap: F32, sight: F32) -> F32:
         gap: Believed gap to who comes [m].
         sight: How far the other lane is seen [m].
     """
-    return minimum(gap, own.unseen_trust * sight)
+    return minimum(gap, own.assumed_sight_factor * sight)
 
 
 def room_left(c: ModelConstants, p: Fields, slot: F32) -> F32:
@@ -129,7 +129,7 @@ def room_left(c: ModelConstants, p: Fields, slot: F32) -> F32:
     Source:
         The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
     """
-    return np.where(pick(p.tall, slot) > 0, c.tall_room, np.float32(1.0))
+    return np.where(pick(p.blocks_view, slot) > 0, c.tall_vehicle_gap_factor, np.float32(1.0))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -161,7 +161,7 @@ class Outlook:
 
 def outlook(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     near: Neighbours,
     coming: Oncoming,
@@ -186,16 +186,16 @@ def outlook(
         leader=speed,
         length=_TWO * near.half_length[LEAD, who],
         room=room_ahead(state, p, slot, who),
-        seen=seen_ahead(p.of(who), coming.believed_gap[who], coming.sight[who]),
+        seen=seen_ahead(p.at_slots(who), coming.believed_gap[who], coming.sight[who]),
         closing=coming.closing[who],
         sure=coming.sure[who],
-        solid=is_solid(state, given, p, who, given.constants.line_ahead),
+        solid=is_solid(state, given, p, who, given.constants.line_lookahead),
         room_left=room_left(given.constants, p, slot),
     )
 
 
 def may_meet(
-    given: Parameters,
+    given: StepParameters,
     own: Fields,
     speed: F32,
     impatience: F32,
@@ -219,14 +219,14 @@ def may_meet(
     bodies = ahead.length + _TWO * own.half_length
     returns = own.return_time_gap * impatience * ahead.room_left * leader
     way = ahead.gap + bodies + returns
-    top = top_speed(own, c.passing_surplus, leader)
+    top = top_speed(own, c.passing_speed_surplus, leader)
     gaining = time_to_pass(c, own, way, speed, speed - leader, leader)
     need = own.passing_time_factor * (gaining + own.lane_change_duration)
     closing = ahead.closing + _HALF * maximum(top - speed, _ZERO)
-    spare = own.spare * maximum(impatience, c.spare_kept)
+    spare = own.time_reserve_share * maximum(impatience, c.min_time_reserve_share)
     enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
-    least = _TWO * own.half_length + c.squeeze_gap + returns
-    room = ahead.room > least + c.fit_share * own.time_gap * leader
+    least = _TWO * own.half_length + c.min_return_gap + returns
+    room = ahead.room > least + c.return_time_gap_share * own.time_gap * leader
     return enough & ahead.sure & room & ~(ahead.solid & (own.heeds_solid_lines > 0))
 
 
@@ -237,13 +237,15 @@ def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
     room = np.full_like(front, _FAR)
     numbers = np.arange(len(state.s), dtype=np.float32)[:, None][who]
     for j in range(len(state.s)):
-        beyond = (p.valid[j] > 0) & (p.direction[j] == p.direction[who]) & (state.s[j] > place)
+        beyond = (p.valid[j] > 0) & (p.travel_sign[j] == p.travel_sign[who]) & (state.s[j] > place)
         beyond = beyond & (slot != np.float32(j)) & (numbers != np.float32(j))
         room = np.where(beyond, minimum(room, (state.s[j] - p.half_length[j]) - front), room)
     return room
 
 
-def is_solid(state: State, given: Parameters, p: Fields, who: Who, ahead: F32 | np.float32) -> Mask:
+def is_solid(
+    state: State, given: StepParameters, p: Fields, who: Who, ahead: F32 | np.float32
+) -> Mask:
     """Whether the line is not to be crossed where drivers are, or at a way ahead of them.
 
     Args:
@@ -253,8 +255,8 @@ def is_solid(state: State, given: Parameters, p: Fields, who: Who, ahead: F32 | 
         who: The drivers.
         ahead: The way [m].
     """
-    stations, along, against = given.road.line
-    here, direction = on_the_road(state, given, p)[0][who], p.direction[who]
+    stations, along, against = given.road.solid_line
+    here, direction = on_the_road(state, given, p)[0][who], p.travel_sign[who]
     solid = np.zeros(here.shape, bool)
     for place in (here, here + direction * ahead):
         knot = np.searchsorted(stations, place, side="right") - 1

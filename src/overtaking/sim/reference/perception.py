@@ -21,7 +21,7 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world import road_surface
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 # The engine has these numbers too.
@@ -58,7 +58,7 @@ def remember(state: State, decision: int) -> None:
     state.history_v[decision % HISTORY] = along
 
 
-def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> Mask:
+def looks_around(state: State, given: StepParameters, p: Fields, decision: int) -> Mask:
     """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
 
     Everybody does at an interval, one vehicle after the other, but not at once at the start; once
@@ -74,31 +74,35 @@ def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> M
     early = state.path_time < c.abort_until * state.path_duration
     regular = regular | (early & (decision % int(c.glance_moving) == 0))
     signalled = state.wanted_time >= p.indicator_lead_time
-    who = slice(None) if given.road.two_way else EGO_SLOT  # Who overtakes as the ego does.
+    who = (
+        slice(None) if given.road.has_oncoming_traffic else EGO_SLOT
+    )  # Who overtakes as the ego does.
     signalled[who] = state.signalled[who] > p.indicator_lead_time[who]
     looks = regular | ((state.wanted != 0) & signalled)
     # Who is in the lane of others looks all the time.
-    return looks | ((state.lane >= np.float32(1.0)) & given.road.two_way)
+    return looks | ((state.lane >= np.float32(1.0)) & given.road.has_oncoming_traffic)
 
 
-def draw_check(state: State, given: Parameters, p: Fields, drawn: Mask, decision: int) -> None:
+def draw_check(state: State, given: StepParameters, p: Fields, drawn: Mask, decision: int) -> None:
     """Draw whether the masked drivers look over the shoulder before their next lane change."""
     if not drawn.any():
         return
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
-    word = uniform_from_word(philox_words(given.seed, given.index[None, :], slots, decision)[0])
+    word = uniform_from_word(
+        philox_words(given.seed, given.scenario_index[None, :], slots, decision)[0]
+    )
     checks = np.where(word < p.checks_blind_spot, np.float32(1.0), np.float32(0.0))
     state.checks = np.where(drawn, checks, state.checks)
 
 
 def optical_depth(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, near: Neighbours
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, near: Neighbours
 ) -> tuple[F32, F32]:
     """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
     c = given.constants
     air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
     path = lane_value(given.road.film_path, state.lane, given.road.num_lanes)
-    water = road_surface.lane_film(q.least_film, q.film_rain, path, q.texture)
+    water = road_surface.lane_film(q.min_wet_film, q.film_rain_factor, path, q.texture_depth)
     lead = near.slot[LEAD]
     speed = pick(state.vx, lead) / c.spray_speed
     wetness = minimum(water / c.spray_film, np.float32(1.0))
@@ -115,7 +119,7 @@ def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
     crossing = near.aside[role] * (reach / maximum(distance, LEAST_REACH))
     offset = np.abs(crossing - near.aside[LEAD])
     blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
-    return (lead >= 0) & (pick(p.tall, lead) > 0) & blocked
+    return (lead >= 0) & (pick(p.blocks_view, lead) > 0) & blocked
 
 
 def strain(
@@ -144,10 +148,10 @@ def strain(
     air, spray = depths
     contrast, lamp = shines
     distance = clamp(gap, _NEAREST, _FARTHEST)
-    depth, sensitivity = air * distance, q.sight_rear
+    depth, sensitivity = air * distance, q.log_contrast_sensitivity_behind
     if is_front:
         depth = depth + spray * minimum(distance, c.spray_reach)
-        sensitivity = q.sight_front
+        sensitivity = q.log_contrast_sensitivity_ahead
     by_contrast = depth / maximum(contrast + sensitivity, _LEAST_CONTRAST)
     by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
     by_lamp = np.sqrt(
@@ -165,7 +169,7 @@ def _tail_lamp(state: State, c: ModelConstants, p: Fields, slot: F32) -> F32:
 
 def notice(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -183,8 +187,8 @@ def notice(
     slot, gap = near.slot[role], near.gap[role]
     is_front = role % 2 == 0
     lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
-    effort = strain(c, q, gap, (pick(p.contrast, slot), lamp), depths, is_front=is_front)
-    reach = p.attention if is_front else c.mirror_range
+    effort = strain(c, q, gap, (pick(p.log_contrast, slot), lamp), depths, is_front=is_front)
+    reach = p.attention_range if is_front else c.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if is_front:
         visible = visible & ~is_hidden(p, near, role)
@@ -197,7 +201,7 @@ def notice(
     longer = np.zeros_like(gap)
     for known, time in zip(*before, strict=True):
         longer = np.where(slot == known, maximum(longer, time), longer)
-    longer = np.where(before[0][role] == UNKNOWN, c.seen_before, longer + more)
+    longer = np.where(before[0][role] == UNKNOWN, c.initial_time_in_view, longer + more)
     longer = np.where(visible, longer, np.float32(0.0))
     state.seen_time[role] = np.where(now, longer, state.seen_time[role])
     state.seen_id[role] = np.where(now, slot, state.seen_id[role])
@@ -251,7 +255,7 @@ def sense(
 
 def perceive(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
@@ -281,7 +285,9 @@ def perceive(
         steadily = (role == LEAD) | (changing & (role % 2 == 0))
         watches = steadily, looks | steadily
         noticed = notice(state, given, p, q, near, role, depths, before, watches)
-        ticks = np.where(_is_urgent(state, c, near, role), p.urgent_ticks, p.reaction_ticks)
+        ticks = np.where(
+            _is_urgent(state, c, near, role), p.urgent_reaction_delay, p.reaction_delay
+        )
         then = maximum(np.float32(decision) - ticks, np.float32(0.0))
         elapsed = (np.float32(decision) - then) * c.decision
         place, speed = recall(state, then, slot)
@@ -289,7 +295,7 @@ def perceive(
         ahead = along(given, place - state.s if role % 2 == 0 else state.s - place)
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        width = pick(p.loom_width, slot)
+        width = pick(p.looming_width, slot)
         looms, clear, share, sensed = sense(state, c, q, gap, closing, width)
         error = (judged - np.float32(1.0)) * share
         detected.append(noticed)

@@ -31,7 +31,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 _FAR = np.float32(1e9)
@@ -60,7 +60,7 @@ class Plight:
 
 def weigh(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -84,17 +84,17 @@ def weigh(
         who: The drivers.
     """
     assert moment.met is not None
-    c, own, coming = given.constants, p.of(who), moment.met.coming
+    c, own, coming = given.constants, p.at_slots(who), moment.met.coming
     near, believed = moment.near, moment.believed
     out = _is_passing(state, who)
     along, _ = road_velocity(state)
     speed, other = along[who], pick(along, state.target[who])
     lead, bodies = _to_fall_in(state, given, p, who)
     faster = speed - other
-    aside = _HALF * q.hasty_change
+    aside = _HALF * q.urgent_change_duration
     onwards = maximum(lead + bodies, _ZERO)
     rest = time_to_pass(c, own, onwards, speed, faster, other) + aside
-    brake = c.fall_back_share * own.hardest_decel
+    brake = c.abort_decel_share * own.max_assumed_decel
     backwards = maximum(bodies - lead, _ZERO)
     back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
     noticed = coming.detected[who]
@@ -107,10 +107,10 @@ def weigh(
     left = own.return_time_gap * room_left(c, p, state.target[who])
     cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
     too_slow = onwards / maximum(faster, SLOWEST) > back
-    trapped = no_time & ((room < c.least_room) | too_slow)
+    trapped = no_time & ((room < c.min_return_space) | too_slow)
     yields = (gives_up | trapped | (state.yields[who] > 0)) & out
     beyond = (out | in_stage(state, who, Stage.RETURN)) & ~yields
-    pressed = beyond & ((there - rest < c.calm_margin) | cramped)
+    pressed = beyond & ((there - rest < c.urgent_return_margin) | cramped)
     late = is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (
         own.heeds_solid_lines > 0
     )
@@ -121,7 +121,7 @@ def weigh(
         yields=yields,
         hurries=pressed | (beyond & late),
         pressed=pressed,
-        fits=(lead - _gained(c, faster, brake) > bodies) & (front > c.squeeze_gap),
+        fits=(lead - _gained(c, faster, brake) > bodies) & (front > c.min_return_gap),
     )
 
 
@@ -132,7 +132,7 @@ def _gained(c: ModelConstants, faster: F32, brake: F32) -> F32:
 
 
 def _is_confined(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, moment: Moment
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, moment: Moment
 ) -> Mask:
     """Who is past the one that it overtakes, and has no time to pass the next one as well.
 
@@ -154,17 +154,17 @@ def _is_confined(
     gap, closing = moment.believed.gap[SLOW_LEAD], moment.believed.closing[SLOW_LEAD]
     next_one = state.vx - closing
     bodies = _TWO * (moment.near.half_length[SLOW_LEAD] + p.half_length)
-    way = gap + bodies + c.squeeze_gap
+    way = gap + bodies + c.min_return_gap
     longer = time_to_pass(c, p, way, state.vx, closing, next_one)
-    longer = longer + _HALF * q.hasty_change + c.calm_margin
+    longer = longer + _HALF * q.urgent_change_duration + c.urgent_return_margin
     late = seen_ahead(p, coming.believed_gap, coming.sight) < longer * coming.closing
     needed = needed_braking(c, state.vx, gap, closing, _ZERO)
-    return past & late & (needed >= -(c.fall_back_share * p.hardest_decel))
+    return past & late & (needed >= -(c.abort_decel_share * p.max_assumed_decel))
 
 
 def goes_on(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -182,7 +182,7 @@ def goes_on(
     """
     near, confined = moment.near, _is_confined(state, given, p, q, moment)[who]
     past = in_stage(state, who, Stage.PASS) & (state.s[who] > pick(state.s, state.target[who]))
-    beside = near.gap[SLOW_LEAD, who] < given.constants.squeeze_gap
+    beside = near.gap[SLOW_LEAD, who] < given.constants.min_return_gap
     follows = confined | (state.yields[who] > 0)
     return past & beside & (near.slot[SLOW_LEAD, who] >= 0) & ~follows
 
@@ -192,22 +192,22 @@ def _is_passing(state: State, who: Who) -> Mask:
     return in_stage(state, who, Stage.PULL_OUT) | in_stage(state, who, Stage.PASS)
 
 
-def can_fall_in(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
+def can_fall_in(state: State, given: StepParameters, p: Fields, who: Who) -> Mask:
     """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
     lead, bodies = _to_fall_in(state, given, p, who)
-    return _is_passing(state, who) & (lead > bodies) & given.road.two_way
+    return _is_passing(state, who) & (lead > bodies) & given.road.has_oncoming_traffic
 
 
-def _to_fall_in(state: State, given: Parameters, p: Fields, who: Who) -> tuple[F32, F32]:
+def _to_fall_in(state: State, given: StepParameters, p: Fields, who: Who) -> tuple[F32, F32]:
     """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
     target = state.target[who]
     bodies = p.half_length[who] + pick(p.half_length, target)
-    return pick(state.s, target) - state.s[who], bodies + given.constants.squeeze_gap
+    return pick(state.s, target) - state.s[who], bodies + given.constants.min_return_gap
 
 
 def held_back(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -230,12 +230,15 @@ def held_back(
     """
     c, near, believed = given.constants, moment.near, moment.believed
     along, _ = road_velocity(state)
-    slow = along < pick(along, state.target) - c.fall_back_speed
-    brake = np.where(slow, _ZERO, -(c.fall_back_share * p.hardest_decel))
+    slow = along < pick(along, state.target) - c.abort_speed_difference
+    brake = np.where(slow, _ZERO, -(c.abort_decel_share * p.max_assumed_decel))
     gap, closing = believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]
     middle = _HALF * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR])
     nearest = maximum(middle - p.min_gap, _ZERO) / maximum(state.vx, c.slip_speed)
-    kept, wished = minimum(c.fit_share * p.time_gap, nearest), speed_of_pass(state, given, p)
+    kept, wished = (
+        minimum(c.return_time_gap_share * p.time_gap, nearest),
+        speed_of_pass(state, given, p),
+    )
     fitting = follow(c, p, state.vx, wished, gap, closing, kept, believed.accel[SLOW_LEAD])
     fits_in = _is_confined(state, given, p, q, moment)
     return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

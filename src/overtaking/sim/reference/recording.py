@@ -34,7 +34,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 from overtaking.world.constants import STEP_MS
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 MAX_PERCEPTS = 4
 """Decisions of the ego that are written down for a simulation."""
@@ -121,7 +121,7 @@ def _contacts(state: State) -> Contacts:
 class Recorder:
     """Collects the recorded integers of a batch and hashes them."""
 
-    def __init__(self, scenario: Scenario, given: Parameters) -> None:
+    def __init__(self, scenario: Scenario, given: StepParameters) -> None:
         """Make room for the longest simulation."""
         n, slots, frames = scenario.num_simulations, scenario.num_slots, given.num_frames
         self.states = _empty_states((n, slots, frames))
@@ -159,13 +159,13 @@ class Recorder:
         self._mix([stage, partner, zero + np.int32(number), zero], active)
 
     def _values(self, state: State, p: Fields) -> dict[str, NDArray[np.int32]]:
-        road, side = self.given.road, self.given.road.side
+        road, side = self.given.road, self.given.road.overtaking_sign
         s, from_slow = on_the_road(state, self.given, p)
         d = side * from_slow
         lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
-        for k in range(road.own_lanes + 1):
+        for k in range(road.num_own_lanes + 1):
             lane = np.where(from_slow >= road.boundaries[k], np.int32(k), lane)
-        turned = np.where(p.direction < 0, _HALF_TURN, np.float32(0.0))
+        turned = np.where(p.travel_sign < 0, _HALF_TURN, np.float32(0.0))
         return {
             "x": rounded(road.x0 + s * road.cosine - d * road.sine, _THOUSAND),
             "y": rounded(road.y0 + s * road.sine + d * road.cosine, _THOUSAND),
@@ -188,12 +188,12 @@ class Recorder:
         }
 
     def _lights(self, state: State, p: Fields) -> NDArray[np.int32]:
-        towards_left = self.given.road.side * state.indicator
+        towards_left = self.given.road.overtaking_sign * state.indicator
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
         braking = (state.accel < -self.given.constants.stop_lamp_decel) | (state.crashed > 0)
         return (
-            p.lights.astype(np.int32)
+            p.initial_lights.astype(np.int32)
             + left
             + right
             + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))

@@ -29,7 +29,7 @@ from overtaking.sim.reference.plight import held_back
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.constants import SUBSTEPS
-from overtaking.world.step_parameters import Parameters, Turn, parameters
+from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 
@@ -42,13 +42,13 @@ def simulate(scenario: Scenario) -> Trajectories:
     Returns:
         The recorded batch; equal to the engine's, bit for bit.
     """
-    return run(scenario, parameters(scenario))
+    return run(scenario, step_parameters(scenario))
 
 
 def run(
     scenario: Scenario,
-    given: Parameters,
-    later: Sequence[Turn] = (),
+    given: StepParameters,
+    later: Sequence[ParameterSwitch] = (),
     *,
     actions: Actions | None = None,
 ) -> Trajectories:
@@ -62,23 +62,25 @@ def run(
     """
     state = initial_state(given)
     recorder = Recorder(scenario, given)
-    p, q = given.of_vehicles, given.of_simulations
+    p, q = given.vehicles, given.simulations
     pairs: collisions.Pairs = {}
     orders: Orders | None = None
     # Frames at other times than decisions want a state at every step.
-    stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
+    stride = SUBSTEPS if given.steps_per_frame % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
         for then in (one for at, one in later if at == step):
-            displace(state, p, then.of_vehicles)
-            if then.judged is not None:
-                state.distance_error[EGO_SLOT], state.speed_error[EGO_SLOT] = then.judged
-            given, p, q = then, then.of_vehicles, then.of_simulations
+            displace(state, p, then.vehicles)
+            if then.judgement_errors is not None:
+                state.distance_error[EGO_SLOT], state.speed_error[EGO_SLOT] = then.judgement_errors
+            given, p, q = then, then.vehicles, then.simulations
         if step % SUBSTEPS == 0:
             orders = orders_at(actions, step // SUBSTEPS)
             pairs = decide(state, given, p, q, recorder, step, orders)
-        if step % given.record_every == 0:
-            recorder.frame(state, p, np.float32(step) <= state.end_step, step // given.record_every)
+        if step % given.steps_per_frame == 0:
+            recorder.frame(
+                state, p, np.float32(step) <= state.end_step, step // given.steps_per_frame
+            )
         advance(state, given, p, q, pairs, step, stride, orders)
         step += stride
     return dataclasses.replace(recorder.finish(state), actions=actions)
@@ -96,7 +98,7 @@ def displace(state: State, before: Fields, after: Fields) -> None:
 
 def decide(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     recorder: Recorder | None,
@@ -110,7 +112,7 @@ def decide(
 
 
 def perceive(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, step: int
+    state: State, given: StepParameters, p: Fields, q: SimulationParameters, step: int
 ) -> Moment:
     """What happens 20 times a second before anyone decides: weather, perception."""
     c = given.constants
@@ -123,7 +125,7 @@ def perceive(
     perception.remember(state, decision)
     environment.move_random_processes(state, given, p, q, decision)
     environment.course(state, given, p, q)
-    if step == 0 and road.course.shape[1]:
+    if step == 0 and road.varies_along_road:
         steering.hold_bend(state, c, p)
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
@@ -133,7 +135,7 @@ def perceive(
     if step == 0:
         perception.draw_check(state, given, p, p.valid > 0, decision)
     looks = perception.looks_around(state, given, p, decision)
-    met = look_ahead(state, given, p, q, near, decision) if road.two_way else None
+    met = look_ahead(state, given, p, q, near, decision) if road.has_oncoming_traffic else None
     believed = perception.perceive(state, given, p, q, near, decision, looks)
     waits = mobil.must_wait(state, given, state.wanted, mobil.claimed(state))
     return Moment(near=near, believed=believed, looks=looks, waits=waits, met=met)
@@ -141,7 +143,7 @@ def perceive(
 
 def act(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
@@ -167,7 +169,7 @@ def act(
 
 def advance(
     state: State,
-    given: Parameters,
+    given: StepParameters,
     p: Fields,
     q: SimulationParameters,
     pairs: collisions.Pairs,
@@ -179,6 +181,6 @@ def advance(
     c = given.constants
     length = c.step if stride == 1 else c.decision
     before = (state.s, state.d)
-    angle = steering.steer(state, c, p, q.side_accel, length, wheel(orders))
+    angle = steering.steer(state, c, p, q.max_lateral_accel, length, wheel(orders))
     dynamics.move(state, c, p, angle, length)
     collisions.collide(state, c, given.road, p, pairs, before, step, length)

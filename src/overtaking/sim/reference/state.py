@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import sincos
 from overtaking.model.trajectories import Stage
-from overtaking.world.step_parameters import Parameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 HISTORY = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""
@@ -161,9 +161,9 @@ class State:
     history_v: F32
 
 
-def initial_state(given: Parameters) -> State:
+def initial_state(given: StepParameters) -> State:
     """The state at the first frame: all vehicles drive straight in lane at constant speed."""
-    p, q = given.of_vehicles, given.of_simulations
+    p, q = given.vehicles, given.simulations
     zero = np.zeros_like(p.start_s)
     ego = np.zeros_like(q.last_step)
     path = np.zeros((6, *zero.shape), np.float32)
@@ -243,21 +243,21 @@ def pick(values: F32, slot: F32) -> F32:
     return values[index, np.arange(values.shape[1])]
 
 
-def seen_from_each(state: State, given: Parameters, p: Fields, j: int) -> tuple[F32, F32]:
+def seen_from_each(state: State, given: StepParameters, p: Fields, j: int) -> tuple[F32, F32]:
     """Where vehicle `j` is in the frame of each vehicle, (vehicle, simulation) [m].
 
     Everybody has a frame of its own direction: that of oncoming vehicles is turned by half a turn.
     """
-    road, turned = given.road, p.direction[j] != p.direction
-    along = np.where(turned, road.far_end - state.s[j], state.s[j])
-    return along, np.where(turned, road.across - state.d[j], state.d[j])
+    road, turned = given.road, p.travel_sign[j] != p.travel_sign
+    along = np.where(turned, road.length - state.s[j], state.s[j])
+    return along, np.where(turned, road.edge_sum - state.d[j], state.d[j])
 
 
-def on_the_road(state: State, given: Parameters, p: Fields) -> tuple[F32, F32]:
+def on_the_road(state: State, given: StepParameters, p: Fields) -> tuple[F32, F32]:
     """Where each vehicle is in the frame of the road [m]."""
-    road, turned = given.road, p.direction < 0
-    along = np.where(turned, road.far_end - state.s, state.s)
-    return along, np.where(turned, road.across - state.d, state.d)
+    road, turned = given.road, p.travel_sign < 0
+    along = np.where(turned, road.length - state.s, state.s)
+    return along, np.where(turned, road.edge_sum - state.d, state.d)
 
 
 def road_velocity(state: State) -> tuple[F32, F32]:

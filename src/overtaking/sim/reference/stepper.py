@@ -13,7 +13,7 @@ from overtaking.sim.reference.orders import Orders, orders_of
 from overtaking.sim.reference.run import act, advance, perceive
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.constants import SUBSTEPS
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 
 class SteppedObservation(NamedTuple):
@@ -42,14 +42,14 @@ class Stepper:
         is_true: Whether the truth is observed, not what the ego believes.
     """
 
-    def __init__(self, given: Parameters, kind: str | None, *, is_true: bool) -> None:
+    def __init__(self, given: StepParameters, kind: str | None, *, is_true: bool) -> None:
         """Stand before the first decision."""
         self._given, self._kind, self._is_true = given, kind, is_true
-        self._p, self._q = given.of_vehicles, given.of_simulations
+        self._p, self._q = given.vehicles, given.simulations
         self._here = self._p
-        self._stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
+        self._stride = SUBSTEPS if given.steps_per_frame % SUBSTEPS == 0 else 1
         self._state, self._step = initial_state(given), 0
-        self._ran = np.ones(given.index.shape, np.bool_)
+        self._ran = np.ones(given.scenario_index.shape, np.bool_)
 
     def begin(self) -> SteppedObservation:
         """The observations at the start."""

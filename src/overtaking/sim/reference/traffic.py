@@ -6,7 +6,7 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.neighbours import lane_borders, shows_change
 from overtaking.sim.reference.state import NOBODY, Fields, State, seen_from_each
-from overtaking.world.step_parameters import Parameters
+from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Distance without anybody [m].
 
@@ -14,7 +14,7 @@ Met = tuple[F32, F32]
 """Slots of oncoming vehicles, `NOBODY` for none, and the distance of the centres [m]."""
 
 
-def nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met, Met]:
+def nearest(state: State, given: StepParameters, p: Fields, but: F32) -> tuple[Met, Met]:
     """The nearest oncomer of each vehicle in any lane, and in its own; slots `but` do not count.
 
     One that is visibly on its way into the own lane is there.
@@ -30,7 +30,7 @@ def nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met, 
         low_side, high_side = d - p.half_width[j], d + p.half_width[j]
         lane = np.float32(road.num_lanes - 1) - state.lane[j]
         comes = shows_change(state, given, j) & (lane == state.lane)
-        opposed = (p.valid[j] > 0) & (p.direction[j] != p.direction) & (p.valid > 0)
+        opposed = (p.valid[j] > 0) & (p.travel_sign[j] != p.travel_sign) & (p.valid > 0)
         opposed = opposed & (ahead >= 0) & (but != np.float32(j))
         for k, (begin, end) in enumerate((edges, (low, high))):
             there = (high_side > begin + c.corridor_margin) & (low_side < end - c.corridor_margin)
@@ -41,12 +41,14 @@ def nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met, 
     return (slot[0], distance[0]), (slot[1], distance[1])
 
 
-def is_passed(state: State, given: Parameters, p: Fields) -> Mask:
+def is_passed(state: State, given: StepParameters, p: Fields) -> Mask:
     """Whom others pass in the next lane, as they notice it, (vehicle, simulation)."""
     out, passed = is_out(state), np.zeros(state.s.shape, bool)
     for j in range(len(state.s)):
         apart = np.abs(state.s - state.s[j]) - (p.half_length + p.half_length[j])
-        beside = (apart < given.constants.beside_margin) & (p.direction == p.direction[j])
+        beside = (apart < given.constants.passed_awareness_margin) & (
+            p.travel_sign == p.travel_sign[j]
+        )
         passed = passed | (beside & (state.lane[j] > state.lane) & out[j])
     return passed & (state.crashed == 0)
 

@@ -27,7 +27,7 @@ from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.world.constants import SUBSTEPS
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 SLOWER = 3
 """Divisor of all speeds: 120 km/h become 40 km/h."""
@@ -88,13 +88,13 @@ class _Drive:
         """Hand the vehicles to the Traffic Managers."""
         self._stage, self._manager = stage, managers[0]
         scenario = stage.scenario
-        self._given = parameters(scenario)
-        self._p = self._given.of_vehicles
+        self._given = step_parameters(scenario)
+        self._p = self._given.vehicles
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._watch = Watch(settled=float(self._given.constants.settled_offset))
-        self._end = int(self._given.simulation[0, 0])
-        self._idle = int(self._given.simulation[1, 0])
+        self._end = int(self._given.simulation_table[0, 0])
+        self._idle = int(self._given.simulation_table[1, 0])
         for slot, actor in stage.actors.items():
             manager = managers[min(slot, 1)]
             speed = scenario.drivers.desired_speed if slot == EGO_SLOT else scenario.start_speed
@@ -111,7 +111,7 @@ class _Drive:
             take_over(self._state, reading, self._stage.scenario, faster=SLOWER)
             step = ticks // SLOWER * SUBSTEPS
             self._notice(reading.frame, step)
-            if ticks % SLOWER == 0 and step % self._given.record_every == 0:
+            if ticks % SLOWER == 0 and step % self._given.steps_per_frame == 0:
                 self._record(step)
             self._follow_stage(step)
             self._push(ticks)
@@ -136,7 +136,7 @@ class _Drive:
         state = self._state
         state.stage[EGO_SLOT] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
-        self._recorder.frame(state, self._p, active, step // self._given.record_every)
+        self._recorder.frame(state, self._p, active, step // self._given.steps_per_frame)
 
     def _follow_stage(self, step: int) -> None:
         """See what the ego is doing, and ask for the next lane change where it is time."""

@@ -27,7 +27,7 @@ from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import Steering
 from overtaking.world.constants import SUBSTEPS, ModelConstants
 from overtaking.world.road_parameters import road_parameters
-from overtaking.world.step_parameters import SIMULATION_FIELDS, Parameters, parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, StepParameters, step_parameters
 
 TICK_MS = 50
 SPEED_GAIN = 2.0
@@ -73,9 +73,9 @@ class _Drive:
         scenario = stage.scenario
         check_interval(scenario)
         self._stage = stage
-        self._given = still(parameters(scenario))
-        self._p = self._given.of_vehicles
-        self._q = self._given.of_simulations
+        self._given = still(step_parameters(scenario))
+        self._p = self._given.vehicles
+        self._q = self._given.simulations
         self._state = initial_state(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._steering = {slot: _steering(actor) for slot, actor in stage.actors.items()}
@@ -92,9 +92,9 @@ class _Drive:
             contacts = self._stage.contacts(reading.frame)
             note_contacts(state, self._p, given.constants, contacts, step - SUBSTEPS)
             decide(state, given, self._p, self._q, self._recorder, step)
-            if step % given.record_every == 0:
+            if step % given.steps_per_frame == 0:
                 active = np.float32(step) <= state.end_step
-                self._recorder.frame(state, self._p, active, step // given.record_every)
+                self._recorder.frame(state, self._p, active, step // given.steps_per_frame)
             self._act(step)
             if float(state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 state.end_step[:] = np.float32(step)
@@ -105,11 +105,11 @@ class _Drive:
     def _act(self, step: int) -> None:
         """Set pedals, steering and lamps of every vehicle."""
         state, p, stage = self._state, self._p, self._stage
-        number = step // self._given.record_every
+        number = step // self._given.steps_per_frame
         # A two-wheeler leans with the lag of the vehicle, which is the server's: within a tick.
         c = self._given.constants.replace(step=TICK, two_wheeler_lag=0.5 * TICK)
         state.trim = self._trim(c)
-        steering.steer(state, c, p, self._q.side_accel, c.step)
+        steering.steer(state, c, p, self._q.max_lateral_accel, c.step)
         forces = self._forces()
         batch: list[Any] = []
         for slot, actor in stage.actors.items():
@@ -159,7 +159,7 @@ class _Drive:
         steer = -angle / float(self._steering[slot].angles(kmh_from_mps(speed)))
         return carla.VehicleControl(
             throttle=min(max(force / most, 0.0), 1.0),
-            brake=min(max(-force / float(p.brake_force[slot, 0]), 0.0), 1.0),
+            brake=min(max(-force / float(p.max_brake_force[slot, 0]), 0.0), 1.0),
             steer=min(max(steer, -1.0), 1.0),
         )
 
@@ -208,8 +208,8 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
     comes = scenario.start_lane[0] == scenario.road.num_lanes
     turned = np.remainder(reading.psi + math.tau, math.tau) - math.pi
     values = {
-        "s": np.where(comes, float(road.far_end) - reading.s, reading.s),
-        "d": np.where(comes, float(road.across) - side * reading.d, side * reading.d),
+        "s": np.where(comes, float(road.length) - reading.s, reading.s),
+        "d": np.where(comes, float(road.edge_sum) - side * reading.d, side * reading.d),
         "psi": side * np.where(comes, turned, reading.psi),
         "vx": v * reading.along,
         "vy": v * side * reading.left,
@@ -253,9 +253,9 @@ def note_contacts(
     collisions.end_with_ego(state, c, sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
-def still(given: Parameters) -> Parameters:
+def still(given: StepParameters) -> StepParameters:
     """The same parameters without wind: whether there is any, only the server knows."""
-    simulation = given.simulation.copy()
+    simulation = given.simulation_table.copy()
     for name in ("wind_along", "wind_across"):
         simulation[SIMULATION_FIELDS.index(name)] = 0.0
-    return dataclasses.replace(given, simulation=simulation)
+    return dataclasses.replace(given, simulation_table=simulation)

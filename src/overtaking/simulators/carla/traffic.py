@@ -4,7 +4,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.simulators.carla import processes
 from overtaking.simulators.carla.manager import UNKNOWN
-from overtaking.world.road_parameters import refuse_oncoming
+from overtaking.world.road_parameters import check_one_direction
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
 
@@ -37,7 +37,7 @@ def simulate(scenario: Scenario) -> Trajectories:
             bends, or its limit changes.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
-    refuse_oncoming(scenario, "CARLA")
+    check_one_direction(scenario, "CARLA")
     scenario.road.check_straight("CARLA")
     scenario.road.check_one_speed_limit("CARLA")
     return processes.simulate(scenario, DRIVER)

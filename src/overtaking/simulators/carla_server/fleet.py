@@ -36,7 +36,7 @@ from overtaking.simulators.carla_server.motion import (
     overlap,
     turned,
 )
-from overtaking.world.step_parameters import Parameters, parameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
 
 LONGEST_STEP = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""
@@ -288,11 +288,11 @@ class Fleet:
             return
         vehicles = list(self._vehicles.values())
         bodies = [one.body for one in vehicles]
-        given = parameters(scenario_of(self._ground.road, bodies, self._weather, self._nature))
-        self._given: Parameters = given
-        self._fields = given.of_vehicles
+        given = step_parameters(scenario_of(self._ground.road, bodies, self._weather, self._nature))
+        self._given: StepParameters = given
+        self._fields = given.vehicles
         if not self._ground.shelters:
-            self._fields.shelters[:] = ZERO
+            self._fields.shelters_wind[:] = ZERO
         self._movers.clear()
         state = initial_state(given)
         state.end_step[:] = _FOREVER

@@ -38,8 +38,8 @@ from overtaking.world.constants import model_constants
 from overtaking.world.road_parameters import (
     RoadParameters,
     allowed_speed,
+    check_one_direction,
     has_two_directions,
-    refuse_oncoming,
     road_parameters,
 )
 
@@ -81,7 +81,7 @@ def simulate(scenario: Scenario) -> Trajectories:
             come the other way on a road that is not one equally wide lane for each direction.
     """
     if not has_two_directions(scenario.road):
-        refuse_oncoming(scenario, "SUMO")
+        check_one_direction(scenario, "SUMO")
     library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)
@@ -229,7 +229,7 @@ class _Simulation:
             at: Where its front is [m], and how fast it is [m/s].
         """
         (front, speed), comes, half = at, slot in self.comes, 0.5 * self.length[slot]
-        s = float(road.far_end) - (front + half) if comes else front - half
+        s = float(road.length) - (front + half) if comes else front - half
         places = np.array([s, s + speed * float(model_constants().decision)], np.float32)
         allowed = allowed_speed(model_constants(), road, places, np.full(2, comes))
         traffic, row = self.traffic, self.row

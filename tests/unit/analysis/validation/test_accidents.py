@@ -15,7 +15,7 @@ from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
@@ -31,7 +31,7 @@ def drive() -> Trajectories:
         for k in range(NUMBER)
     ]
     world = scenario(vehicles, road=wide_road(), horizon=10.0)
-    return engine.run(world, parameters(world))
+    return engine.run(world, step_parameters(world))
 
 
 def touching(runs: Trajectories, *hits: tuple[int, int, int, float]) -> Trajectories:

@@ -14,7 +14,7 @@ from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.model.trajectories import NO_VEHICLE, Lights
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,7 +31,7 @@ def still(*starts: tuple[float, float], horizon: float = 40.0) -> Trajectories:
         Vehicle(s=s, lane=0, speed=speed, driver={"desired_speed": speed}) for s, speed in starts
     ]
     world = scenario(vehicles, road=wide_road(), horizon=horizon)
-    runs = engine.run(world, parameters(world))
+    runs = engine.run(world, step_parameters(world))
     frames = np.arange(runs.states.s.shape[2])
     states = {name: np.zeros_like(getattr(runs.states, name)) for name in ("lane", "lights")}
     states |= {name: np.zeros_like(runs.states.s) for name in ("accel_lon", "accel_lat")}

@@ -24,7 +24,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.two_way_traffic import flows_per_second
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 OUT, BACK = 3.0, 11.0
 EGO, LEADER, COMES = 25.0, 20.0, 25.0
@@ -41,7 +41,7 @@ def driven() -> Trajectories:
         Vehicle(kind="MC", s=2500.0, lane=1, speed=COMES, driver={"desired_speed": COMES}),
     ]
     world = scenario(vehicles, road=known_road("rural").extend_to(8000.0), horizon=20.0)
-    return engine.run(world, parameters(world))
+    return engine.run(world, step_parameters(world))
 
 
 def made(comes_from: float = 2500.0) -> Trajectories:
@@ -249,7 +249,7 @@ def test_a_head_on_collision_is_told_from_others():
     world = ScenarioSource(load_specification("rural-risk"), load_road("rural"), 4).sample(
         np.arange(8, dtype=np.uint64)
     )
-    runs = engine.run(world, parameters(world))
+    runs = engine.run(world, step_parameters(world))
     contacts = runs.contacts
     partner, impulse = contacts.partner.copy(), contacts.impulse.copy()
     time, stage = contacts.time.copy(), runs.stage.copy()

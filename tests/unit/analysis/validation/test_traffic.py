@@ -14,12 +14,12 @@ from overtaking.analysis.validation.figures import figures
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.sim import engine
-from overtaking.world.step_parameters import parameters
+from overtaking.world.step_parameters import step_parameters
 
 
 def counted(*vehicles: Vehicle, horizon: float = 20.0, changes: dict | None = None) -> Tally:
     world = scenario(list(vehicles), road=wide_road(), horizon=horizon)
-    runs = engine.run(world, parameters(world))
+    runs = engine.run(world, step_parameters(world))
     if changes:
         runs = runs.replace(
             states=runs.states.replace(
