@@ -166,8 +166,8 @@ def test_what_it_believed_is_written_down_at_each_decision():
     out = int(b.time[0, 0]) // 50
     s, speed = ran.states.s[0, :, out] / 1000.0, ran.states.speed[0, :, out] / 1000.0
     # Leader: slot 1; nobody ahead in the next lane; slot 2 behind there.
-    np.testing.assert_array_equal(b.vehicle[0, 0], [1, 255, 2])
-    np.testing.assert_array_equal(b.detected[0, 0], [True, False, True])
+    np.testing.assert_array_equal(b.slot[0, 0], [1, 255, 2])
+    np.testing.assert_array_equal(b.is_detected[0, 0], [True, False, True])
     assert b.true_gap[0, 0, 0] / 1000.0 == pytest.approx(s[1] - s[0] - CAR, abs=2e-3)
     assert b.true_gap[0, 0, 2] / 1000.0 == pytest.approx(s[0] - s[2] - CAR, abs=2e-3)
     assert b.true_closing_speed[0, 0, 0] / 1000.0 == pytest.approx(speed[0] - speed[1], abs=2e-3)
