@@ -76,7 +76,7 @@ def run_in(scene: list[Vehicle], weather: dict[str, float]) -> Trajectories:
 
 
 def without_fields(given):
-    simulation = given.simulation.copy()
+    simulation = given.simulation_table.copy()
     simulation[SIMULATION_FIELDS.index("gust_gain")] = 0.0
     return dataclasses.replace(given, simulation_table=simulation)
 

@@ -478,7 +478,7 @@ class Fleet:
         parameters = {
             "half_length": [0.5 * obstacle.length for obstacle in obstacles],
             "half_width": [0.5 * obstacle.width for obstacle in obstacles],
-            "direction": [1.0] * len(obstacles),
+            "travel_sign": [1.0] * len(obstacles),
             "inverse_mass": [1.0 / obstacle.mass for obstacle in obstacles],
             "inverse_inertia": [1.0 / obstacle.yaw_inertia for obstacle in obstacles],
         }
