@@ -36,7 +36,7 @@ from overtaking.scenarios.random_draws import (
 )
 from overtaking.scenarios.safe_start import StartStates, StartZone, TrafficStart
 from overtaking.scenarios.specification import Specification
-from overtaking.scenarios.traffic_specification import FlowTraffic
+from overtaking.scenarios.traffic_specification import END_MARGIN, FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
 # Choices of `knowledge/data/sampling.toml`, as Python floats: `road_length` computes in float64.
@@ -66,9 +66,6 @@ PASSING_MARGIN = number("sampling.flow.passing_margin")
 RETURN_TIME = number("sampling.flow.return_time")
 """Duration of a common overtake [s]. Vehicles are placed so that the ego sees no end of the traffic
 before the deadline of an attempt and this time later, unless the slots run out."""
-
-END_MARGIN = number("sampling.flow.end_margin")
-"""Road behind the rearmost vehicle [m]."""
 
 _FREE = np.float32(1e6)
 """Station [m] and speed [m/s] of the leader of a vehicle that has none: far away and fast."""

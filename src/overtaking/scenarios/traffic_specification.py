@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.scenarios.specification_values import (
@@ -141,6 +142,9 @@ class FlowTraffic(Section):
         return self
 
 
+END_MARGIN = number("sampling.flow.end_margin")
+"""Road behind the rearmost vehicle, and beyond both ends of two-way traffic [m]."""
+
 _PerHour = Annotated[float, Field(ge=10.0, le=1500.0)]
 _CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
 _CountFromZero = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
@@ -223,6 +227,14 @@ class TwoWayTraffic(Section):
                 f"leave {' and '.join(two_wheelers)} out",
                 key="ego_types",
                 got=two_wheelers,
+            )
+        if self.start_s_m[0] <= END_MARGIN:
+            # Vehicles nearer to an end of the road are left out; the ego must not be one of them.
+            raise specification_error(
+                f"more than {END_MARGIN:g} m from the beginning of the road",
+                f"begin above {END_MARGIN:g}",
+                key="start_s_m",
+                got=list(self.start_s_m),
             )
         longest = 3600.0 / self.min_headway_s
         if 2.0 * self.flow_vph[1] * self.split[1] > 0.9 * longest:

@@ -30,7 +30,6 @@ from overtaking.scenarios.driver_sampling import (
     sample_traits,
 )
 from overtaking.scenarios.motorway_traffic import (
-    END_MARGIN,
     PASSING_MARGIN,
     RETURN_TIME,
     VehicleLayout,
@@ -47,7 +46,7 @@ from overtaking.scenarios.random_draws import (
 )
 from overtaking.scenarios.safe_start import StartStates, StartZone, TrafficStart
 from overtaking.scenarios.specification import Specification
-from overtaking.scenarios.traffic_specification import TwoWayTraffic
+from overtaking.scenarios.traffic_specification import END_MARGIN, TwoWayTraffic
 from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, with_semitrailers
 
 MAX_HEADWAY = number("sampling.two_way.max_headway")
@@ -131,8 +130,7 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
     """
     drawn = _draw_slots(block, traffic)
     # A vehicle beyond an end of the road is left out: no other meets it before the horizon. The ego
-    # stays in slot 0 only if `start_s_m` lies beyond END_MARGIN (50 m), which no check ensures; in
-    # `rural` it begins at 700 m.
+    # stays in slot 0, because `TwoWayTraffic` refuses a `start_s_m` that begins within END_MARGIN.
     first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
     slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
     lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.

@@ -325,3 +325,9 @@ def test_an_unknown_key_of_a_section_without_a_mode_is_named():
     table["weather"] = {"modes": "presets", "presets": ["ClearNoon"]}
     with pytest.raises(ConfigError, match=r"got the key modes; did you mean mode\?"):
         load_specification(table)
+
+
+def test_the_ego_of_a_two_way_road_starts_beyond_the_end_of_its_traffic():
+    with pytest.raises(ConfigError, match=r"traffic\.start_s_m.*more than 50 m"):
+        load_specification("rural", {"traffic.start_s_m": [0.0, 40.0]})
+    assert load_specification("rural", {"traffic.start_s_m": [50.1, 60.0]})
