@@ -85,7 +85,7 @@ def corpus(folder: Path) -> Sequence[Call]:
         ("generate_dataset", {**given, "out": folder / "other", "resume": True, "shard_size": 2}),
         (
             "dataset_statistics",
-            {"data": data, "policy": "paper", "reading": "paper", "weighted": False},
+            {"dataset": data, "policy": "paper", "reading": "paper", "weighted": False},
         ),
         ("load_dataset", {"path": folder / "data"}),
         ("Dataset.states", {"self": data, **one}),

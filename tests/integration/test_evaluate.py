@@ -271,7 +271,7 @@ def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
 
 
 def test_an_unknown_reference_in_python_names_the_argument():
-    with pytest.raises(ConfigError, match=r"against: expected human or .*, got humn"):
+    with pytest.raises(ConfigError, match=r"references: expected human or .*, got humn"):
         ot.evaluate("rules", "pinto2023-physical", num_simulations=4, references=["humn"])
 
 

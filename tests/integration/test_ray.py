@@ -222,5 +222,5 @@ def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):
 
 def test_ray_that_is_missing_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(MissingExtraError, match=r"engine ray: .*pip install 'ray>="):
+    with pytest.raises(MissingExtraError, match=r"executor ray: .*pip install 'ray>="):
         generate(tmp_path / "data", executor="ray")

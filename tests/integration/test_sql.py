@@ -430,7 +430,7 @@ def test_the_diagram_appears_whole_in_its_file(tmp_path: Path, capsys: pytest.Ca
 def test_a_row_of_ones_own_is_computed_from_the_data(
     folder: Path, data: Dataset, capsys: pytest.CaptureFixture[str]
 ):
-    found = json.loads(run(capsys, "literature", "datasets", "--snow", "--with", folder, "--json"))
+    found = json.loads(run(capsys, "literature", "datasets", "--snow", "--own", folder, "--json"))
     assert [row["id"] for row in found["rows"][:-1]] == [
         *("vistas", "apolloscape", "bdd100k", "pandaset", "acdc")
     ]

@@ -36,7 +36,7 @@ def test_a_twin_is_told_saved_and_read_again(
     found = said(capsys, "twin", data, "0", "--without", "rain,wind", "--out", str(folder))
     assert found["effect"] == "direct"
     assert found["different"] == "without rain, without wind"
-    assert found["changes"] == [{"frame": 0, "without": ["rain", "wind"]}]
+    assert found["interventions"] == [{"frame": 0, "without": ["rain", "wind"]}]
     assert found["files"] == [str(folder)]
     assert main(["show", str(folder), "1"]) == 0
     assert main(["info", str(folder)]) == 0

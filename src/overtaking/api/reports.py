@@ -180,7 +180,7 @@ def write_report(
             what="source",
             where="write_report",
             expected="a data set, or what evaluate, run_benchmark or reproduce_study returned",
-            got=f"a {name}",
+            got=f"an object of type {name}",
             next_step="give one of them; plot draws figures of other results",
         )
     _check_unused("write_report", f"a {name}", **options)
@@ -315,7 +315,7 @@ def _film_twin(twin: Any, out: str | Path | None, policy: str | None) -> Path:
             what="source",
             where="film",
             expected="a data set, trajectories, what label returned, or a Twin",
-            got=f"a {type(twin).__name__}",
+            got=f"an object of type {type(twin).__name__}",
             next_step="give one of them",
         )
     if out is None:

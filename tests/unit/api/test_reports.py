@@ -23,7 +23,8 @@ def empty(kind: type[Any]) -> Any:
 
 def test_a_result_without_a_report_names_the_functions_whose_results_have_one():
     with pytest.raises(
-        ConfigError, match="what evaluate, run_benchmark or reproduce_study returned, got a Curve"
+        ConfigError,
+        match="run_benchmark or reproduce_study returned, got an object of type Curve",
     ):
         ot.write_report(empty(Curve), "page")
 
@@ -52,7 +53,9 @@ def test_films_of_the_worst_scenes_are_not_for_data_sets(tmp_path: Path):
 
 
 def test_a_source_that_cannot_be_filmed_is_refused():
-    with pytest.raises(ConfigError, match="what label returned, or a Twin, got a Curve"):
+    with pytest.raises(
+        ConfigError, match="what label returned, or a Twin, got an object of type Curve"
+    ):
         ot.film(empty(Curve), "film.mp4")
 
 

@@ -105,7 +105,7 @@ def test_a_scenario_that_is_none_is_refused(scenario, path: str, value: object, 
     ],
 )
 def test_a_recording_that_is_none_is_refused(runs, path: str, value: object, says: str):
-    with refused(f"label: runs.{path}: {says}"):
+    with refused(f"label: trajectories.{path}: {says}"):
         ot.label(changed(runs, path, value))
 
 
@@ -150,7 +150,7 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
     ("call", "says"),
     [
         (lambda _: ot.simulate(5), "simulate: scenario: expected a Scenario, got 5"),
-        (lambda s: ot.label(s), "label: runs: expected a Trajectories, got a Scenario"),
+        (lambda s: ot.label(s), "label: trajectories: expected a Trajectories, got a Scenario"),
         (
             lambda _: ot.sample("pinto2023-physical", num_simulations=-1, seed=1),
             "sample: num_simulations: expected 0 to 100000000",
@@ -174,7 +174,8 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
         ),
         (
             lambda s: ot.branch(s, 3, weather=s.weather.select(slice(0, 2))),
-            "branch: weather.preset: expected length 3 along simulation, as index has, got 2",
+            "branch: weather.preset: expected length 3 along simulation, as scenario_index has, "
+            "got 2",
         ),
         (
             lambda _: ot.load_dataset(5),
@@ -193,8 +194,8 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
         ),
         (
             lambda _: ot.film(5),
-            "film: source: expected a Dataset, a text, a path, a Trajectories or a "
-            "LabelledTrajectories, got 5",
+            "film: source: expected a data set, trajectories, what label returned, or a Twin, "
+            "got an object of type int",
         ),
         (lambda _: ot.plot(1), "plot: source: expected a data set"),
         (
