@@ -99,7 +99,7 @@ def test_the_order_of_the_other_vehicles_is_irrelevant():
     )
     found, expected = label(other), labelled()
     assert (found.events.target_slot == place[expected.events.target_slot]).all()
-    same_sayings(found, expected, but=("target", "partner"))
+    same_sayings(found, expected, but=("target_slot", "collision_slot"))
 
 
 def turned(batch, order: np.ndarray):

@@ -171,7 +171,9 @@ def world(gap: float, *, speed: float = 30.0, other: float = 10.0, frames: int =
     vehicles = SimpleNamespace(
         length=np.full((1, 2), 4.0), width=np.full((1, 2), 1.8), valid=np.ones((1, 2), bool)
     )
-    road = SimpleNamespace(boundaries=(-5.25, -1.75, 1.75, 5.25), num_lanes=3, side=1)
+    road = SimpleNamespace(
+        lane_boundaries=(-5.25, -1.75, 1.75, 5.25), num_lanes=3, overtaking_sign=1
+    )
     scenario = SimpleNamespace(frame_interval_ms=50, vehicles=vehicles)
     return SimpleNamespace(states=states, scenario=scenario, road=road)
 
