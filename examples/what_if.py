@@ -22,8 +22,8 @@ def crashes(trajectories: ot.Trajectories) -> np.ndarray:
     return np.flatnonzero(hit & (trajectories.contacts.time[:, 0] > began))
 
 
-def told(simulation: ot.Trajectories) -> str:
-    """How a single simulation went."""
+def describe_outcome(simulation: ot.Trajectories) -> str:
+    """The outcome of a single simulation in words."""
     last = int(simulation.num_frames[0]) - 1
     partner = simulation.contacts.partner[0, 0]
     if partner == NO_VEHICLE:
@@ -56,7 +56,8 @@ def main() -> None:
 
         fog = scenario.weather.replace(fog=np.full_like(scenario.weather.fog, 100.0))
         fogged = ot.branch(scenario, max(0, pull_out - FOG_LEAD), weather=fog)
-        print(f"{number:<6}{told(simulation):30}{told(stayed):40}{told(fogged)}")
+        before, in_lane, in_fog = map(describe_outcome, (simulation, stayed, fogged))
+        print(f"{number:<6}{before:30}{in_lane:40}{in_fog}")
         avoided += int(stayed.contacts.partner[0, 0] == NO_VEHICLE)
     print(f"\n{avoided} of them would not have collided in their lane")
 

@@ -161,7 +161,7 @@ class Fault:
 
 
 class Examined(NamedTuple):
-    """What the examination says of a fault.
+    """Result of the examination of a recording with one injected fault.
 
     Attributes:
         is_found: Whether it has a finding of the right check, or refuses the recording for it.
