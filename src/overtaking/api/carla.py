@@ -1,4 +1,14 @@
-"""CARLA: serve its clients without it, measure its limits, replay simulations in it."""
+"""Public functions for CARLA, the driving simulator: `overtaking.carla`, and `overtaking carla`.
+
+`serve` runs a server of this package that speaks CARLA's protocol (the *headless* server): programs
+written for CARLA 0.9.16 run on it without CARLA. `replay` films simulations of a data set in CARLA,
+and `measure_limits` measures two faults of CARLA's own traffic. These two are clients; the
+environment variable `OVERTAKING_CARLA` names their server as `HOST:PORT`. If it is unset or
+`headless`, they start a headless server for themselves.
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation. The
+modules that do the work are imported inside the functions, so `import overtaking` stays fast.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -15,12 +25,21 @@ if TYPE_CHECKING:
 
 
 def measure_limits() -> "Limits":
-    """Measure the limits of CARLA's Traffic Manager that the study met.
+    """Measure up to which speed CARLA's Traffic Manager carries out lane changes, and how often.
+
+    The Traffic Manager is the part of CARLA's client that drives vehicles. Above some speed it
+    ignores the command to change lanes, and for some time after one lane change it ignores the next
+    command. Both limits shaped the data of the study that this package reproduces (Pinto, Dutra and
+    Fonseca 2023).
+
+    Returns:
+        `speeds_kmh`, `changed` (how many vehicles obeyed at each speed, of `trials`), and
+        `again_after`, the time until a second change is obeyed [s], None if it never was.
 
     Raises:
         MissingExtraError: CARLA's client is not installed.
-        ConfigError: The server that `OVERTAKING_CARLA` names is not there or of another version.
-        SimulationLostError: Client or server failed several times.
+        ConfigError: The server is missing, or has another version than the client.
+        SimulationLostError: Client or server failed three times.
     """
     from overtaking.simulators.carla import processes
 
@@ -36,23 +55,28 @@ def replay(
     size: tuple[int, int] = (800, 450),
     progress: ProgressCallback | None = None,
 ) -> "list[Replayed]":
-    """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
+    """Show recorded simulations in CARLA and film them from behind and from above the ego.
+
+    The ego is the vehicle whose overtaking is studied. In each frame every vehicle is put at its
+    recorded position; CARLA computes no motion.
 
     Args:
-        dataset: The data set, or its folder; omitted frames are simulated again.
-        out: Folder for the films; made if missing. Each appears when it is complete.
-        simulation_ids: Numbers of the simulations.
-        size: Width and height of the pictures, even numbers [pixels].
+        dataset: The data set, or its folder or URL. If it keeps no positions
+            (`keep="features"`), the simulations are computed again.
+        out: Folder for the films; made if missing. Each file appears when it is complete.
+        simulation_ids: Numbers of the simulations in the data set, from 0.
+        size: Width and height of the pictures [pixels]: even numbers, as the video format
+            requires, from 16 x 16 to 1920 x 1080.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        The films of each simulation.
+        For each simulation `files`, the paths of its two films (behind, above), and `num_frames`.
 
     Raises:
-        ConfigError: There is no such simulation or size, or the server that `OVERTAKING_CARLA`
-            names is not there or of another version.
-        MissingExtraError: CARLA's client or the encoder of films is not installed.
-        SimulationLostError: Client or server failed several times.
+        ConfigError: No simulation has such a number, the size is not possible, or the server is
+            missing or has another version than the client.
+        MissingExtraError: CARLA's client or the video encoder (extra `video`) is not installed.
+        SimulationLostError: Client or server failed three times.
     """
     from overtaking.recordings.opendrive_writer import write_opendrive
     from overtaking.simulators.carla import processes, replay
@@ -63,13 +87,17 @@ def replay(
     films: list[Replayed] = []
     for number in numbers:
         run = source.trajectory(number)
+        # CARLA has maps of some roads itself; any other road is sent as an OpenDRIVE file.
+        has_carla_map = replay.map_of(run) is not None
         job = replay.ReplayJob(
             run=run,
+            # The films are written by another process, in which CARLA's client runs.
             folder=folder.resolve(),
             name=f"{number:06d}",
             size=size,
-            opendrive=None if replay.map_of(run) else write_opendrive(run.road),
+            opendrive=None if has_carla_map else write_opendrive(run.road),
         )
+        # Made only now, so that an unknown simulation number leaves no empty folder.
         folder.mkdir(parents=True, exist_ok=True)
         films.append(processes.replay(job))
         if progress is not None:
@@ -87,20 +115,25 @@ def serve(
     ready: Callable[[int, int], None] | None = None,
     log: Callable[[str], None] | None = None,
 ) -> None:
-    """Answer clients of CARLA 0.9.16 without CARLA, until the process is interrupted.
+    """Run a headless server for CARLA 0.9.16 clients, until Ctrl-C or SIGTERM.
 
     Args:
-        port: For calls; streams get the next one. 0 lets the system choose both.
-        host: Address to listen on; every program that can reach it can use the server.
-        maps: Each a road of the package, or an OpenDRIVE file, which clients load by its name
-            without the suffix. The first is there from the beginning.
-        seed: Seed of gusts and puddles, 0 <= seed < 2**64.
-        ready: Called with the ports of calls and streams when clients may come.
-        log: Called with a line when something happens that a person may want to know.
+        port: Port for calls, 0 to 65535; 2000 is CARLA's own. The next port is for streams of
+            sensor data. 0 lets the system choose both.
+        host: Address to listen on. There is no password: every program that can reach the address
+            can use the server.
+        maps: Maps that clients can load: each the name of a road of the package, or an OpenDRIVE
+            file, which clients name without the suffix. The first is loaded at the start; `town06`
+            is the road of the study.
+        seed: Seed of the random gusts of wind and puddles, 0 <= seed < 2**64.
+        ready: Called once, when clients can connect, with the port for calls and the port for
+            streams.
+        log: Called with a line of text about an event that a person may want to know, such as a
+            call that the server does not offer.
 
     Raises:
         ConfigError: An argument cannot be used, or the port is taken.
-        MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
+        MissingExtraError: A map is a file, and CARLA's client, which reads it, is not installed.
     """
     from overtaking.simulators.carla_server.running import run_server
 
@@ -115,4 +148,4 @@ def serve(
 
 
 def _ignore(*_: object) -> None:
-    """Report nothing."""
+    """Accept a report and do nothing, for a caller that passed no function."""

@@ -1,4 +1,16 @@
-"""Data sets: generate, resume, load and label them again, and query them in SQL."""
+"""Public functions that make, complete, load, relabel and query data sets.
+
+A *data set* is a folder (or a URL in a cloud store) of Parquet tables with many simulations of one
+ego, the vehicle whose overtaking is studied, in traffic. Simulations are numbered from 0.
+*Manifest*: the file `dataset.json` in it, which records how the data set was made.
+*Profile*: a named setting of road, traffic, weather and drivers that comes with the package, such
+as `motorway`; *specification*: the same content as an object, or as a TOML file of the user.
+*Shard*: a block of consecutive simulations, written as one file per table.
+*Class*: the result of a simulation, such as `Success_L` (completed, legal); a *policy* is the set
+of rules of law that decides between legal and illegal: `paper`, `default` or `strict`.
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,12 +25,12 @@ from overtaking.api.simulator_registry import (
 )
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.progress import ProgressCallback
-from overtaking.data import generate as writing
-from overtaking.data import load as reading
 from overtaking.data.balance import ClassBalance
 from overtaking.data.estimate import Allowed
 from overtaking.data.executors import EXECUTORS, executor_for_recipe
+from overtaking.data.generate import generate as carry_out_recipe
 from overtaking.data.load import Dataset
+from overtaking.data.load import load as open_dataset
 from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
 from overtaking.data.recipe import Keep, Recipe
@@ -55,48 +67,55 @@ def generate_dataset(
     progress: ProgressCallback | None = None,
     on_candidates: ProgressCallback | None = None,
 ) -> Dataset:
-    """Make a data set.
+    """Generate a data set: draw scenarios, simulate and label them, and write the tables.
+
+    The same profile, seed and number of simulations give the same bytes, whatever computes them.
 
     Args:
-        profile: Name of a profile of the package, path of a TOML file, or a specification.
-        num_simulations: Number of simulations.
+        profile: Name of a profile, path of a TOML file, or a specification.
+        num_simulations: Number of simulations, 1 or more.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         out: Folder for the data set, made if missing, or its URL in a store, such as
             `s3://bucket/data`.
-        keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
-            simulated again on demand.
-        resume: Whether to complete what an earlier call has begun in this folder.
-        overrides: Dotted keys of the specification with other values, as in `reading.spec`.
+        keep: `frames` writes all tables; `features` omits the tables with a row per recorded
+            instant (positions and speeds), which are most of the size. Where they are needed later,
+            the simulation is computed again.
+        resume: Whether to complete a data set that an interrupted call began in this folder.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
-        simulator: One of `SIMULATORS`.
-        driver: A driver of one's own for every ego, with one of `MODEL_SIMULATORS`; only this
-            process calls it.
-        shard_size: Number of simulations in a file; a size that suits the simulator if left out.
-        balance: Which classes get equal shares, and the treatment of a class that is too rare;
-            None for natural shares.
-        executor: One of `EXECUTORS`: the threads of this process, processes of this machine, or
-            processes of a Ray cluster; `auto` takes processes for a large data set in a
-            folder. The files are the same.
-        address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
-        workers: Processes on this machine; one on each core if left out.
-        allow_large: Whether more than 10 GB or 1,000,000 simulations may be made. Or a function
-            that is given the `Estimate` of every data set that takes a while, before anything is
-            written, and says so.
+        simulator: A name in `SIMULATORS`: `engine` is this package's own model.
+        driver: A driver of the user that controls every ego instead of the model's driver. It needs
+            a simulator of `MODEL_SIMULATORS`, and is called in this process only.
+        shard_size: Number of simulations in a shard, 1 or more; None for the simulator's own, 4096
+            for `engine`. After an interruption at most one shard per process is computed again.
+        balance: Classes that get equal numbers of simulations, and what happens if one is too rare;
+            None for the classes as they come.
+        executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
+            `ray` for a Ray cluster; `auto` takes processes for a large data set in a folder, else
+            threads.
+        address: Address `HOST:PORT` of a Ray cluster; None starts one on this machine for the
+            duration of the call.
+        workers: Number of processes; None for one per core.
+        allow_large: True permits more than 10 GB or 1,000,000 simulations. A function is called
+            with the `Estimate` of size and time of a data set of 4,096 simulations or more (fewer
+            with slow simulators), before anything is written, and returns whether to go on.
         progress: Called with the number of simulations that are done, and of all.
-        on_candidates: Called with the number of candidates of a balanced data set that have been
-            looked at, and about how many there will be; all that comes before the simulations.
+        on_candidates: Only with `balance`. Called with the number of candidates that were simulated
+            to find the rare classes, and the expected number of all; this search precedes the
+            simulations that `progress` counts.
 
     Returns:
         The complete data set.
 
     Raises:
-        ConfigError: The specification, a number, the executor or the cluster cannot be used, or the
-            data set would be large and `allow_large` is not given.
-        MissingExtraError: Ray, or what reaches the store, is not installed.
-        DatasetError: It does not fit on the disk, the folder holds something else or cannot be
-            written, another process writes it, or the process received a signal to end. Finished
-            shards are kept, and `resume` goes on.
-        KeyboardInterrupt: Ctrl-C; the same holds.
+        ConfigError: An argument cannot be used, there is no such cluster, or the data set would be
+            large and `allow_large` does not permit it.
+        MissingExtraError: Ray, or the package for this kind of store, is not installed.
+        DatasetError: The disk is too small, the folder holds other files or is not writable,
+            another process writes the data set, or this process received SIGTERM. Finished shards
+            stay, and `resume` continues after them.
+        KeyboardInterrupt: The user pressed Ctrl-C; finished shards stay as well.
     """
     spec = profiles.load_specification(profile, overrides)
     used_simulator = (
@@ -104,16 +123,17 @@ def generate_dataset(
     )
     recipe = Recipe(
         spec=spec,
+        # A two-way road becomes as long as oncoming vehicles need during the simulated time.
         road=sampler.extend_road(spec, resolve_road(road or spec.road)),
         seed=seed,
         num_simulations=num_simulations,
-        keep=_keep(keep),
+        keep=_parse_keep(keep),
         shard_size=used_simulator.shard_size if shard_size is None else shard_size,
         balance=balance,
         policy=None if driver is None else driver_record(driver),
     )
     location = location_of(out)
-    return writing.generate(
+    return carry_out_recipe(
         recipe,
         location,
         used_simulator,
@@ -137,25 +157,29 @@ def resume_dataset(
     progress: ProgressCallback | None = None,
     on_candidates: ProgressCallback | None = None,
 ) -> Dataset:
-    """Complete a data set from what its manifest says, or check that it is complete.
+    """Complete a data set whose generation was interrupted, with the settings in its manifest.
+
+    A complete data set is checked; shards with damaged files are written again.
 
     Args:
         out: Folder of the data set, or its URL.
-        executor: As in `generate_dataset`; each call may choose another.
+        executor: As in `generate_dataset`; the interrupted call may have used another one.
         address: As in `generate_dataset`.
         workers: As in `generate_dataset`.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: As in `generate_dataset`.
 
     Returns:
-        The complete data set; shards that were damaged are written again.
+        The complete data set.
 
     Raises:
-        DatasetError: Nothing was begun there, or as in `generate`.
-        SchemaError: It was begun by a newer version.
+        DatasetError: There is no manifest, or the data set is one that this function cannot
+            continue: imported, of branches, or with a driver of the user. Also as in
+            `generate_dataset`.
+        SchemaError: A newer version of the package began the data set.
     """
     identity = read_manifest(location_of(out)).identity
-    if identity.seed is None:
+    if identity.seed is None:  # Recorded traffic has no random numbers.
         raise DatasetError(
             what="data set",
             where=str(out),
@@ -203,20 +227,24 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
     """Load a complete data set.
 
     Args:
-        path: Its folder, or its URL in a store; of that, files are copied to this machine when
-            they are first read, and for as long as the data set is in use. A data set is returned
-            as it is.
+        path: Its folder, or its URL in a store. Files of a store are copied to this machine when
+            they are first read, and removed when the data set is no longer in use. A `Dataset` is
+            returned unchanged, so callers may accept both.
 
     Raises:
         DatasetError: The folder holds no data set, or the data set is not complete.
-        SchemaError: It is of a newer version.
+        MissingExtraError: The data set was made by a simulator that is not installed.
+        SchemaError: A newer version of the package wrote the data set.
     """
     if isinstance(path, Dataset):
         return path
     location = location_of(path)
+    # The simulator computes tables again that were not kept. The engine can do so for `reference`
+    # as well, because both give the same bits. Imported recordings keep all tables, so they need no
+    # simulator; `engine` fills the argument.
     name = read_manifest(location).identity.simulator
-    is_foreign = name in SIMULATORS and name not in MODEL_SIMULATORS
-    return reading.load(location, get_simulator(name if is_foreign else "engine"))
+    is_other_model = name in SIMULATORS and name not in MODEL_SIMULATORS
+    return open_dataset(location, get_simulator(name if is_other_model else "engine"))
 
 
 @check_arguments
@@ -226,24 +254,35 @@ def relabel_dataset(
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> Dataset:
-    """Write the labels of a data set again, by the rules of this version.
+    """Replace the labels of a data set by those that this version of the package computes.
+
+    Labels are the tables with events, verdicts of the law, classes and features. Positions and
+    speeds do not change. If the call fails, the old labels stay.
 
     Args:
-        dataset: Folder of the data set.
-        errors: As in `label`. The column `rule_set` names the standard deviations.
+        dataset: Folder of the data set; one in a store cannot be relabelled.
+        errors: Standard deviations of the positions and speeds that the recording states; None for
+            exact ones. The column `rule_set` records them. A rule is undecidable where its margin
+            (the distance to its limit) is less than two standard errors.
         progress: Called with the number of simulations that are done, and of all.
 
+    Returns:
+        The data set with its new labels.
+
     Raises:
+        ConfigError: The data set is in a store.
         DatasetError: The folder holds no data set, the data set is not complete or damaged, or
             another process writes it.
-        SchemaError: It is of a newer version.
+        SchemaError: A newer version of the package wrote the data set.
     """
-    from overtaking.data.relabel import relabel as written_anew
+    from overtaking.data.relabel import relabel
 
-    return written_anew(folder_of(dataset, "label anew"), get_simulator("engine"), progress, errors)
+    # `folder_of` refuses a URL; its second argument completes the message "a folder to ...".
+    folder = folder_of(dataset, "label anew")
+    return relabel(folder, get_simulator("engine"), progress, errors)
 
 
-def _keep(name: str) -> Keep:
+def _parse_keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
@@ -261,27 +300,30 @@ def sql(
     timeout_s: float = 60.0,
     memory_mib: int = 1024,
 ) -> "Answer":
-    """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
+    """Answer an SQL query (DuckDB's dialect) about a data set.
+
+    The query can read the tables of the data set and nothing else; it changes nothing.
 
     Args:
-        dataset: The data set, or its folder.
-        query: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
-            paper's entities are views, such as `paper.EgoVehicle`.
-        max_rows: How many rows to give at most.
-        timeout_s: How long it may take [s].
-        memory_mib: How much memory the database may use [MiB]; the answer may take an eighth of it.
+        dataset: The data set, or its folder or URL.
+        query: One SELECT, DESCRIBE, SUMMARIZE or SHOW. Tables have their names in the data set,
+            such as `simulations` or `labels`. The entities of the paper that the package reproduces
+            (Pinto, Dutra and Fonseca 2023) are views, such as `paper.EgoVehicle`.
+        max_rows: Largest number of rows of the answer, 1 to 1e9.
+        timeout_s: Longest time of the query [s], 0.001 to 1e9.
+        memory_mib: Memory limit of the database [MiB], 16 to 1e9; the answer may take an eighth of
+            it.
 
     Returns:
-        Names of the columns, the rows, and whether there are more.
+        `columns`, the names of the columns; `rows`, a list of tuples; and `is_cut`, whether the
+        answer has more rows than `max_rows`.
 
     Raises:
-        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        ConfigError: The text is not a query of these kinds, is wrong, or exceeds a limit.
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `sql` is not installed.
     """
-    from overtaking.analysis.database import query as asking
+    from overtaking.analysis.database.query import query as run_query
 
     source = load_dataset(dataset)
-    return asking.query(
-        source, query, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib
-    )
+    return run_query(source, query, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)

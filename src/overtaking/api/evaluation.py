@@ -1,4 +1,15 @@
-"""Drivers of the user's: loading them, and comparing them with others in the same scenes."""
+"""Public functions that compare drivers of the ego, and that load a driver from a name or file.
+
+The *ego* is the vehicle whose overtaking is studied. A *driver* controls it: the human model of the
+simulation, one of `BUILTIN_DRIVERS`, or a function or neural network of the user. A *scene* is a
+scenario drawn at random: road, weather, traffic, and the ego's start. Every driver meets the same
+scenes, so differences in outcome are differences between drivers.
+A *profile* is a named setting that scenes are drawn from, such as `motorway`.
+
+Python calls `evaluate` and `run_benchmark`; the command line also `resolve_driver` and
+`load_driver`, which turn its options into a `Driver`. `check_arguments` raises a `ConfigError` for
+an argument of another type than its annotation.
+"""
 
 import importlib
 import importlib.util
@@ -41,14 +52,23 @@ BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
     STAY: Driver(function=policies.stay, observation="human", action="decision", name=STAY),
     "rules": Driver(function=policies.rules, observation="human", action="decision", name="rules"),
 }
-"""Drivers that are part of the package; None is the model's own."""
+"""Drivers of the package by name. None marks the human model, which the engine itself computes.
+
+`stay` never changes lanes; `rules` overtakes by fixed rules. Both receive what a human would
+perceive (`observation`), decide about lane changes only (`action`), and follow like the human.
+"""
 
 
 DEFAULT_REFERENCES = (HUMAN, STAY)
+"""Drivers that an evaluated driver is compared with, unless the caller names others."""
 
 
 RISK_SUFFIX = "-risk"
-"""End of the name of a profile that draws dangerous scenes more often."""
+"""End of the name of a variant of a profile that draws dangerous scenes more often.
+
+Accidents are so rare that thousands of natural scenes may pass without an accident. The weights of
+the scenes restore natural rates in the result.
+"""
 
 
 @check_arguments
@@ -65,24 +85,27 @@ def evaluate(
     progress: ProgressCallback | None = None,
     say: Callable[[str], None] | None = None,
 ) -> "Evaluation":
-    """Compare a driver with others in the same scenes.
+    """Simulate the same scenes with several drivers, and compare safety, law, time and comfort.
 
     Args:
-        driver: A `Driver`, or the name of one of `BUILTIN_DRIVERS`.
-        profile: Profile of the scenes, as in `sample`. For a profile of the package that has a
-            variant with the suffix `-risk`, the scenes are drawn from that one.
+        driver: The driver to evaluate: a `Driver`, or a name in `BUILTIN_DRIVERS`.
+        profile: Profile of the scenes: a name, a TOML file or a specification. If it is a name for
+            which the package has a variant with the suffix `-risk`, the variant is used instead.
         num_simulations: Number of scenes, 1 to 1,000,000.
-        seed: Seed of their random numbers, 0 <= seed < 2**64.
-        references: Drivers to compare it with, each with another name.
-        natural: Whether to draw scenes of the named profile itself, as often as they occur.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
-        progress: Called with the number of simulations that are done, and of all.
-        say: Called before the run with a sentence that names the `-risk` profile, if one is drawn.
+        seed: Seed of the random numbers of the scenes, 0 <= seed < 2**64.
+        references: Drivers to compare it with. All names must differ, also from the evaluated one.
+        natural: Whether to use the named profile itself, in which dangerous scenes are rare.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        progress: Called with the number of simulations that are done, and of all: scenes times
+            drivers.
+        say: Called before the first simulation with a sentence that names the `-risk` variant, if
+            it replaces the named profile.
 
     Returns:
-        Rates with intervals, differences, margins and the worst scenes; `write_report` makes a page
-        of it.
+        Rates of each driver with 95 % intervals, differences, safety margins and the worst scenes;
+        `write_report` makes a page of it.
 
     Raises:
         ConfigError: The specification, a number or a name cannot be used.
@@ -96,6 +119,7 @@ def evaluate(
     spec = profiles.load_specification(risk_profile or profile, overrides)
     if risk_profile is not None and say is not None:
         say(risk_note(str(profile), risk_profile))
+    # Time gained is measured against `stay`, so it is simulated even if it is not a reference.
     (stay,) = _compared_drivers([STAY])
     evaluation = run(
         spec,
@@ -120,47 +144,59 @@ def run_benchmark(
     references: Sequence[str | Driver] = DEFAULT_REFERENCES,
     progress: ProgressCallback | None = None,
 ) -> "BenchmarkResult":
-    """Compare a driver with others in the scenes of a benchmark, whose numbers are fixed.
+    """Compare a driver with others in the published, unchanging scenes of a benchmark.
+
+    A benchmark file names profiles, seeds and numbers of scenes, with hashes that reveal a changed
+    profile or model, so that results of different users can be compared.
 
     Args:
-        driver: As in `evaluate`.
-        benchmark: Its name, or a TOML file.
-        references: Drivers to compare it with.
+        driver: The driver to evaluate: a `Driver`, or a name in `BUILTIN_DRIVERS`.
+        benchmark: Name of a benchmark of the package, such as `overtake`, or a TOML file.
+        references: Drivers to compare it with, as in `evaluate`.
         progress: Called with the number of simulations that are done, and of all.
 
+    Returns:
+        An evaluation for each profile of the benchmark.
+
     Raises:
-        ConfigError: There is no such benchmark, or a profile or the model is not the one that it
-            was made with; or as in `evaluate`.
+        ConfigError: There is no such benchmark, or a profile or the model has changed since it was
+            published; or as in `evaluate`.
         DriverError: A driver raises an exception, or its answer is not an action.
     """
-    from overtaking.analysis.evaluation.benchmark import read, run
+    from overtaking.analysis.evaluation.benchmark import read as read_benchmark
+    from overtaking.analysis.evaluation.benchmark import run
 
     evaluated, *others = _compared_drivers([driver, *references])
     (stay,) = _compared_drivers([STAY])
-    return run(read(benchmark), evaluated, others, stay, resolve_road, progress)
+    return run(read_benchmark(benchmark), evaluated, others, stay, resolve_road, progress)
 
 
 def resolve_driver(
     name: str, observation: str | None, *, action: str, action_repeat: int, option: str = "--driver"
 ) -> str | Driver:
-    """The driver that the options of a command name: a built-in one, or as in `load_driver`.
+    """Turn the options of a command into a driver for `evaluate`.
 
     Args:
-        name: Its name.
-        observation: Name of its observation; needed unless the driver is one of
-            `BUILTIN_DRIVERS`.
-        action: Name of its action, as in `drive`.
-        action_repeat: Number of decisions for which an action holds.
-        option: Option of the command line that names the driver, for messages.
+        name: A name in `BUILTIN_DRIVERS`, which is returned unchanged, or a name that `load_driver`
+            accepts.
+        observation: As in `load_driver`; may be None only for a built-in driver, which states its
+            own.
+        action: As in `load_driver`.
+        action_repeat: As in `load_driver`.
+        option: Option of the command line that gave `name`, for error messages.
 
     Raises:
         ConfigError: No such driver or sensor exists, or `observation` is missing.
+        MissingExtraError: The name is an ONNX file, and the extra `onnx` is not installed.
     """
     if name in BUILTIN_DRIVERS:
         return name
-    if observation is None:
-        # An unknown name is reported before the missing option.
+    is_code_or_network = ":" in name or name.endswith(".onnx")
+    if observation is None or not is_code_or_network:
+        # Called for its errors alone. They list the built-in drivers, which `load_driver` does not
+        # know, and they come first: with a misspelt name, a demand for --observation would mislead.
         load_driver_function(name, option, BUILTIN_DRIVERS)
+    if observation is None:
         raise ConfigError(
             what="--observation",
             where="evaluate",
@@ -168,26 +204,29 @@ def resolve_driver(
             got="nothing",
             next_step=f"add --observation, or choose one of {', '.join(BUILTIN_DRIVERS)}",
         )
-    if ":" not in name and not name.endswith(".onnx"):
-        # This raises; the message lists the built-in drivers.
-        load_driver_function(name, option, BUILTIN_DRIVERS)
     return load_driver(name, observation, action=action, action_repeat=action_repeat, option=option)
 
 
 def _risk_profile(profile: ProfileSource) -> str | None:
-    """The profile of the package that draws dangerous scenes more often, if there is one."""
+    """Name of the `-risk` variant of a profile; None if the package has no such variant."""
     name = f"{profile}{RISK_SUFFIX}" if isinstance(profile, str) else ""
     return name if name in profiles.profile_names() else None
 
 
 def _compared_drivers(drivers: Sequence[str | Driver]) -> "list[Contestant]":
-    """The contestant of each driver: the driver under evaluation first, then the references.
+    """Prepare drivers for the comparison.
+
+    Args:
+        drivers: The driver under evaluation first, then the references.
+
+    Returns:
+        Name, simulating function and origin of each, in the same order.
 
     Raises:
         ConfigError: No driver has such a name, or two drivers have the same name.
     """
     contestants = [
-        _contestant(driver, "references" if index else "driver")
+        _contestant(driver, "driver" if index == 0 else "references")
         for index, driver in enumerate(drivers)
     ]
     names = [contestant.name for contestant in contestants]
@@ -203,6 +242,7 @@ def _compared_drivers(drivers: Sequence[str | Driver]) -> "list[Contestant]":
 
 
 def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
+    """Prepare one driver; `argument_name` is the argument of `evaluate` that named it."""
     from overtaking.analysis.evaluation.run import Contestant
 
     engine = simulator_module("engine")
@@ -213,45 +253,50 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
             raise ConfigError.unknown_choice(
                 what=argument_name, where="evaluate", choices=names, got=name
             )
-        shipped = BUILTIN_DRIVERS[name]
-        if shipped is None:  # The driver of the engine itself.
+        builtin_driver = BUILTIN_DRIVERS[name]
+        if builtin_driver is None:
             return Contestant(name=name, simulate=engine.simulate)
-        driver = shipped
+        driver = builtin_driver
+    # Short name for tables: `keep_gap` for `lib/a.py:keep_gap`, `net.onnx` for `nets/net.onnx`.
+    short_name = driver.display_name.rpartition(":")[2].rpartition("/")[2]
     return Contestant(
-        name=driver.display_name.rpartition(":")[2].rpartition("/")[2],
+        name=short_name,
         source=driver.display_name,
-        simulate=partial(_simulate, driver=driver),
+        simulate=partial(_simulate_with_driver, driver=driver),
         digest=driver.digest,
         observe="sensor" if isinstance(driver.observation, Sensor) else driver.observation,
         action=driver.action,
     )
 
 
-def _simulate(scenario: Scenario, driver: Driver) -> Trajectories:
+def _simulate_with_driver(scenario: Scenario, driver: Driver) -> Trajectories:
+    """Simulate a batch of scenarios on the engine, with the driver in every ego."""
     return driving.drive(scenario, driver, simulator_module("engine").run)
 
 
 def load_driver(
     name: str, observation: str, *, action: str, action_repeat: int, option: str = "--driver"
 ) -> Driver:
-    """Load the driver that the options of a command name.
+    """Load a driver of the user.
 
     Args:
-        name: `module:name` or `file.py:name` of a function, or of a class of drivers; or the path
-            of an ONNX file.
-        observation: `human`, `truth`, or a TOML file with the numbers of a sensor.
-        action: As in `Driver`.
-        action_repeat: As in `Driver`.
-        option: Option of the command line that names the driver, for messages.
+        name: `module:name` or `file.py:name` of a function, or of a class whose objects are
+            callable; or the path of an ONNX file with a neural network.
+        observation: Input of the driver: `human` for the perception of a human, `truth` for the
+            exact state, or a TOML file with the numbers of a sensor (ranges, errors, latency).
+        action: Output of the driver, a name in `sim.controls.CONTROLS` such as `accel_lane`
+            (acceleration and lane) or `decision` (lane changes only).
+        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200.
+        option: Option of the command line that gave `name`, for error messages.
 
     Raises:
         ConfigError: No such driver or sensor exists, or another argument cannot be used.
-        MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
+        MissingExtraError: The name is an ONNX file, and the extra `onnx` is not installed.
     """
-    is_file = observation.endswith(".toml")
+    is_sensor_file = observation.endswith(".toml")
     driver = Driver(
         function=load_driver_function(name, option),
-        observation=Sensor.read(observation) if is_file else observation,
+        observation=Sensor.read(observation) if is_sensor_file else observation,
         action=action,
         action_repeat=action_repeat,
         name=name,
@@ -261,7 +306,10 @@ def load_driver(
 
 
 def _check_num_parts(driver: Driver) -> None:
-    """Refuse a network whose output has more or fewer parts than the action."""
+    """Refuse a network with more or fewer output values per simulation than its action has.
+
+    Functions do not state their number of values; `sim.driving` checks their answers.
+    """
     parts = driver.control.parts
     num_parts = getattr(driver.function, "num_parts", len(parts))
     if num_parts != len(parts):
@@ -277,38 +325,38 @@ def _check_num_parts(driver: Driver) -> None:
 def load_driver_function(
     name: str, option: str = "--driver", builtin: Iterable[str] = ()
 ) -> DriverFunction:
-    """Load the function of a driver from a module, a Python file or an ONNX file.
+    """Load the function of a driver from a Python module, a Python file or an ONNX file.
 
-    A class is called without arguments, and the object is the driver.
+    If the name is a class, it is called without arguments and its object is returned.
 
     Args:
         name: `module:name`, `file.py:name` or `file.onnx`.
-        option: Option of the command line that has this name, for messages.
-        builtin: Names of the drivers that the command offers as well, for messages.
+        option: Option of the command line that gave `name`, for error messages.
+        builtin: Names of built-in drivers that the error for an unknown name proposes as well.
 
     Raises:
         ConfigError: No such module, file, function or driver exists.
-        MissingExtraError: The name belongs to an ONNX file, and the extra `onnx` is not installed.
+        MissingExtraError: The name is an ONNX file, and the extra `onnx` is not installed.
     """
     if name.endswith(".onnx"):
         from overtaking.sim.networks import OnnxDriver
 
         return OnnxDriver(Path(name))
-    where, _, attribute = name.rpartition(":")
-    if not where or not attribute:
+    module_or_file, _, attribute = name.rpartition(":")
+    if not module_or_file or not attribute:
         builtin_names = ", ".join(nearest_first(name, builtin))
         raise _unknown_driver(name, option, f"{builtin_names or 'a driver'}, {_FORMS}")
     try:
-        module = _module(where)
+        module = _import_module(module_or_file)
     except Exception as error:  # The module of another author may raise anything.
         message = f"{name} ({type(error).__name__}: {error})"
         raise _unknown_driver(message, option, _FORMS) from error
     functions = [key for key, value in vars(module).items() if _may_be_driver(key, value)]
     if not hasattr(module, attribute):
-        nearest = nearest_first(attribute, functions)[:_MOST_LISTED]
-        listed = ", ".join(f"{where}:{function}" for function in nearest)
-        expected = listed or f"{_FORMS}; {where} defines no function"
-        raise _unknown_driver(f"{name} ({where} has no {attribute})", option, expected)
+        nearest = nearest_first(attribute, functions)[:_MAX_PROPOSALS]
+        listed = ", ".join(f"{module_or_file}:{function}" for function in nearest)
+        expected = listed or f"{_FORMS}; {module_or_file} defines no function"
+        raise _unknown_driver(f"{name} ({module_or_file} has no {attribute})", option, expected)
     function = getattr(module, attribute)
     try:
         return function() if isinstance(function, type) else function
@@ -318,9 +366,11 @@ def load_driver_function(
 
 
 _FORMS = "module:name or file.py:name of a function, or a file.onnx"
+"""Forms of a driver's name, for error messages."""
 
 
-_MOST_LISTED = 5
+_MAX_PROPOSALS = 5
+"""Largest number of functions that an error message proposes; more would not be read (a choice)."""
 
 
 def _may_be_driver(name: str, value: object) -> bool:
@@ -329,6 +379,7 @@ def _may_be_driver(name: str, value: object) -> bool:
 
 
 def _unknown_driver(name: str, option: str, expected: str) -> ConfigError:
+    """The error for a name without a driver; `expected` lists valid names or forms."""
     return ConfigError(
         what="driver",
         where=option,
@@ -338,22 +389,24 @@ def _unknown_driver(name: str, option: str, expected: str) -> ConfigError:
     )
 
 
-def _module(where: str) -> Any:
-    """A module by its name or file."""
-    if not where.endswith(".py"):
+def _import_module(module_or_file: str) -> Any:
+    """Import a module by its name, or run the Python file of a path that ends in `.py`."""
+    if not module_or_file.endswith(".py"):
+        # As with `python -m`, modules in the working folder come before installed ones.
         sys.path.insert(0, str(Path.cwd()))
         try:
-            return importlib.import_module(where)
+            return importlib.import_module(module_or_file)
         finally:
             sys.path.pop(0)
-    spec = importlib.util.spec_from_file_location(Path(where).stem, where)
+    spec = importlib.util.spec_from_file_location(Path(module_or_file).stem, module_or_file)
     if spec is None or spec.loader is None:
-        raise ImportError(f"no module in {where}")
+        raise ImportError(f"no module in {module_or_file}")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[module.__name__] = module  # Classes are looked up in it.
+    # Registered before it runs, as `import` does: dataclasses look up their module there.
+    sys.modules[module.__name__] = module
     try:
         spec.loader.exec_module(module)
     except BaseException:
-        del sys.modules[module.__name__]  # Half a module would be imported under its name.
+        del sys.modules[module.__name__]  # A later `import` would get a half-executed module.
         raise
     return module
