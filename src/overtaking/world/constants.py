@@ -1,8 +1,15 @@
-"""Model constants, the clock, effects that can be switched off.
+"""Numbers of the model that are equal for all simulations, and switches that disable effects.
 
-The step reads `ModelConstants`; `engine_constants` hands the same numbers to the engine.
+The numbers come from the TOML files in `knowledge/data`, which state unit, source and rationale of
+each: change a number there. A *step* is 10 ms. Every fifth step is a *decision*: drivers perceive
+and decide. The model is written twice: the reference simulator in Python (`sim.reference`) reads
+`ModelConstants`, and the compiled engine receives the same numbers from `engine_constants`.
+
+`EnabledEffects` are the switches. They serve ablations: simulations without one effect of the
+model, which show its influence.
 """
-# ruff: noqa: RUF009 - the functions that make defaults return fields.
+# ruff: noqa: RUF009 - the rule forbids function calls as defaults; the calls here return a
+# `dataclasses.field`, which makes a default for each instance.
 
 import dataclasses
 from dataclasses import dataclass, field
@@ -16,38 +23,40 @@ from overtaking.knowledge.quantities import Values
 from overtaking.knowledge.toml_reader import constant, load_quantity
 
 STEP_MS = 10
-"""Length of a step [ms]."""
+"""Duration of a step, as `ModelConstants.step` but a whole number [ms]."""
 
 SUBSTEPS = 5
-"""Steps between two decisions."""
+"""Steps from one decision to the next."""
 
 STEPS_PER_SECOND = np.float32(1000 // STEP_MS)
 DECISIONS_PER_SECOND = np.float32(1000 // (STEP_MS * SUBSTEPS))
 
 _UNLIMITED = 1e6
-"""A range farther than any road is long [m]."""
+"""A range of sight that hides no vehicle: neighbours are never so far apart [m]."""
+
+
+# The paths below name a file of `knowledge/data`, a section and an entry: `model.time.step` is the
+# entry `step` of `[time]` in `model.toml`. The files are read when the first instance is made, not
+# at import.
 
 
 def _constant_field(path: str) -> Any:
-    """A field whose value is an entry of the knowledge base."""
+    """A dataclass field whose default is an entry, in SI units or in that of its suffix (`_mm`)."""
     return field(default_factory=lambda: constant(path))
 
 
 def _inverse_field(path: str) -> Any:
-    """A field whose value is one over an entry of the knowledge base.
-
-    The step multiplies by it instead of dividing.
-    """
+    """A dataclass field whose default is one over an entry: the step multiplies by it."""
     return field(default_factory=lambda: ONE / constant(path))
 
 
 def _table_field(path: str) -> Any:
-    """A field whose value is an entry with several numbers, in tuples as deep as the entry."""
+    """A dataclass field whose default is an entry that is a list, or a list of lists."""
     return field(default_factory=lambda: _to_float32(load_quantity(path).value))
 
 
 def _to_float32(values: Values) -> Any:
-    """Numbers rounded once to float32, in tuples as deep as the given ones."""
+    """Round a number, or each number of nested tuples, to float32, the type of the step."""
     if isinstance(values, tuple):
         return tuple(_to_float32(value) for value in values)
     return np.float32(values)
@@ -55,16 +64,179 @@ def _to_float32(values: Values) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelConstants:
-    """Constants of the step, as the model was published; in SI units unless the name says another.
+    """Constants of the step: single float32 numbers, then the tables of friction as tuples.
 
-    `knowledge/data/model.toml`, `weather.toml` and `friction.toml` state meaning, unit and source
-    of each. The engine has a field of the same name, see `crates/fields.py`.
+    The engine has a field of the same name for each, in the same order: run `crates/fields.py`
+    after a change of names or order. The *overtaking lane* is the next lane towards the overtaking
+    side; on a two-way road it is the opposing lane. The *target* is the vehicle that the driver
+    overtakes. TTC is the time to collision. "Others" are all vehicles but the ego.
 
     Attributes:
-        friction_new: Peak friction of a new tyre at (speed, film) knots, shape (3, 4).
-        friction_worn: Peak friction of a worn tyre at the same knots, shape (3, 4).
-        friction_speeds: Speed knots [m/s].
-        friction_films: Film knots [mm].
+        step: Duration of a step [s].
+        decision: Time between two decisions [s].
+        after_overtake: Time simulated after the ego has returned from its overtake [s].
+        after_collision: Time simulated after a collision of the ego [s].
+        min_effective_gap: Smaller gaps count as this in car following [m].
+        jerk_up: Fastest growth of the acceleration, from zero or more [m/s^3].
+        jerk_down: Fastest fall of the acceleration, unless `brake_ramp` gives more [m/s^3].
+        brake_ramp: Time in which a driver reaches the wanted braking [s].
+        stop_lamp_max_time_gap: Time gap above which a driver ignores stop lamps of its leader [s].
+        stop_lamp_full_time_gap: Time gap below which it brakes as its braking leader demands [s].
+        jerk_release: Fastest growth of the acceleration while it is negative [m/s^3].
+        coolness: Where the car-following model brakes harder than a leader of constant braking
+            demands: weight of the demanded braking; 1 minus it is the weight of the model's [1].
+        signalling_time_gap: Share of the desired time gap that a driver keeps while it signals to
+            pull out [1].
+        corridor_margin: A vehicle occupies a lane that it overlaps by more than this [m].
+        footprint_margin: Lateral gap from which the leader of the old lane no longer matters [m].
+        lane_cleared_share: Share of the duration of a lane change after which the vehicle has left
+            its old lane [1].
+        lane_clearance_time: A driver plans to leave its old lane this long before it would reach
+            the leader there [s].
+        visible_fraction: Share of the duration of a lane change after which drivers around see it
+            [1].
+        cooldown: Time from the start of a lane change of the others to their next one [s].
+        min_lane_change_duration: Shortest duration of a lane change that avoids a leader [s].
+        abort_duration_share: Duration of the way back of a cancelled lane change, over the usual
+            duration of a lane change [1].
+        claim_time: Of two drivers that signal from both sides for one lane, one waits if they are
+            nearer than this time apart along the road [s].
+        foresight: Time for which a new follower is judged ahead [s].
+        foresight_accel: Acceleration assumed of it during that time [m/s^2].
+        no_passing_right_speed: Speed above which drivers do not pass on the kerb side [m/s].
+        min_rear_gap: Gap to the vehicles of the new lane for a lane change, at least [m].
+        free_ahead_time: The others return to the slower lane if the time gap to the next leader
+            there is longer [s].
+        max_imposed_decel: Braking that a lane change may demand of the new follower, at most
+            [m/s^2].
+        abort_imposed_factor: Factor on the braking accepted for the follower; more braking cancels
+            the lane change [1].
+        patience_floor: Factor to which waiting lowers the demands of a driver, at least [1].
+        close_time_gap: A leader within this many desired time gaps is close enough to overtake [1].
+        waiting_time_gap: A driver behind a slower leader waits if its time gap is shorter [s].
+        accelerate_gain: Factor on the acceleration while passing [1].
+        abort_until: Share of the duration of a lane change up to which it can be cancelled [1].
+        abort_factor: Factor on the comfortable deceleration; a driver that must brake harder
+            cancels the lane change [1].
+        abort_cooldown: Time from a lane change to the next attempt to overtake, or to return [s].
+        give_up_after: Time in the overtaking lane after which a driver that is not past the target
+            returns behind it [s].
+        stay_time: A driver stays in the overtaking lane if it would reach the next leader of the
+            slower lane within this time [s].
+        return_clearance: Gap to the passed vehicle from which a driver may return [m].
+        settled_offset: Distance to the lane centre below which a lane change is complete [m].
+        sight_range: Distance to which drivers attend to vehicles ahead [m].
+        mirror_range: Distance to which drivers attend to vehicles in the mirrors [m].
+        unseen_gap: Gap that a driver believes in where it has noticed no vehicle [m].
+        initial_time_in_view: Time for which vehicles in view count as seen at the start [s].
+        lamp_decel: Deceleration that stop lamps suggest, until looming shows it [m/s^2].
+        error_fade_time: TTC below which errors of judgement fade [s].
+        urgent_time: TTC below which drivers react with their shorter, urgent reaction time [s].
+        brake_memory: Decisions over which drivers judge the braking of a leader [1].
+        stop_lamp_decel: Deceleration from which the stop lamps are lit [m/s^2].
+        detection_growth: Relative growth of the detection time up to the limit of sight [1].
+        blind_spot: Length of the area behind the rear bumper that the mirrors do not show [m].
+        alongside: Lateral gap below which a driver notices a vehicle in that area [m].
+        glance_interval: Decisions between two looks at mirrors and other lanes [1].
+        glance_moving: The same in the first half of a lane change [1].
+        glance_stagger: Decisions from the look of a vehicle to the look of the next vehicle [1].
+        glance_time: Time in view that one such look adds for a vehicle [s].
+        looming_threshold: Growth of the visual angle from which an approach is noticed [rad/s].
+        looming_growth: Excess over that threshold, relative to it, at which drivers perceive all of
+            the closing speed [1].
+        lane_deviation: Standard deviation of the wandering in the lane [m].
+        error_time: Correlation time of errors of judgement [s].
+        lane_time: Correlation time of the wandering in the lane [s].
+        inverse_puddle_wave_1: One over the length of the first wave of the puddles [1/m].
+        inverse_puddle_wave_2: One over the length of the second wave [1/m].
+        puddle_slope: Share of the full depth of a puddle per unit below the threshold of
+            `road_surface.puddle_depth_share` [1].
+        spray_coefficient: Extinction in the spray of a car at `spray_speed` [1/m].
+        spray_film: Film of water from which the spray grows no more [mm].
+        spray_speed: Reference speed of the spray, which grows with the square of speed [m/s].
+        spray_reach: Length of the spray behind a vehicle [m].
+        rain_speed: Speed at which a driver meets twice the rain of an observer at rest [m/s].
+        inverse_stop_lamp: One over the luminous intensity of a stop lamp [1/cd].
+        position_gain: Lateral acceleration per lateral error in steering [1/s^2].
+        velocity_gain: Lateral acceleration per error of the lateral speed [1/s].
+        yaw_gain: Gain on the wanted lateral acceleration minus speed times yaw rate [1].
+        slip_share: Front slip angle that drivers steer at most, in units of friction over cornering
+            stiffness [1].
+        wind_lag: Time constant with which drivers steer against side wind [s].
+        steering_lag: Time constant of the wheel angle [s].
+        steering_rate: Largest speed of the wheel angle [rad/s].
+        steering_limit: Largest wheel angle [rad].
+        bend_accel: Lateral acceleration that drivers choose in bends, if friction allows [m/s^2].
+        per_station: One over the spacing at which the step knows the geometry of a road [1/m].
+        per_approach: One over the time in which the speed approaches a falling limit [1/s].
+        passing_speed_factor: Factor on the desired speed while passing [1].
+        slip_speed: Smaller speeds count as this where a formula divides by speed [m/s].
+        abs_share: Share of the friction that anti-lock brakes use [1].
+        traction_share: Share of the friction that traction control leaves to the engine [1].
+        stability_threshold: Error of the yaw rate that stability control ignores [rad/s].
+        stability_time: Time in which stability control removes an error of the yaw rate [s].
+        governor_band: Speeds above the top speed over which the governor closes the throttle [m/s].
+        two_wheeler_lag: Time constant with which a two-wheeler leans [s].
+        standstill: Speed below which a vehicle that does not accelerate stands [m/s].
+        restitution: Coefficient of restitution of collisions [1].
+        near_gap: Contacts are computed for bodies within this distance along the road [m].
+        near_side: Contacts are computed for bodies within this distance across the road [m].
+        edge_margin: A vehicle has left the road if its centre is this far beyond the edge [m].
+        spin_angle: A vehicle is out of control at this angle to the road [rad].
+        sliding_ratio: Friction of a wrecked, sliding vehicle over its peak friction [1].
+        friction_floor: Smallest friction coefficient of a tyre [1].
+        truck_dry_factor: Friction of truck over car tyres on a dry road [1].
+        truck_loss_factor: Loss of friction with speed, of truck over car tyres on a wet road [1].
+        turbulence_intensity: Standard deviation of the turbulence over the mean wind [1].
+        gust_length_scale: Length over which the turbulence is correlated [m].
+        wind_angle_factor: The side force grows with the sine of this factor times the angle of the
+            relative wind, up to its maximum [1].
+        gust_spacing: Distance from one single gust of a bridge or cutting to the next [m].
+        shelter_factor: Share of the cross wind in the lee of a high-sided vehicle [1].
+        shelter_reach: Lateral gap up to which the lee acts [m].
+        shelter_release: Distance beyond that vehicle over which the wind returns, in lengths of the
+            vehicle [1].
+        oncoming_range: Distance to which drivers look for oncoming vehicles [m].
+        two_wheeler_distance_factor: Believed over true distance of oncoming two-wheelers [1].
+        passing_speed_surplus: Speed above the target's that drivers want while passing against
+            oncoming traffic [m/s].
+        min_change_distance: Distance along the road that an urgent lane change takes at least [m].
+        min_return_gap: Gap to the target that drivers keep in an urgent return, at least [m].
+        min_return_space: Gap to the leader plus gap to the follower in the lane to return to, below
+            which a driver aborts instead [m].
+        return_time_gap_share: Share of the desired time gap that must be free ahead of the target
+            [1].
+        urgent_return_margin: A return is urgent if the driver would complete it less than this
+            before it meets the oncoming vehicle [s].
+        min_time_reserve_share: Share of a driver's demanded time reserve before oncoming vehicles
+            that remains however long it waits [1].
+        abort_margin: A driver behind the middle of the target aborts if it would complete the
+            overtake less than this before it meets the oncoming vehicle [s].
+        tall_vehicle_gap_factor: Factor on the gaps to vehicles that hide the road ahead [1].
+        urgent_speed_factor: Factor on the passing speed in an urgent return [1].
+        urgent_accel_factor: Factor on the acceleration in an urgent return [1].
+        abort_speed_difference: An aborting driver brakes until it is slower than the target by this
+            [m/s].
+        abort_decel_share: Share of the strongest braking, `max_assumed_decel`, in an abort [1].
+        eye_offset: Distance of the driver's eye from the vehicle's path towards the opposing lane,
+            with the shift by which it looks past a leader [m].
+        line_lookahead: Distance ahead at which drivers heed a solid line [m].
+        oncoming_flash_time: Time to meet a vehicle in the driver's own lane below which the driver
+            flashes and lifts the throttle [s].
+        oncoming_lift_decel: Deceleration with the throttle lifted [m/s^2].
+        oncoming_brake_time: Time to meet such a vehicle below which the driver brakes [s].
+        oncoming_min_decel: Weakest braking for such a vehicle [m/s^2].
+        oncoming_max_decel: Strongest braking for such a vehicle [m/s^2].
+        edge_shift: Lateral shift towards the edge while braking for such a vehicle [m].
+        edge_shift_duration: Duration of that shift [s].
+        passed_awareness_margin: Gap along the road below which a driver knows that a vehicle in
+            the overtaking lane passes it [m].
+        gravity: Acceleration of gravity [m/s^2].
+        half_air_density: Half the density of air [kg/m^3].
+        friction_new: Peak friction of a new tyre at (speed, film), shape (3, 4) [1].
+        friction_worn: Peak friction of a worn tyre at the same points, shape (3, 4) [1].
+        friction_speeds: Speeds of the rows of both tables, shape (3,) [m/s].
+        friction_films: Films of water of their columns, shape (4,) [mm].
     """
 
     step: np.float32 = _constant_field("model.time.step")
@@ -208,10 +380,10 @@ class ModelConstants:
     friction_films: tuple[np.float32, ...] = _table_field("friction.table.films_mm")
 
     def replace(self, **changes: float) -> "ModelConstants":
-        """Copy the constants with some numbers changed, for ablations.
+        """Copy the constants with some single numbers changed.
 
         Args:
-            changes: New values by name, rounded to float32.
+            changes: New values by name; they are rounded to float32.
 
         Raises:
             TypeError: A name is not a constant.
@@ -228,24 +400,25 @@ CONSTANT_NAMES = tuple(
 
 @cache
 def model_constants() -> ModelConstants:
-    """The constants of the model as published."""
+    """The constants as the knowledge files state them, with all effects; one shared instance."""
     return ModelConstants()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnabledEffects:
-    """Switches of physical and perceptual effects; all effects are on, except in ablations.
+    """Switches of physical and perceptual effects; True keeps the effect in the model.
 
     Attributes:
         film: The film of water and the puddles on the road.
-        gusts: Turbulence, and the gusts of bridges and cuttings.
-        wake: The shelter from wind beside high-sided vehicles.
+        gusts: Turbulence, and the single gusts of bridges and cuttings; the mean wind remains.
+        wake: The shelter from side wind beside high-sided vehicles.
         range: Limits of sight by fog, rain, darkness and distance.
-        delay: Reaction times and times of detection.
-        distance_error: Misjudged distances.
-        looming: The threshold below which an approach goes unnoticed.
+        delay: Reaction times, and the time until a driver notices a vehicle in view.
+        distance_error: Errors of judged distances and closing speeds.
+        looming: The threshold below which drivers do not notice an approach.
         occlusion: Vehicles that hide others.
-        mobil: Lane changes of the other vehicles.
+        mobil: Lane changes of all vehicles but the ego (lane-change model MOBIL) and their
+            overtaking.
     """
 
     film: bool = True
@@ -260,19 +433,24 @@ class EnabledEffects:
 
 
 def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects) -> ModelConstants:
-    """Constants with which the disabled effects do nothing.
+    """Constants with neutral values where they express a disabled effect.
 
-    Only effects that a constant can switch off are treated here. The others change the parameters
-    of vehicles and simulations, see `world.step_parameters`.
+    Some effects act through parameters of vehicles and simulations instead (all of `film`,
+    `distance_error`, `occlusion` and `mobil`, part of `gusts`, `range` and `delay`). The modules
+    `world.weather_parameters`, `world.vehicle_parameters` and `world.driver_parameters` treat them.
 
     Args:
         constants: Constants of the model.
         effects: The effects that are enabled.
+
+    Returns:
+        New constants; the argument itself if no constant changes.
     """
     changes: dict[str, float] = {}
     if not effects.gusts:
         changes["turbulence_intensity"] = 0.0
     if not effects.wake:
+        # In the lee of another vehicle all of the cross wind remains.
         changes["shelter_factor"] = 1.0
     if not effects.looming:
         changes["looming_threshold"] = 0.0
@@ -286,8 +464,12 @@ def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects)
 def engine_constants(constants: ModelConstants) -> dict[str, Any]:
     """Constants in the form that the compiled engine takes.
 
+    Args:
+        constants: Constants of the model.
+
     Returns:
-        `values`, the single numbers in the order of `CONSTANT_NAMES`, and the tables of friction.
+        `values`, the single numbers in the order of `CONSTANT_NAMES`; `friction_new`,
+        `friction_worn`, `friction_speeds` and `friction_films`, the tables as lists.
     """
     return {
         "values": [float(getattr(constants, name)) for name in CONSTANT_NAMES],
