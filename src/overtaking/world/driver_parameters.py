@@ -1,10 +1,19 @@
-"""Speeds, following and passing of drivers, as parameters of the step.
+"""Parameters of drivers in a simulation step: desired speeds, car following, passing.
 
-Where lateral pushes stand for the weather (`Scenario.pushes`), the *effective* weather is a dry,
-clear day, see `weather_parameters.with_effective_weather`; otherwise it is the recorded weather.
-Drivers slow down and react for the effective weather. Oncoming vehicles are judged by the recorded
-night: pushes stand for rain, wind and fog, and darkness remains. This matters only on two-way roads
-with pushes; no profile of the package has both.
+In go the traits of the drivers (`Scenario.drivers`), the weather and the road; out come float32
+arrays by the name of their field of `VehicleParameters`, one number per vehicle, or of
+`SimulationParameters`, one number per simulation. `step_parameters.step_parameters` collects them
+once before a simulation. Numbers of the model come from `knowledge/data` (`constant`).
+
+A *decision* is one of 20 instants per second at which drivers perceive and decide. A *slot* is the
+number of a vehicle in its simulation; the ego has slot 0.
+
+A scenario may replace the physical effects of its weather by random lateral pushes
+(`Scenario.pushes`). Then the *effective* weather is a dry, clear day
+(`weather_parameters.with_effective_weather`); otherwise it is the recorded weather. Drivers slow
+down and react for the effective weather, but judge oncoming vehicles by the recorded night: pushes
+replace rain, wind and fog, and darkness remains. Only two-way roads with pushes show the
+difference; no profile of the package has both.
 """
 
 from typing import NamedTuple
@@ -33,7 +42,7 @@ ONCOMING_JUDGEMENT_FIELDS = (
     "expected_oncoming_speed",
     "urgent_change_duration",
 )
-"""Fields of `SimulationParameters` that only a two-way road needs; 0 elsewhere."""
+"""Fields of `SimulationParameters` that only two-way roads need; 0 on other roads."""
 
 REACTION_TO_ONCOMING_FIELDS = (
     "assumed_sight_factor",
@@ -42,13 +51,13 @@ REACTION_TO_ONCOMING_FIELDS = (
     "edge_shift_when_passed",
     "speed_factor_when_passed",
 )
-"""Fields of `VehicleParameters` that only a two-way road needs; 0 elsewhere."""
+"""Fields of `VehicleParameters` that only two-way roads need; 0 on other roads."""
 
-_NEVER = np.float32(1e9)
-"""A threshold that no incentive to change lanes reaches [m/s^2]."""
+_UNREACHABLE = np.float32(1e9)
+"""A threshold that disables lane changes: no incentive [m/s^2] or speed gain [m/s] reaches it."""
 
 _UNLIMITED_FRICTION = np.float32(10.0)
-"""A friction coefficient that no tyre reaches."""
+"""A friction coefficient that no tyre reaches: it limits nothing [1]."""
 
 _QUINTIC_PEAK = np.float32(5.77)
 """Largest acceleration of a quintic path from rest to rest over a distance D in a time T, in
@@ -56,19 +65,19 @@ D / T^2: 10 / sqrt(3) = 5.7735. The rounding shortens lane changes that friction
 another digit would change every recorded simulation with such a lane change."""
 
 _MIN_DEMAND = np.float32(0.1)
-"""Smallest `gap_demand_factor` in the formula of `unseen_trust`, which divides by its root: keeps
-the trust of a driver that demands no gap finite [1]."""
+"""Smallest `gap_demand_factor` in the formula of `assumed_sight_factor`, which divides by its root:
+keeps the factor finite for a driver that demands no gap at all. Chosen [1]."""
 
 
 class DesiredSpeedFactors(NamedTuple):
-    """Quantities that decide the speed that a driver wants; the shapes broadcast.
+    """Quantities from which `adapted_speed` computes desired speeds; their shapes broadcast.
 
     Attributes:
         free: Desired speed on a free road in good weather, without a limit [m/s].
         speed_limit_compliance: Share of the excess over a limit that the driver gives up [1].
         caution: Share of the slowing for weather and light that the driver applies [1].
-        rain_slowing: Speed by which a fully cautious driver slows for rain [m/s].
-        stoppable: Speed from which a driver stops within sight of a lit vehicle [m/s].
+        rain_slowing: Reduction of speed by a fully cautious driver (caution 1) in this rain [m/s].
+        stoppable: Speed from which a driver stops before a lit vehicle that comes in sight [m/s].
     """
 
     free: F32
@@ -79,7 +88,12 @@ class DesiredSpeedFactors(NamedTuple):
 
 
 class _VisibleRange(NamedTuple):
-    """Range at which drivers see another vehicle, shape (simulation,) [m]."""
+    """Distances at which drivers see another vehicle, shape (simulation,) [m].
+
+    Attributes:
+        by_contrast: By the contrast of its body.
+        by_lamp: By its lamps.
+    """
 
     by_contrast: F32
     by_lamp: F32
@@ -88,24 +102,28 @@ class _VisibleRange(NamedTuple):
 def driver_parameters(context: StepContext) -> FieldArrays:
     """Fields of `VehicleParameters` that are computed from traits of drivers.
 
-    `step_parameters.parameters` adds the traits that are fields of `VehicleParameters` as they are.
-
-    - `desired_speed`, `pass_speed`: desired speed now and while passing; `free_speed`: desired
-      speed on a free road in good weather, without a limit [m/s].
-    - `interaction`: factor of speed times closing speed in the desired gap [s^2/m];
-      `overspeed_exponent`: exponent of the deceleration above the desired speed [1];
-      `hardest_decel`: strongest braking that the driver counts on, positive [m/s^2].
-    - `reaction_ticks`, `urgent_ticks`: usual reaction time, and reaction time in danger, in
-      decisions.
-    - `attention`: distance to which the driver looks ahead [m]; `most_friction`: highest friction
-      coefficient that the tyres find [1].
-    - `threshold`, `bias`: threshold of lane changes and bias towards the slow side of the model
-      MOBIL [m/s^2]; `min_speed_gain`: speed gain from which the driver overtakes [m/s];
+    - `desired_speed`, `passing_speed`: desired speed in this weather under the limit of the road,
+      usually and while passing; `free_speed`: desired speed on a free road in good weather, without
+      a limit [m/s].
+    - `idm_interaction`: factor of speed times closing speed in the desired gap of the intelligent
+      driver model [s^2/m]; `overspeed_exponent`: exponent of its deceleration above the desired
+      speed [1]; `max_assumed_decel`: strongest braking that the driver counts on, positive
+      [m/s^2].
+    - `reaction_delay`, `urgent_reaction_delay`: reaction times, usual and in danger, as whole
+      numbers of decisions [1].
+    - `attention_range`: distance to which the driver looks ahead [m]; `max_friction`: highest
+      friction coefficient that the tyres find [1].
+    - `lane_change_threshold`: incentive from which the lane-change model MOBIL changes lanes
+      [m/s^2]; `min_speed_gain`: speed gain from which the driver overtakes [m/s];
       `lane_change_duration` [s].
     - `inverse_patience`: rate at which the demands of a waiting driver fall [1/s].
 
+    `desired_speed`, `lane_change_threshold`, `min_speed_gain` and `lane_change_duration` replace
+    the traits of these names. The caller adds the other traits that are fields of
+    `VehicleParameters`, unchanged.
+
     Args:
-        context: The batch, its weather and the constants.
+        context: The batch, its weather, the constants and the enabled effects.
 
     Returns:
         Arrays of shape (simulation, vehicle) by field.
@@ -121,14 +139,15 @@ def driver_parameters(context: StepContext) -> FieldArrays:
 
 
 def desired_speed_factors(scenario: Scenario, conditions: SceneConditions) -> DesiredSpeedFactors:
-    """Quantities that decide the desired speeds of all drivers of a batch.
+    """Collect the inputs of `adapted_speed` for all drivers of a batch.
 
     Args:
         scenario: A batch of scenarios.
         conditions: Its weather and light.
 
     Returns:
-        Arrays of shape (simulation, vehicle), or (simulation, 1) for the effects of weather.
+        Arrays of shape (simulation, vehicle), or (simulation, 1) for `rain_slowing` and
+        `stoppable`.
     """
     traits, slowing = scenario.drivers, weather_slowing(scenario, conditions)
     return DesiredSpeedFactors(
@@ -143,12 +162,15 @@ def desired_speed_factors(scenario: Scenario, conditions: SceneConditions) -> De
 def adapted_speed(factors: DesiredSpeedFactors, limit: F32 | np.float32) -> F32:
     """Speed that drivers want under a limit in their weather and light [m/s].
 
-    A cautious driver slows for heavy rain as measured on motorways, and to a speed from which the
-    vehicle stops within sight of a lit vehicle. A careless driver does neither.
+    A fully cautious driver slows by `rain_slowing`, and to `stoppable` if that is slower still. A
+    driver of caution 0 does neither.
 
     Args:
-        factors: The quantities that decide the desired speed.
-        limit: Speed limit, a shape that broadcasts with them [m/s].
+        factors: Traits of the drivers and effects of their weather.
+        limit: Speed limit, a shape that broadcasts with the arrays of `factors` [m/s].
+
+    Returns:
+        Speeds of the common shape.
     """
     excess_over_limit = maximum(factors.free - limit, ZERO)
     in_good_weather = factors.free - factors.speed_limit_compliance * excess_over_limit
@@ -164,7 +186,8 @@ def weather_slowing(scenario: Scenario, conditions: SceneConditions) -> dict[str
         conditions: Its weather and light.
 
     Returns:
-        Arrays of shape (simulation,) by field.
+        `rain_slowing` and `stoppable_speed`, as in `DesiredSpeedFactors`, shape (simulation,)
+        [m/s].
     """
     is_night = with_effective_weather(scenario).weather.night
     return {
@@ -174,10 +197,14 @@ def weather_slowing(scenario: Scenario, conditions: SceneConditions) -> dict[str
 
 
 def oncoming_judgement(context: StepContext) -> dict[str, F32]:
-    """How drivers judge distance and speed of oncoming vehicles.
+    """How drivers judge distance and speed of oncoming vehicles, and hurry before them.
 
-    The errors grow in the recorded night, also where pushes stand for the weather: see the head of
-    this module.
+    - `oncoming_error`: coefficient of variation of judged distances, larger in the recorded night
+      [1].
+    - `oncoming_sight`: distance at which drivers see an oncoming car in this weather [m].
+    - `expected_oncoming_speed`: speed that drivers assume of oncoming vehicles until they perceive
+      it [m/s].
+    - `urgent_change_duration`: duration of the shortest lane change in an emergency [s].
 
     Args:
         context: A batch on a two-way road.
@@ -199,7 +226,7 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
         "oncoming_sight": _sight_of_oncoming(context),
         "expected_oncoming_speed": np.full_like(error, expected_speed),
         "urgent_change_duration": maximum(
-            min_change_duration_by_friction(context), constant("model.oncoming.hasty_change")
+            _min_change_duration(context), constant("model.oncoming.hasty_change")
         ),
     }
 
@@ -207,14 +234,15 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
 def reaction_to_oncoming(context: StepContext) -> FieldArrays:
     """Caution of each driver towards oncoming traffic, and its behaviour while being passed.
 
-    - `unseen_trust`: the driver takes the road to be free up to this many times the sight distance
+    - `assumed_sight_factor`: the driver assumes that the nearest oncoming vehicle it cannot see is
+      this many sight distances away [1].
+    - `time_reserve_share`: time reserve that the driver demands, over the time that passing takes
       [1].
-    - `spare`: time reserve that the driver demands, over the time that passing takes [1].
-    - `limit`: the limit that drivers heed while passing, the highest limit of the road [m/s]. It is
-      stored for each vehicle, because on a road with several limits the step replaces it by the
-      limit at the station of the vehicle.
-    - `makes_room`: lateral shift to the edge of the lane while being passed [m].
-    - `passed_factor`: factor on the desired speed while being passed [1].
+    - `speed_limit`: the limit that drivers heed while passing, the highest limit of the road [m/s].
+      It is stored for each vehicle, because on a road with several limits the step replaces it by
+      the limit at the position of the vehicle.
+    - `edge_shift_when_passed`: lateral shift to the edge of the lane while being passed [m].
+    - `speed_factor_when_passed`: factor on the desired speed while being passed [1].
 
     Args:
         context: A batch on a two-way road.
@@ -225,17 +253,15 @@ def reaction_to_oncoming(context: StepContext) -> FieldArrays:
     return _passing(context.scenario) | _reaction_to_being_passed(context.scenario)
 
 
-def min_change_duration_by_friction(context: StepContext) -> F32:
-    """Duration of the shortest lane change that the believed friction allows, (simulation,) [s].
+def _min_change_duration(context: StepContext) -> F32:
+    """Duration of the shortest lane change that drivers dare, shape (simulation,) [s].
 
     A quintic path over one lane width D in a time T reaches the lateral acceleration 5.77 D / T^2.
-    The duration is the T at which this equals `model.lane_change.accel_share` of `side_accel`, the
-    largest lateral acceleration that a driver chooses at the believed friction.
-
-    Args:
-        context: The batch and its weather.
+    The duration is the T at which this equals `model.lane_change.accel_share` of
+    `max_lateral_accel`, the largest lateral acceleration that drivers choose at the friction that
+    they assume.
     """
-    # One duration serves all lanes of a road: lane 0 stands for the others.
+    # The width of lane 0 serves all lanes, so that a vehicle has a single duration.
     borders = road_parameters(context.scenario.road).boundaries
     width = borders[1] - borders[0]
     share = constant("model.lane_change.accel_share")
@@ -245,7 +271,7 @@ def min_change_duration_by_friction(context: StepContext) -> F32:
 def _speeds(context: StepContext) -> FieldArrays:
     """Desired speeds under `Road.speed_limit`, the highest limit of the road.
 
-    Where a lower limit holds, the step lowers them by the table `RoadParameters.course`.
+    Where a lower limit holds along the road, the step lowers them.
     """
     scenario = context.scenario
     max_speed, limit = scenario.vehicles.max_speed, np.float32(scenario.road.speed_limit)
@@ -259,11 +285,12 @@ def _speeds(context: StepContext) -> FieldArrays:
 
 
 def _following(context: StepContext) -> FieldArrays:
-    """Parameters of the intelligent driver model.
+    """Parameters of the intelligent driver model (IDM) and of its improved version.
 
     Source:
-        Treiber and Kesting, Traffic Flow Dynamics (2013), chapter 11: the factor of v dv in s* is
-        1 / (2 sqrt(a b)), the exponent above the desired speed 4 a / b.
+        Treiber and Kesting, Traffic Flow Dynamics (2013), chapter 11: the factor of v dv in the
+        desired gap s* is 1 / (2 sqrt(a b)); the exponent above the desired speed is delta a / b
+        with delta = 4. a is the acceleration and b the comfortable deceleration.
     """
     traits, friction = context.scenario.drivers, context.conditions.believed_friction
     grip_share = constant("model.following.grip_share")
@@ -278,11 +305,11 @@ def _following(context: StepContext) -> FieldArrays:
 
 
 def _reaction(context: StepContext) -> FieldArrays:
-    """Reaction times in decisions: usual ones, longer at night and in haze, and urgent ones."""
+    """Reaction times in decisions. Only the usual ones grow at night, in fog and in heavy rain."""
     conditions = context.conditions
     reaction_time = context.scenario.drivers.reaction_time
-    fog = visibility.extinction_of_range(constant("model.perception.fog_range"))
-    is_hazy = (conditions.fog_extinction > fog) | (
+    fog_limit = visibility.extinction_of_range(constant("model.perception.fog_range"))
+    is_hazy = (conditions.fog_extinction > fog_limit) | (
         conditions.rain_rate > constant("model.perception.heavy_rain_mmph")
     )
     is_night = context.effective_scenario.weather.night
@@ -296,17 +323,18 @@ def _reaction(context: StepContext) -> FieldArrays:
 
 
 def _whole_decisions(reaction_time: F32, effects: EnabledEffects) -> F32:
-    """A reaction time in decisions, at most the remembered ones; 0 if the effect is disabled."""
-    # The step keeps only so many earlier decisions.
-    history = constant("model.perception.history")
-    delay = minimum(np.rint(reaction_time * DECISIONS_PER_SECOND), history)
+    """Reaction times [s] as whole numbers of decisions; 0 if the effect `delay` is disabled."""
+    # The step stores the positions and speeds of this many decisions: drivers react to them late.
+    max_delay = constant("model.perception.history")
+    delay = minimum(np.rint(reaction_time * DECISIONS_PER_SECOND), max_delay)
     return delay if effects.delay else np.zeros_like(delay)
 
 
 def _limits(context: StepContext) -> FieldArrays:
-    """Range of each driver's attention, and the highest friction that its tyres find.
+    """Distance to which each driver looks ahead, and the highest friction that its tyres find.
 
-    The values are the same for all; `benchmarks/nets.py` lowers them for an impaired ego.
+    Both are equal for all vehicles here. They are fields of each vehicle so that a study can lower
+    them for the ego alone (`benchmarks/nets.py`).
     """
     reaction_time = context.scenario.drivers.reaction_time
     return {
@@ -316,40 +344,50 @@ def _limits(context: StepContext) -> FieldArrays:
 
 
 def _lane_changes(context: StepContext) -> FieldArrays:
-    """Incentives and durations of lane changes."""
+    """Thresholds and durations of lane changes."""
     traits = context.scenario.drivers
     threshold, gain = traits.lane_change_threshold, traits.min_speed_gain
     if not context.effects.mobil:
-        # `threshold` governs lane changes by MOBIL, `min_speed_gain` governs overtaking. Without
-        # MOBIL the other vehicles do neither, and the ego still overtakes.
-        threshold = np.full_like(threshold, _NEVER)
-        gain = np.where(np.arange(gain.shape[1]) == EGO_SLOT, gain, _NEVER)
-    min_duration = min_change_duration_by_friction(context)[:, None]
+        # `threshold` governs lane changes by MOBIL, `gain` governs overtaking. With the effect
+        # `mobil` disabled, the other vehicles do neither, and the ego still overtakes.
+        threshold = np.full_like(threshold, _UNREACHABLE)
+        is_ego = np.arange(gain.shape[1]) == EGO_SLOT
+        gain = np.where(is_ego, gain, _UNREACHABLE)
+    min_duration = _min_change_duration(context)[:, None]
     return {
         "lane_change_threshold": threshold,
         "min_speed_gain": gain,
-        "keep_right_bias": traits.keep_right_bias,
         "lane_change_duration": maximum(traits.lane_change_duration, min_duration),
     }
 
 
 def _rain_slowing(conditions: SceneConditions) -> F32:
-    """Speed by which a fully cautious driver slows for rain, shape (simulation,) [m/s]."""
+    """Reduction of speed by a fully cautious driver in rain, shape (simulation,) [m/s].
+
+    0 up to heavy rain, then a jump, then linear growth up to the heaviest rain of the model.
+    """
     heavy = constant("model.speed_choice.rain_from_mmph")
     excess = (conditions.rain_rate - heavy) / constant("model.speed_choice.rain_span_mmph")
-    smallest = constant("model.speed_choice.rain_min_slowing")
+    jump = constant("model.speed_choice.rain_min_slowing")
     growth = constant("model.speed_choice.rain_more_slowing") * clamp(excess, ZERO, ONE)
-    return np.where(conditions.rain_rate > heavy, smallest + growth, ZERO)
+    return np.where(conditions.rain_rate > heavy, jump + growth, ZERO)
 
 
 def _stoppable_speed(is_night: Mask, conditions: SceneConditions) -> F32:
-    """Speed from which a driver stops within sight of a lit vehicle, shape (simulation,) [m/s]."""
+    """Speed from which a driver stops before a lit vehicle that comes in sight [m/s].
+
+    By day the driver sees its body or its rear lamps, at night only the lamps.
+
+    Args:
+        is_night: Whether it is night, shape (simulation,).
+        conditions: Weather and light.
+    """
     visible = _visible_range(conditions, constant("weather.lamps.rear_position"))
     by_day = maximum(visible.by_contrast, visible.by_lamp)
     sight = np.where(is_night, visible.by_lamp, by_day)
     reaction_time = np.full_like(sight, constant("model.speed_choice.reaction_time"))
     grip_share = constant("model.speed_choice.grip_share")
-    # No ablation changes gravity, so the published constants serve all callers.
+    # No disabled effect changes gravity, so `model_constants` serves callers without a context.
     decel = grip_share * model_constants().gravity * conditions.believed_friction
     return road_surface.stoppable_speed(sight, reaction_time, decel)
 
@@ -358,9 +396,8 @@ def _sight_of_oncoming(context: StepContext) -> F32:
     """Range at which drivers see an oncoming car of middling colour, shape (simulation,) [m]."""
     conditions = context.conditions
     visible = _visible_range(conditions, constant("model.lights.headlamp"))
-    # By day low beam counts in rain only. In thick fog, where `vehicle_parameters` switches it on,
-    # too, it would raise the range from at most 77 m to at most 230 m, still less than a usual
-    # pass needs.
+    # By day low beam counts in rain only. In thick fog drivers switch it on, too; there it would
+    # raise the range from at most 77 m to at most 230 m, still less than a usual pass needs.
     with_lamps = maximum(visible.by_contrast, visible.by_lamp)
     by_day = np.where(conditions.rain_rate > 0, with_lamps, visible.by_contrast)
     sight = np.where(context.scenario.weather.night, visible.by_lamp, by_day)
@@ -368,33 +405,35 @@ def _sight_of_oncoming(context: StepContext) -> F32:
 
 
 def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _VisibleRange:
-    """Range of a car of middling colour, by its contrast and by its lamps.
+    """Distances at which drivers see a car of middling colour ahead.
 
     Args:
         conditions: Weather and light.
-        lamp_intensity: Luminous intensity of the lamps [cd].
+        lamp_intensity: Luminous intensity of its lamps [cd].
     """
+    # `rain_extinction` holds for an observer at rest; the factor stands for a driver at 108 km/h.
     rain_factor = constant("model.speed_choice.rain_sight_factor")
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
-    # `sight_front` is log(glare factor / contrast threshold). So `contrast` is a multiple of the
-    # contrast threshold, and a car is seen down to a multiple of 1.
-    contrast = exp(conditions.log_contrast_sensitivity_ahead) * constant(
-        "model.speed_choice.contrast"
-    )
-    threshold = maximum(conditions.lamp_threshold, visibility.MIN_ILLUMINANCE)
+    # The sensitivity is the glare factor over the contrast threshold. Contrast times sensitivity
+    # counts in multiples of the threshold, so drivers see the car down to the value 1.
+    sensitivity = exp(conditions.log_contrast_sensitivity_ahead)
+    relative_contrast = sensitivity * constant("model.speed_choice.contrast")
+    visible_contrast = np.ones_like(extinction)
     lamp = np.full_like(extinction, lamp_intensity)
+    # The threshold is 0 if the effect `range` is disabled, and a range divides by it.
+    lamp_threshold = maximum(conditions.lamp_threshold, visibility.MIN_ILLUMINANCE)
     return _VisibleRange(
-        by_contrast=visibility.contrast_range(extinction, contrast, np.ones_like(extinction)),
-        by_lamp=visibility.lamp_range(extinction, lamp, threshold),
+        by_contrast=visibility.contrast_range(extinction, relative_contrast, visible_contrast),
+        by_lamp=visibility.lamp_range(extinction, lamp, lamp_threshold),
     )
 
 
 def _passing(scenario: Scenario) -> FieldArrays:
-    """Time reserve that each driver demands, and its trust that the road beyond sight is free."""
+    """Time reserve that each driver demands, and how far it assumes a free road beyond sight."""
     demand = scenario.drivers.gap_demand_factor
     sight_factor = constant("model.oncoming.assumed_sight_factor")
-    # The root is a choice. Divided by the demand itself, trust led to more collisions, and careful
-    # drivers hardly passed on straight, empty roads.
+    # The root is a choice: with the demand itself as divisor there were more collisions, and
+    # careful drivers hardly passed on straight, empty roads.
     return {
         "assumed_sight_factor": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
         "time_reserve_share": constant("model.oncoming.time_reserve_share") * demand,
@@ -403,16 +442,17 @@ def _passing(scenario: Scenario) -> FieldArrays:
 
 
 def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
-    """Behaviour of each driver while being passed: shifts to the edge, yields, or speeds up."""
-    # These draws have streams of their own, one for each slot, so they change no other draw. They
-    # decide parameters of the step but no trait of `DriverTraits`, so no data set stores them.
-    # `Stream` leaves 256 numbers for the slots, more than `MAX_VEHICLES`.
-    slots = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
-    draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], slots)
+    """Draw how each driver behaves while being passed: shifts aside, yields or speeds up."""
+    # A stream is a sequence of random numbers that depends on seed, scenario and stream number.
+    # Streams of their own, one for each slot, keep all other draws as they are. The results are no
+    # traits of `DriverTraits`, so no data set stores them.
+    streams = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
+    draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], streams)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")
-    manner = draws.uniform()
-    is_yielding = manner < constant("model.oncoming.yields_share")
-    is_racing = manner > ONE - constant("model.oncoming.races_share")
+    # One draw for both: no driver yields and speeds up.
+    speed_draw = draws.uniform()
+    is_yielding = speed_draw < constant("model.oncoming.yields_share")
+    is_racing = speed_draw > ONE - constant("model.oncoming.races_share")
     racing_factor = np.where(is_racing, constant("model.oncoming.races_factor"), ONE)
     edge_shift = constant("model.oncoming.edge_shift_when_passed")
     return {
