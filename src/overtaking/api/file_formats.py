@@ -1,4 +1,15 @@
-"""Formats of other programs: data sets are exported to them, recordings are imported from them."""
+"""Public functions that write data sets in other formats, and make data sets of recordings.
+
+A *data set* is a folder of tables with many simulations of one ego, the vehicle whose overtaking is
+studied. *Exporting* writes its simulations for another program. *Importing* reads recorded traffic
+(tracks of vehicles from a drone or camera): each overtake, and each vehicle that follows another,
+becomes a simulation with the positions of the recording; nothing is simulated.
+*The paper* is the published study that the package reproduces (Pinto, Dutra and Fonseca 2023);
+`pinto2023` is the format of its table. A *finding* is a contradiction or doubt in a recording, such
+as speeds in another unit than stated. *Facts* are the content of a data set as logic statements.
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,14 +33,17 @@ from overtaking.recordings import export as recording_export
 from overtaking.recordings.roads import resolve_road
 
 EXPORT_FORMATS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
-"""The formats that a data set can be written in."""
+"""The formats that a data set can be written in.
+
+`asp` and `prolog` are logic programs, `popper` is the input of the rule learner Popper.
+"""
 
 
 _FACT_OPTIONS = ("frame_step", "with_law")
 
 
 _EXPORT_OPTIONS = {"asp": _FACT_OPTIONS, "prolog": _FACT_OPTIONS, "popper": ("about",)}
-"""The options that some formats have."""
+"""The options that a format has in addition to the arguments of `export_dataset`."""
 
 
 _READER_OPTIONS: dict[str, Any] = {
@@ -44,7 +58,7 @@ _READER_OPTIONS: dict[str, Any] = {
     "driving_side": str,
     "speed_limit": float,
 }
-"""Types of the options of the readers of recordings."""
+"""Types of the options of all readers; the reader of a format refuses those that it lacks."""
 
 
 @check_arguments
@@ -62,31 +76,35 @@ def export_dataset(
     """Write simulations of a data set in the format of another program or of the paper.
 
     Args:
-        dataset: The data set, or its folder.
-        out: File or folder to write. The paper's table (`pinto2023`) is a file that ends in `.csv`
-            or `.parquet` and is replaced as a whole. The other formats are a folder, which must not
-            exist or be empty. It gets a scenario or recording for each simulation, with its road
-            for `openscenario`; files of facts and a theory for `asp` and `prolog`; the three files
-            of the learner for `popper`.
-        file_format: One of `EXPORT_FORMATS`.
-        simulation_ids: Numbers of the simulations to write, all by default.
-        overtake_class: Class of the simulations to write, such as `Success_L`; None for all.
-        policy: The policy that decides about the class: `paper`, `default` or `strict`; None for
-            the default of the profile.
+        dataset: The data set, or its folder or URL.
+        out: File or folder to write, on this machine. For `pinto2023` a file that ends in `.csv` or
+            `.parquet`; an existing file is replaced. For all other formats a folder, which must
+            not exist or be empty: files for each simulation (`commonroad`, `highd`,
+            `openscenario`), files of facts with the rules that interpret them (`asp`, `prolog`), or
+            the three input files of Popper.
+        file_format: A name in `EXPORT_FORMATS`.
+        simulation_ids: Numbers of the simulations to write, from 0; None for all.
+        overtake_class: Only simulations with this class, such as `Success_L` (completed and legal);
+            None for all.
+        policy: The set of rules of law that decides whether an overtake is legal, and so its class:
+            `paper`, `default` or `strict`; None for the default of the profile.
         progress: Called with the number of simulations that are done, and of all.
-        options: Of `asp` and `prolog`: `frame_step`, the number of frames from one written position
-            to the next, and `with_law=True`, which adds the facts that only the law reads. Of
-            `popper`: `about`, which is `legal`, `collision` or `start`.
+        options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
+            more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
+            facts that only the rules of law read. For `popper`: `about`, the fact to learn:
+            `legal` (the default), `collision`, or `start` (whether now is no time to begin).
 
     Returns:
-        Number of rows, states or facts written.
+        Number of rows (`pinto2023`), of vehicle states (`commonroad`, `highd`, `openscenario`) or
+        of facts (all others) that were written.
 
     Raises:
-        ConfigError: A format, simulation, class or policy does not exist, no simulation is left,
-            the name of the file does not fit the format, or the folder is taken.
+        ConfigError: A format, option, simulation, class or policy does not exist, no simulation is
+            selected, the name of the file does not fit the format, or the folder is not empty.
         DatasetError: The data set is not complete, or damaged.
         OSError: The file cannot be written.
     """
+    # `folder_of` refuses a URL; its second argument completes the message "a folder to ...".
     target = folder_of(out, "export to")
     _check_export_options(file_format, options)
     source = load_dataset(dataset)
@@ -106,7 +124,7 @@ def export_dataset(
             events=_event_times(source) if file_format == "openscenario" else None,
             progress=progress,
         )
-    from overtaking.recordings import pinto2023  # It loads pandas, which nothing else here needs.
+    from overtaking.recordings import pinto2023  # Slow to import, as it loads pandas.
 
     def tables() -> Iterator[pa.Table]:
         num_done = 0
@@ -120,10 +138,14 @@ def export_dataset(
 
 
 def _event_times(dataset: Dataset) -> dict[int, dict[str, float]]:
-    """Times of the events of each simulation, by the name of the event [s]."""
+    """Times of overtake events since the start of each simulation [s].
+
+    Returns:
+        Simulation number to event name, such as `attempt`, to time.
+    """
     event_times = defaultdict[int, dict[str, float]](dict)
-    rows = dataset.table("events").select(["simulation", "event", "time_ms"])
-    for number, name, time in zip(*rows.to_pydict().values(), strict=True):
+    event_rows = dataset.table("events").select(["simulation", "event", "time_ms"])
+    for number, name, time in zip(*event_rows.to_pydict().values(), strict=True):
         event_times[number][name] = time / 1000.0
     return event_times
 
@@ -134,10 +156,10 @@ def _selected_simulations(
     overtake_class: str | None,
     policy: str | None,
 ) -> NDArray[np.int64] | None:
-    """The simulations to write, None for all.
+    """Numbers of the simulations to write, ascending, shape (selected,); None for all.
 
     Raises:
-        ConfigError: A simulation, class or policy does not exist, or no simulation is left.
+        ConfigError: A simulation, class or policy does not exist, or no simulation is selected.
     """
     from overtaking.data.choice import chosen
 
@@ -154,7 +176,7 @@ def _selected_simulations(
 
 
 def _check_export_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Check that the format exists and has these options."""
+    """Refuse an unknown format, and options that the format lacks."""
     if file_format not in EXPORT_FORMATS:
         raise ConfigError.unknown_choice(
             what="format", where="export", choices=EXPORT_FORMATS, got=file_format
@@ -181,7 +203,11 @@ def _export_facts(
     frame_step: int = 10,
     with_law: bool = False,
 ) -> int:
-    """Write selected simulations as facts; see `export_dataset`."""
+    """Write simulations as facts.
+
+    A function of its own, so that `check_arguments` checks the options, which `export_dataset`
+    takes as `**options`. Arguments are as there; `numbers` selects simulations, None for all.
+    """
     from overtaking.analysis.logic.export import write_facts
 
     return write_facts(
@@ -204,7 +230,10 @@ def _export_popper(
     *,
     about: str = "legal",
 ) -> int:
-    """Write the examples of a data set for the learner Popper; see `export_dataset`."""
+    """Write the input of the learner Popper: an example for each simulation.
+
+    `check_arguments` checks `about`, as in `_export_facts`.
+    """
     from overtaking.analysis.learning.examples import examples_of
     from overtaking.analysis.learning.popper import write_popper
     from overtaking.analysis.learning.targets import target_of
@@ -226,37 +255,44 @@ def import_recording(
     on_read: ProgressCallback | None = None,
     **options: Any,
 ) -> Dataset:
-    """Make a data set of a recording of real traffic: every overtake becomes a simulation.
+    """Make a data set of a recording of real traffic.
 
     Args:
         file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
-            paper's table) or `table` (any columns).
-        path: The file; of exiD and highD its `_tracks.csv`.
-        out: Folder for the data set; it must not exist, or be empty.
-        strict: Whether a recording with findings is refused before anything is written. (It is not
-            the policy of that name.)
+            paper's table) or `table` (any columns, which the option `columns` describes).
+        path: The file; of exiD and highD, which have three files, the one named `..._tracks.csv`.
+        out: Folder for the data set, on this machine; it must not exist, or be empty.
+        strict: Whether any finding is an error, raised before anything is written. (The policy
+            `strict`, a set of rules of law, is something else.)
         progress: Called with the number of simulations that are done, and of all.
         on_read: Called with the number of bytes that are read, and of all, before the first
             simulation is made; `progress` if left out. Each byte counts twice, because the hash of
             the file is computed first. The thread that calls it may be another one.
-        options: `attempts_only=True` leaves out vehicles that follow and never move left, and
-            `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
-            chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
-            is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
-            its content; `only` maps columns to the value that they must have.
-            `driving_side` ("right", "left") and `speed_limit` (in m/s, infinite for no limit)
-            replace the values of the file.
-            `smooth=True` smooths tracks as Thiemann et al. (2008) smooth the tracks of NGSIM.
+        options: Each format has some of these.
+            `attempts_only=True` omits vehicles that follow another and never move left (not for
+            `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by
+            default (not for `pinto2023`).
+            `lanelet` is the id of a lanelet on the road to read, in a CommonRoad file with several;
+            `direction`, 1 or 2, selects a carriageway of highD.
+            `road` is the road that a table was recorded on: a name, an OpenDRIVE file, or a `Road`.
+            `columns` states which column of a `table` holds which quantity in which unit: the name
+            of a known map, a TOML file, or its content. `only` maps column names to the value that
+            a row must have.
+            `driving_side` ("right", "left") and `speed_limit` [m/s], infinite for no limit, replace
+            values of the file.
+            `smooth=True` smooths the tracks by the method of Thiemann et al. (2008) for NGSIM.
 
     Returns:
-        The complete, labelled data set; its manifest counts what was found and measured, and its
-        `import_report` lists the findings of the examination. A `RecordingWarning` names the first.
+        The complete data set, with labels (events, verdicts of the law, classes). Its manifest
+        states counts and measured errors of the recording; its `import_report` lists all findings.
+        A `RecordingWarning` states the first finding.
 
     Raises:
-        ConfigError: There is no such format, an option is not for it, or the folder is taken.
-        ImportFormatError: The file cannot be used; the message names line and element or column. Or
-            `strict` refuses a finding.
-        DatasetError: The folder cannot be written. Nothing is left behind.
+        ConfigError: There is no such format, the format lacks an option, or the folder is not
+            empty.
+        ImportFormatError: The file cannot be used; the message names line and element or column.
+            Also for a finding if `strict` is true.
+        DatasetError: The folder cannot be written; no files remain.
     """
     from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.data.importing import write_scenes
@@ -264,6 +300,7 @@ def import_recording(
     from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
+        # An unknown name passes here; the reader refuses it and lists the options of the format.
         check_argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     with report_reading(on_read or progress):
@@ -271,9 +308,9 @@ def import_recording(
     if strict:
         refuse_findings(read.scenes.import_findings)
     write_scenes(read, target, file_format, progress)
-    data = load_dataset(target)
-    warn_about(data.import_findings)
-    return data
+    dataset = load_dataset(target)
+    warn_about(dataset.import_findings)
+    return dataset
 
 
 @check_arguments
@@ -291,42 +328,48 @@ def label_recordings(
     on_read: ProgressCallback | None = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Label every recording of a folder, however many, each on its own road.
+    """Label all recordings in a folder, and write the labels without the tracks.
 
-    A recording that cannot be read and labelled to its end has no simulations in the result; the
-    others go on.
+    Labels are events, verdicts of the law, classes and features of each overtake. The result is no
+    data set, because each recording has its own road. If a recording cannot be read or labelled,
+    none of its overtakes are in the result; the other recordings are labelled.
 
     Args:
         file_format: As in `import_recording`.
-        folder: Where the recordings lie; files with other endings are left alone.
-        out: Folder for the tables of labels, `simulations` among them, and `recordings.json`.
-            A simulation has the number of its recording, counted by name, times a million plus its
-            own. `fault-*.txt` has the traceback of a fault of this package, with the number of the
-            recording.
-        executor: `auto`, `threads`, `processes` or `ray`; the choice changes no byte.
-        workers: How many processes; one on each core by default.
-        address: Of a Ray cluster that runs.
-        resume: Whether to complete what an earlier call has begun; failed recordings are tried
+        folder: Folder of the recordings; files whose names do not end as the format requires are
+            ignored.
+        out: Folder for the result: tables of labels, among them `simulations`, and
+            `recordings.json`. Recordings are numbered from 0 by file name; the number of a
+            simulation is 1,000,000 times its recording's number plus its number in the recording.
+            A file `fault-*.txt` with a traceback is written for each recording that failed by a
+            programming error in this package.
+        executor: Where recordings are labelled: `threads` of this process, `processes` of this
+            machine, `ray` for a Ray cluster; `auto` takes processes for several recordings. The
+            result has the same bytes.
+        workers: Number of processes; None for one per core.
+        address: Address `HOST:PORT` of a running Ray cluster.
+        resume: Whether to complete the result of an interrupted call; failed recordings are tried
             again.
-        strict: Whether all recordings are examined first, which reads them twice, and a finding is
-            an error before anything is written. (It is not the policy of that name.)
+        strict: Whether any finding is an error. All recordings are then read twice, first to
+            examine them before anything is written. (The policy `strict`, a set of rules of law, is
+            something else.)
         progress: Called with the number of recordings that are done, and of all.
         on_read: Called as in `import_recording` for each recording that this process reads itself.
         options: As in `import_recording`.
 
     Returns:
-        The content of `recordings.json`: counts, the hash over all tables, and the options that
-        decided them; `failed`, the reason for each recording without simulations, of which `faults`
-        are faults of this package and `refused` the others; `import_report`, the findings of the
-        examination, as rows. A `RecordingWarning` names the first of a recording, for ten
-        recordings at most.
+        The content of `recordings.json`: counts, the options, and a hash over all tables;
+        `failed`, the reason for each failed recording; the numbers of programming errors (`faults`)
+        and of unusable files (`refused`) among them; and `import_report`, a dictionary for each
+        finding. A `RecordingWarning` states the first finding of a recording, for ten recordings at
+        most.
 
     Raises:
-        ConfigError: There is no recording, an option is not for the format or out of its range, or
-            the executor cannot be used.
-        ImportFormatError: `strict` refuses a finding.
-        DatasetError: The folder holds something else or cannot be written; finished shards are
-            kept.
+        ConfigError: The folder has no recording, the format lacks an option, a value is out of
+            range, or the executor cannot be used.
+        ImportFormatError: `strict` is true and there is a finding.
+        DatasetError: The folder `out` holds other files or cannot be written; finished parts stay
+            for `resume`.
     """
     from overtaking.data.collection import label_folder
     from overtaking.data.executors import executor_for_shards
@@ -341,8 +384,9 @@ def label_recordings(
             folder_of(folder, "read"),
             folder_of(out, "label to"),
             _with_road(options),
-            executor=lambda shards: executor_for_shards(
-                executor, shards, address=address, workers=workers
+            # `auto` depends on the number of shards (groups of recordings), known after listing.
+            executor=lambda num_shards: executor_for_shards(
+                executor, num_shards, address=address, workers=workers
             ),
             resume=resume,
             strict=strict,
@@ -353,7 +397,7 @@ def label_recordings(
 
 
 def _with_road(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a reader with the road itself in place of its name or file."""
+    """The options, with the option `road`, if set, as a `Road` instead of its name or file."""
     road = options.get("road")
     return {**options} if road is None else {**options, "road": resolve_road(road)}
 
@@ -370,31 +414,36 @@ def trajectories_from_table(
     vehicles: int = 16,
     strict: bool = False,
 ) -> Trajectories:
-    """The overtakes in a table of states; called as `Trajectories.from_table`.
+    """The overtakes in a table of vehicle positions; users call it as `Trajectories.from_table`.
+
+    Like `import_recording` with the format `table`, but in memory: it writes nothing.
 
     Args:
         table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
-        columns: Which column holds what, with units: the name of a map, a TOML file, its content,
-            or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
-        road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
-            out, the road that the map describes; missing facts are inferred from the traffic.
+        columns: Which column holds which quantity in which unit: the name of a known map, a TOML
+            file, its content, or only its section `columns`, such as
+            `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
+        road: The road, in the coordinates of the table: a name, an OpenDRIVE file, or a `Road`.
+            None for the road that the map describes; lanes that the map lacks are inferred from the
+            tracks.
         driving_side: Side that traffic keeps to, "right" or "left"; replaces the side that the map
             states.
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
             the map or the road states.
-        attempts_only: Whether vehicles that follow and never move left are left out.
+        attempts_only: Whether vehicles that follow another and never move left are omitted.
         vehicles: Largest number of vehicles of a simulation.
-        strict: Whether a table with findings is refused. (It is not the policy of that name.)
+        strict: Whether any finding is an error. (The policy `strict`, a set of rules of law, is
+            something else.)
 
     Returns:
-        A simulation for each overtake, and for each vehicle that follows another; `unknown` says
-        what the table does not tell, `import_report` what was found in its examination. A
-        `RecordingWarning` names the first finding.
+        A simulation for each overtake, and for each vehicle that follows another. `unknown` names
+        the quantities that the table does not state, `import_report` lists the findings. A
+        `RecordingWarning` states the first finding.
 
     Raises:
         ConfigError: The map or the road cannot be used.
-        ImportFormatError: The table cannot be used; the message names row and column. Or `strict`
-            refuses a finding.
+        ImportFormatError: The table cannot be used; the message names row and column. Also for a
+            finding if `strict` is true.
     """
     from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.recordings.column_map import column_map
@@ -402,11 +451,10 @@ def trajectories_from_table(
     from overtaking.recordings.tables import recording_of, with_driving_side
     from overtaking.recordings.track_table import track_rows_from_table
 
-    map_road = None if road is None else resolve_road(road)
-    declared = with_driving_side(column_map(columns), driving_side, map_road)
-    recording = recording_of(
-        track_rows_from_table(table, declared), declared, "table", road=map_road
-    )
+    stated_road = None if road is None else resolve_road(road)
+    mapping = with_driving_side(column_map(columns), driving_side, stated_road)
+    track_rows = track_rows_from_table(table, mapping)
+    recording = recording_of(track_rows, mapping, "table", road=stated_road)
     if speed_limit is not None:
         recording = recording.with_speed_limit(speed_limit)
     recorded_scenes = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
@@ -419,14 +467,16 @@ def trajectories_from_table(
 
 @check_arguments
 def write_column_map(table: str | Path, out: str | Path) -> None:
-    """Write a map of columns to fill in.
+    """Write a template of a map of columns, the option `columns` of a table to import.
 
     Args:
-        table: The CSV, Parquet or Arrow file that it is for; its columns are listed.
-        out: The file to write; it must not exist.
+        table: The CSV, Parquet or Arrow file to import; a comment in the template lists its
+            columns.
+        out: The TOML file to write; it must not exist, because a map filled in by hand would be
+            lost.
 
     Raises:
-        ConfigError: There is such a file.
+        ConfigError: The file `out` exists.
         ImportFormatError: The table cannot be read.
         OSError: The file cannot be written.
     """

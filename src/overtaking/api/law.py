@@ -1,6 +1,13 @@
-"""Rules of law, packs of rules, and the functions that rules call.
+"""Public functions that judge overtakes by traffic law; users import them from `overtaking.law`.
 
-A rule is a function of a case, with its description; a pack is a list of rules:
+A *rule* is a function that takes a `Case` (recorded simulations with their signals) and returns a
+`Finding` (for each simulation a verdict and a *margin*, the distance to the limit, negative in a
+breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and `de`
+(Germany). A *policy* names the rules of a pack that a legal overtake must keep, such as `paper`,
+`default` or `strict`; the law's view of the same overtake may differ with it. The *class* of a
+simulation, such as `Success_L` (completed, legal), depends on the policy.
+
+A pack of the user, in a module of the user:
 
     import numpy as np
     from overtaking import law
@@ -22,6 +29,8 @@ A rule is a function of a case, with its description; a pack is a list of rules:
     PACK = law.Pack(name="mine", version="mine-1", rules=(SLOW,))
 
 `overtaking.label(trajectories, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
+`code` names the rule in tables and policies; `law`, `title`, `gloss`, `predicate`, `unit` (of the
+margin) and `grade` (the severity of a breach) appear in reports.
 """
 
 import importlib
@@ -58,19 +67,24 @@ if TYPE_CHECKING:
     from overtaking.data.load import Dataset
 
     DatasetSource = Dataset | str | Path
+    """A data set, or its folder or URL."""
 else:
-    DatasetSource = Any  # `label` loads this module without the module of data sets.
+    # `overtaking.label` loads this module. Data sets need pandas and Arrow, which are slow to load,
+    # so their type is known to type checkers only, and at run time any argument passes the check.
+    DatasetSource = Any
 
 
 def load_pack(law: str | Pack) -> Pack:
     """Load a pack of rules.
 
     Args:
-        law: A pack; `pt` for the Portuguese pack, `de` for the German one; or `module:NAME` of a
-            pack in a Python module that is installed or in the working folder. The module is run.
+        law: A pack, which is checked and returned; `pt` or `de`; or `module:NAME` for the variable
+            NAME of a Python module that is installed or in the working folder. The module is
+            executed.
 
     Raises:
-        ConfigError: The module or pack does not exist, or two of its rules have the same code.
+        ConfigError: The module or pack does not exist, or the pack has no rules or two rules with
+            the same code.
     """
     if isinstance(law, Pack):
         return _check_pack(law)
@@ -79,6 +93,8 @@ def load_pack(law: str | Pack) -> Pack:
     module, colon, name = law.partition(":")
     if not (module and colon and name):
         raise _law_error(law, "pt, de, or MODULE:NAME", "another form")
+    # At the end, so that installed modules come first, and for good, because rules may import
+    # other modules of the folder later.
     working_folder = str(Path.cwd())
     if working_folder not in sys.path:
         sys.path.append(working_folder)
@@ -92,35 +108,40 @@ def load_pack(law: str | Pack) -> Pack:
 
 
 def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
-    """The policies that decide about classes.
+    """Find the policies that can be applied to a pack.
 
-    A pack of this package has policies of its own. Another pack gets each Portuguese policy whose
-    rules it has. Without such a policy it gets one, `all`, that requires every rule about a duty of
-    the ego.
+    Packs of this package have policies of their own. Any other pack gets those Portuguese policies
+    whose rules it has, matched by code. If it gets no policy in this way, a policy `all` requires
+    every rule about a duty of the ego (the vehicle whose overtaking is studied).
 
     Args:
         pack: The pack.
-        names: Names of policies of the pack; None for the policies that data sets store.
+        names: Names of policies; None for the policies that data sets store (`paper`, `default` and
+            `strict`), or for all policies of a pack of the user.
+
+    Returns:
+        The policies, in the order of `names`.
 
     Raises:
-        ConfigError: The pack has no policy of a name.
+        ConfigError: The pack has no policy of such a name.
     """
     package_policies = policies_of_package(pack.name) if pack.name in PACKS else ()
-    applicable = package_policies or tuple(
-        policy for policy in POLICIES if {*policy.required} <= {*pack.codes}
+    matching_policies = tuple(
+        policy for policy in POLICIES if set(policy.required) <= set(pack.codes)
     )
-    duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
-    policies = applicable or (Policy(name="all", required=duties),)
-    by_name = {policy.name: policy for policy in policies}
+    duties_of_ego = tuple(rule.code for rule in pack.rules if rule.of_ego)
+    fallback = (Policy(name="all", required=duties_of_ego),)
+    policies = package_policies or matching_policies or fallback
     if names is None:
         return tuple(policy for policy in policies if policy.name in STORED or not package_policies)
+    by_name = {policy.name: policy for policy in policies}
     for name in names:
         check_choice(name, by_name, what="policy", where=pack.name)
     return tuple(by_name[name] for name in names)
 
 
 def _check_pack(pack: Pack) -> Pack:
-    """The pack, after a check that it has rules and that their codes differ."""
+    """Return the pack if it has rules and all their codes differ; else raise a `ConfigError`."""
     if not pack.rules or len({*pack.codes}) < len(pack.rules):
         codes = ", ".join(pack.codes) or "no rules"
         raise _law_error(pack.name, "one rule or more, each with a code of its own", codes)
@@ -128,6 +149,7 @@ def _check_pack(pack: Pack) -> Pack:
 
 
 def _law_error(law: str, expected: str, got: str) -> ConfigError:
+    """The error for a law that cannot be loaded."""
     return ConfigError(
         what="law",
         where=law,
@@ -138,7 +160,7 @@ def _law_error(law: str, expected: str, got: str) -> ConfigError:
 
 
 DEFAULT_LAWS = ("pt", "de")
-"""Laws that `compare` compares unless others are named."""
+"""Laws that `compare` compares by default; the first is the default of the other functions."""
 
 
 @check_arguments
@@ -150,14 +172,22 @@ def tolerance_curve(
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Curve":
-    """Count the completed overtakes that are legal as tolerances grow; nothing is written.
+    """Count the completed overtakes that would be legal with more and more tolerance.
+
+    A tolerance is an amount by which a rule may be exceeded: a distance, a speed, or a duration.
 
     Args:
-        dataset: The data set, its folder or its URL.
+        dataset: The data set, or its folder or URL; it is not changed.
         law: `pt`, `de` or `module:NAME`, as in `load_pack`.
-        policy: Name of a policy of the law; None for the default of the profile.
-        errors: As in `label`.
+        policy: Name of a policy of the law; None for the default of the data set's profile.
+        errors: Standard deviations of the positions [m] and speeds [m/s] that a recording states;
+            None for exact ones. A rule is undecidable where its margin is less than two standard
+            errors.
         progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Number of overtakes, of legal ones, and of legal ones by tolerance, for all rules together
+        and rule by rule; `plot` draws it.
 
     Raises:
         ConfigError: There is no such law or policy.
@@ -181,14 +211,18 @@ def compare(
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
-    """Judge the same overtakes by several laws and find where they differ; nothing is written.
+    """Judge the same overtakes by several laws, and find those on which the laws differ.
 
     Args:
-        dataset: The data set, its folder or its URL.
-        laws: `pt`, `de` or `module:NAME` for each law, as in `load_pack`.
-        policies: Names of policies that every law has.
-        errors: As in `label`.
+        dataset: The data set, or its folder or URL; it is not changed.
+        laws: Two or more laws, each `pt`, `de` or `module:NAME`, as in `load_pack`.
+        policies: Names of policies, which every law must have.
+        errors: As in `tolerance_curve`.
         progress: Called with the number of simulations that are done, and of all.
+
+    Returns:
+        Counts of classes for each law and policy; and for each pair of laws the number of overtakes
+        that are legal under one and illegal under the other, with the rules and some examples.
 
     Raises:
         ConfigError: There is no such law or policy.
@@ -210,13 +244,25 @@ def _judge_batches(
     errors: MeasurementErrors | None,
     progress: ProgressCallback | None,
 ) -> "Iterator[Judged]":
-    """The labels of a data set by each law, batch by batch."""
+    """Label a data set by each law, one batch of simulations after the other.
+
+    Args:
+        dataset: The data set.
+        packs: The packs of rules.
+        policies: Policies of each pack, in the same order.
+        errors: As in `tolerance_curve`.
+        progress: Called with the number of simulations that are done, and of all.
+
+    Yields:
+        Numbers of the simulations, shape (simulation,); their case; their labels by each pack.
+    """
     num_done = 0
     for numbers, trajectories in dataset.batches():
         labelled = [
             label(trajectories, pack=pack, policies=law_policies, errors=errors)
             for pack, law_policies in zip(packs, policies, strict=True)
         ]
+        # The case (signals, events, target) does not depend on the law.
         yield numbers, case_of(labelled[0]), labelled
         num_done += len(numbers)
         if progress is not None:
@@ -233,23 +279,24 @@ def explain(
     rules: Sequence[str] | None = None,
     errors: MeasurementErrors | None = None,
 ) -> list[dict[str, Any]]:
-    """Explain each verdict on one simulation in a paragraph.
+    """Explain each verdict on one simulation in an English paragraph.
 
     Args:
-        dataset: The data set, its folder or its URL.
-        simulation_id: Number of the simulation.
+        dataset: The data set, or its folder or URL.
+        simulation_id: Number of the simulation in the data set, from 0.
         law: `pt`, `de` or `module:NAME`, as in `load_pack`.
-        policies: As in `label`.
+        policies: Names of policies, as in `policies_for`.
         rules: Codes of the rules to explain; None for all.
-        errors: As in `label`.
+        errors: As in `tolerance_curve`.
 
     Returns:
-        A dictionary for each rule and policy, with the code of the rule and the paragraph; see
-            `show.paragraphs.paragraphs`.
+        A dictionary for each rule, broken rules first: `rule` (its code), `law`, `verdict`,
+        `margin` (None if there is no value), `unit`, `text` (how the wording of the law is known)
+        and `paragraph`.
 
     Raises:
-        ConfigError: There is no such law, policy or rule.
-        DatasetError: There is no such simulation, or the data set is not complete, or damaged.
+        ConfigError: There is no such law, policy, rule or simulation.
+        DatasetError: The data set is not complete, or damaged.
     """
     from overtaking.api.datasets import load_dataset
     from overtaking.show.paragraphs import paragraphs
@@ -265,13 +312,15 @@ def explain(
 
 
 def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
-    """The rules that a recording cannot decide.
+    """The rules of the Portuguese pack that a recording cannot decide.
 
     Args:
-        unknown: Names of quantities that the recording does not contain: `Trajectories.unknown`.
+        unknown: Names of quantities that the recording does not contain, such as `weather` or
+            `indicators`: `Trajectories.unknown`.
 
     Returns:
-        Codes of rules: `always` undecidable where they apply, or `sometimes`.
+        Codes of rules that are undecidable wherever they apply (`always`), and in some simulations
+        (`sometimes`).
     """
     return rules_lacking(PORTUGAL, unknown)
 
@@ -286,30 +335,33 @@ def judge(
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
-    """Judge a data set by another law or other policies; the data set does not change.
+    """Judge a data set by another law or other policies than its own; the data set is not changed.
 
     Args:
-        dataset: The data set, or its folder.
+        dataset: The data set, or its folder or URL.
         law: A pack of rules, `pt`, `de` or `module:NAME`, as in `load_pack`.
-        policies: Names of policies, as in `label`.
-        out: Parquet file of the verdicts, written while the caller takes the batches; None for no
-            file.
-        errors: Errors of measurement, as in `label`.
+        policies: Names of policies, as in `policies_for`.
+        out: Parquet file for the verdicts, complete when the caller has taken the last batch; None
+            for no file.
+        errors: As in `tolerance_curve`.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        Numbers of simulations and their labels, batch by batch.
+        An iterator over batches: the numbers of some simulations, shape (simulation,), and their
+        labels. Each batch is computed when it is taken.
 
     Raises:
         ConfigError: The law or a policy does not exist.
         DatasetError: The data set is not complete, or damaged.
     """
     from overtaking.api.datasets import load_dataset
-    from overtaking.data.verdicts import written
+    from overtaking.data.verdicts import written as write_while_iterating
 
     source, pack = load_dataset(dataset), load_pack(law)
     law_policies = policies_for(pack, policies)
 
+    # An inner generator: if `judge` itself were one, its arguments would be checked only when the
+    # caller takes the first batch.
     def batches() -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
         num_done = 0
         for numbers, trajectories in source.batches():
@@ -318,4 +370,4 @@ def judge(
             if progress is not None:
                 progress(num_done, len(source))
 
-    return batches() if out is None else written(batches(), pack.name, Path(out))
+    return batches() if out is None else write_while_iterating(batches(), pack.name, Path(out))

@@ -1,4 +1,14 @@
-"""Rules and factors of overtakes, learned from a data set."""
+"""Public functions that learn from a data set what decides an overtake: `overtaking.learning`.
+
+Both learn from the state at the instant when the ego (the vehicle whose overtaking is studied)
+begins an overtake, or could begin one: gaps, speeds, weather and the like. Each simulation is one
+example. 30 % of the scenarios are held out (not used for learning), and all scores are measured on
+them. *Class*: the result of a simulation, such as `Success_L` (completed, legal). *Policy*: the set
+of rules of law that decides between legal and illegal. *Factor*: one or several related attributes
+of the state, such as `sight`.
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -26,37 +36,39 @@ def learn_rules(
     max_conditions: int = 3,
     progress: ProgressCallback | None = None,
 ) -> "RulesFound":
-    """Learn a few short rules from the state when an overtake begins.
+    """Learn a few short rules: legal if, or unless, up to three conditions of the state hold.
 
     Args:
-        dataset: The data set, or its folder.
-        about: Fact to predict: `legal`, `collision`, or `start` (now is no time to begin).
-        policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
-            for the default of the profile.
-        seed: Seed of the split into training and held-out simulations, and of the black box.
+        dataset: The data set, or its folder or URL.
+        about: The fact to predict: `legal` (the overtake that begins is completed and legal),
+            `collision` (it ends in a collision), or `start` (now is no time to begin: the driver
+            does not begin, or the overtake fails).
+        policy: `paper`, `default` or `strict`; None for the default of the profile.
+        seed: Seed of the choice of held-out scenarios, and of the black box (see below).
         max_rules: Largest number of rules, 1 or more.
         max_conditions: Largest number of conditions of a rule, 1 or more.
-        progress: Called with the number of rounds that are done, and of all.
+        progress: Called with the number of rounds of learning that are done, and of all.
 
     Returns:
-        The rules with precision, recall and counterexamples; beside them, on the held-out
-        simulations, a black box and the speed limit alone.
+        The rules with precision, recall, and simulations in which they are wrong. For comparison,
+        the scores of a black box (gradient boosting: many trees, too many to read), and of the
+        speed limit as the only rule.
 
     Raises:
-        ConfigError: A target or policy does not exist, or a number is out of its range.
+        ConfigError: A fact or policy does not exist, or a number is out of its range.
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
     from overtaking.analysis.learning.examples import examples_of
     from overtaking.analysis.learning.models import require_models
-    from overtaking.analysis.learning.rules import learn_rules as learned
+    from overtaking.analysis.learning.rules import learn_rules as learn_from_examples
     from overtaking.analysis.learning.targets import target_of
 
-    require_models()
+    require_models()  # Raises MissingExtraError before any work is done.
     target = target_of(about)
     check_in_range(max_rules, 1, what="--max-rules", where="learn")
     check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
-    return learned(
+    return learn_from_examples(
         examples_of(load_dataset(dataset), policy),
         target,
         seed=seed,
@@ -78,42 +90,48 @@ def learn_factors(
     show_leakage: bool = False,
     progress: ProgressCallback | None = None,
 ) -> "FactorsFound":
-    """Rank the factors that decide, from the state when an overtake begins.
+    """Rank the factors by their importance for the prediction of a result.
+
+    The least important factor is removed and the models are fitted again, until one remains
+    (sequential backward selection).
 
     Args:
-        dataset: The data set, or its folder.
-        about: Fact to predict: `outcome` (the class), `legal`, `collision` or `start`.
-        features: Factors or single attributes to use; all factors if the list is empty.
-        policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
-            for the default of the profile.
+        dataset: The data set, or its folder or URL.
+        about: The fact to predict: `outcome` (the class), or `legal`, `collision` or `start` as in
+            `learn_rules`.
+        features: Names of factors or single attributes to use; all factors if empty.
+        policy: `paper`, `default` or `strict`; None for the default of the profile.
         seed: Seed of all random choices.
-        repeats: Number of rankings, each from other simulations, 1 or more.
-        show_leakage: Whether the result includes the accuracy that features known only afterwards
-            would feign.
+        repeats: Number of rankings, 1 or more, each from another choice of simulations. They show
+            how much a rank depends on chance.
+        show_leakage: Whether the result also has the accuracy of models that see features known
+            only after the overtake, such as its duration. It is misleadingly high.
         progress: Called with the number of fitted models, and of all models.
 
     Returns:
-        Three calibrated models on held-out simulations, and the factors in order, with
-        the accuracy that each reaches together with those before it.
+        Three models with calibrated probabilities and their scores; and the factors in order of
+        importance, each with the accuracy that it reaches together with all before it.
 
     Raises:
-        ConfigError: A target, feature or policy does not exist, or a feature is known only
-            afterwards.
+        ConfigError: A fact, feature or policy does not exist, or a feature is known only after the
+            overtake.
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
     from overtaking.analysis.learning import leakage
     from overtaking.analysis.learning.examples import examples_of
-    from overtaking.analysis.learning.factors import learn_factors as learned
+    from overtaking.analysis.learning.factors import learn_factors as learn_from_examples
     from overtaking.analysis.learning.models import require_models
     from overtaking.analysis.learning.targets import target_of
 
     require_models()
     factors = leakage.chosen_factors(tuple(features))
     check_in_range(repeats, 1, what="--repeats", where="learn")
+    # None stands for the class, which has several values; a target is a yes-or-no question.
+    # `others` completes the list of names in the error message.
     target = None if about == "outcome" else target_of(about, others=("outcome",))
     source = load_dataset(dataset)
-    return learned(
+    return learn_from_examples(
         examples_of(source, policy),
         factors,
         target,

@@ -1,4 +1,13 @@
-"""Questions in logic, and proofs of breaches from the law as a logic program."""
+"""Public functions that query a data set in logic: `overtaking.logic`.
+
+The content of each simulation is written as *facts*, such as `night(3)` (simulation 3 is at night),
+and the reasoner clingo derives answers from facts and rules. The language of a query is clingo's: a
+comma means "and", names with a capital letter are variables. `overtaking ask DATA --predicates`
+lists the predicates. 18 rules of the Portuguese law are logic rules as well, so clingo can also
+prove a breach. *Ego*: the vehicle whose overtaking is studied. *Frame*: a recorded instant.
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,40 +37,45 @@ def ask(
     memory_mib: int = 2048,
     progress: ProgressCallback | None = None,
 ) -> "Answers":
-    """Ask a data set which simulations, vehicles and frames make a condition true.
+    """Find the simulations, vehicles and frames for which a condition is true.
 
     Args:
-        dataset: The data set, or its folder.
-        query: A condition in clingo's language, such as `overtakes(S,ego,P,F), night(S)`. The
-            reasoner gets each simulation alone; the query cannot read or write anything else.
-        simulation_ids: Numbers of the simulations to ask, all of them if left out.
-        overtake_class: Class of the simulations to ask, such as `Success_L`; None for every class.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
-            default of the profile.
-        frame_step: Number of frames from one position in the facts to the next; frames in which
-            something changes are always included.
+        dataset: The data set, or its folder or URL.
+        query: A condition, such as `overtakes(S,ego,P,F), night(S)`: which vehicles `P` does the
+            ego overtake, in which simulation `S` at night, and at which frame `F` is it back in its
+            lane? The condition must hold within one simulation; simulations cannot be compared.
+            The query can read or write nothing else.
+        simulation_ids: Numbers of the simulations to query, from 0; None for all.
+        overtake_class: Only simulations with this class, such as `Success_L` (completed and legal);
+            None for all.
+        policy: The set of rules of law that decides about the class: `paper`, `default` or
+            `strict`; None for the default of the profile.
+        frame_step: Interval between the positions and speeds among the facts [frames], 1 or more.
+            A small step slows the reasoner down; frames in which a vehicle changes lane or the
+            order of vehicles changes are always among the facts.
         max_rows: Largest number of answers.
         timeout_s: Longest time of the reasoner [s].
-        memory_mib: Most memory of the reasoner [MiB]; the answers may take an eighth of it.
+        memory_mib: Memory limit of the reasoner [MiB]; the answers may take an eighth of it.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        The variables of the query as columns, and a row for each answer.
+        `columns`, the variables of the query; `rows`, a tuple of their values for each answer; and
+        `is_cut`, whether there are more answers than `max_rows`.
 
     Raises:
-        ConfigError: The query is no condition, a simulation does not exist, or the time or memory
-            is not enough.
+        ConfigError: The query is not a condition, a simulation does not exist, or the reasoner
+            exceeds its time or memory.
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
-    from overtaking.analysis.logic import ask as asking
-    from overtaking.data.choice import chosen
+    from overtaking.analysis.logic.ask import ask as ask_reasoner
+    from overtaking.data.choice import chosen as select_simulations
 
     source = load_dataset(dataset)
-    return asking.ask(
+    return ask_reasoner(
         source,
         query,
-        chosen=chosen(source, simulation_ids, overtake_class, policy),
+        chosen=select_simulations(source, simulation_ids, overtake_class, policy),
         every=frame_step,
         max_rows=max_rows,
         timeout_s=timeout_s,
@@ -72,14 +86,14 @@ def ask(
 
 @check_arguments
 def prove(dataset: str | Path | Dataset, simulation_id: int) -> "tuple[Proof, ...]":
-    """Prove why a simulation breaks the law: facts and instances of rules, as clingo derived them.
+    """Prove each breach of the law in a simulation, step by step as clingo derives it.
 
     Args:
-        dataset: The data set, or its folder.
-        simulation_id: Number of the simulation.
+        dataset: The data set, or its folder or URL.
+        simulation_id: Number of the simulation in the data set, from 0.
 
     Returns:
-        A proof for each broken rule of those that are written as a logic program.
+        A proof for each broken rule among the 18 that are logic rules; else an empty tuple.
 
     Raises:
         ConfigError: The simulation does not exist.
@@ -88,8 +102,9 @@ def prove(dataset: str | Path | Dataset, simulation_id: int) -> "tuple[Proof, ..
     """
     from overtaking.analysis.logic.proof import proofs
     from overtaking.analysis.logic.source import groups
-    from overtaking.data.choice import chosen
+    from overtaking.data.choice import chosen as select_simulations
 
     source = load_dataset(dataset)
-    (group,) = groups(source, chosen(source, [simulation_id]))
+    # `groups` splits simulations into portions for the reasoner; of one simulation it yields one.
+    (group,) = groups(source, select_simulations(source, [simulation_id]))
     return proofs(group)
