@@ -1,7 +1,18 @@
 """Changes along a road: bends, grades, centre line, zones, speed limits and sight distance.
 
-Stations belong to the road: `s` grows in the direction of its driving lanes, also in tables for
-drivers of the other direction. Directions are +1 along `s` and -1 against it, as in `Lane`.
+A `Road` (`model.road`) has the same lanes along its whole length; its field `course` holds a
+`RoadCourse`, which states everything else that changes. Readers of map files fill it in. Drivers,
+the rules of the law and films read it.
+
+Terms:
+    driving lanes: the lanes of the road itself, whose traffic runs in direction +1. On a two-way
+        road the traffic of direction -1 uses the opposing lane beside them.
+    station: distance `s` along the road's reference line from its start [m]. It grows in direction
+        +1, also in tables for drivers of direction -1.
+    mark: the line painted between two lanes.
+
+`FieldSpec` declares the unit and the range of a field; `check_batch` raises a `ConfigError` if a
+value has another type or is out of that range.
 """
 
 import dataclasses
@@ -21,18 +32,36 @@ from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.reference_line import CurveSegment
 
-MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
+MAX_LENGTH = 100_000.0
+"""Largest station [m]. Simulations hold stations in float32, whose steps are 8 mm there."""
+
 MAX_SIGHT = 10_000.0
+"""Largest sight distance [m]. Chosen: ten times the 1,000 m in which drivers look for oncoming
+vehicles."""
+
 MAX_SPANS = 1_000
+"""Most entries in each of the fields of spans, zones and sight. Chosen: ten per kilometre of the
+longest road."""
+
 MAX_SEGMENTS = 20_000
-MAX_CURVATURE = 0.1  # A radius of 10 m; sharper bends are no place to overtake.
-MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
-_STATION = FieldSpec(unit="m", low=0.0, high=MAX_LENGTH)
+"""Most segments of a reference line. Chosen: one per 5 m of the longest road."""
+
+MAX_CURVATURE = 0.1
+"""Largest curvature of a reference line [1/m]: a radius of 10 m. Drivers do not overtake in sharper
+bends."""
+
+MAX_GRADE = 0.2
+"""Largest rise or fall per metre. Chosen: main roads hardly exceed 0.1. A few streets with up to a
+third are too steep for this limit."""
+
 MAX_SPEED_LIMIT = 100.0
+"""Largest speed limit [m/s]. Readers of map files use it for roads without any limit."""
+
+_STATION = FieldSpec(unit="m", low=0.0, high=MAX_LENGTH)
 
 
 class StationTable(NamedTuple):
-    """A quantity by station: linear between the stations, constant before and behind them.
+    """A quantity by station: linear between stations, constant before the first and after the last.
 
     Attributes:
         station: Stations in ascending order, shape (station,), at least one [m].
@@ -44,12 +73,16 @@ class StationTable(NamedTuple):
 
     @classmethod
     def from_pairs(cls, pairs: Sequence[tuple[float, float]]) -> Self:
-        """The table of at least one pair (station, value)."""
+        """The table of one or more pairs (station, value), in ascending order of the stations."""
         return cls._make(np.array(pairs, np.float64).T)
 
     @property
     def change_per_metre(self) -> F64:
-        """Change of the quantity behind each station, shape (station,); 0 behind the last."""
+        """Slope of the quantity from each station to the next; 0 from the last on.
+
+        Returns:
+            Change per metre, shape (station,).
+        """
         return np.append(np.diff(self.value) / np.diff(self.station), 0.0)
 
     def value_at(self, s: ArrayLike) -> F64:
@@ -67,8 +100,9 @@ class StationTable(NamedTuple):
 class RoadMark(enum.Enum):
     """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
 
-    Of the double lines the first word names the line nearer to the lane that the mark belongs to,
-    so the two lanes that share such a line see it with the words swapped: `reversed`.
+    A mark is described as seen from one of the two lanes. Of a double line the first word names the
+    line nearer to that lane: drivers in this lane must not cross `SOLID_BROKEN`, drivers in the
+    other lane may. `reverse` is the same line as seen from the other lane.
     """
 
     NONE = "NONE"
@@ -94,7 +128,11 @@ class RoadMark(enum.Enum):
 
 
 class ZoneKind(enum.Enum):
-    """Kind of a zone; in the last three a sign forbids to overtake."""
+    """Kind of a zone, a place where the law restricts overtaking.
+
+    In the last three a sign forbids overtaking: to every driver, to drivers of heavy vehicles, and
+    to riders of motorcycles and mopeds.
+    """
 
     JUNCTION = "junction"
     PEDESTRIAN_CROSSING = "pedestrian_crossing"
@@ -109,13 +147,13 @@ class ZoneKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadZone:
-    """A stretch of road with a feature that rules refer to.
+    """A stretch of road on which the law restricts overtaking.
 
     Attributes:
-        kind: The feature. A bend has reduced visibility; a narrow road is too narrow to pass on.
-        start: Where it begins [m].
-        stop: Where it ends, behind `start` [m].
-        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+        kind: The reason. A bend has reduced visibility; a narrow road is too narrow for passing.
+        start: Station of its start [m].
+        stop: Station of its end, greater than `start` [m].
+        direction: Direction of travel that is restricted: +1, -1, or 0 for both.
     """
 
     kind: ZoneKind
@@ -126,13 +164,13 @@ class RoadZone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CentreLineSpan:
-    """A stretch of the line between the directions.
+    """A stretch of the line between the two directions of a two-way road.
 
     Attributes:
-        start: Where it begins [m].
-        stop: Where it ends, behind `start` [m].
-        mark: The line, seen from the driving lanes of the road; `mark.reverse` is the same line,
-            seen from the other direction.
+        start: Station of its start [m].
+        stop: Station of its end, greater than `start` [m].
+        mark: The line as seen from the driving lanes; drivers of the opposing lane see
+            `mark.reverse`.
     """
 
     start: Annotated[float, _STATION]
@@ -142,13 +180,13 @@ class CentreLineSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimitSpan:
-    """A stretch of road with a speed limit of its own.
+    """A stretch of road with a lower speed limit than the rest of the road.
 
     Attributes:
-        start: Where it begins [m].
-        stop: Where it ends, behind `start` [m].
-        speed: Limit that is posted there [m/s].
-        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+        start: Station of its start [m].
+        stop: Station of its end, greater than `start` [m].
+        speed: Posted limit [m/s].
+        direction: Direction of travel that it applies to: +1, -1, or 0 for both.
     """
 
     start: Annotated[float, _STATION]
@@ -159,25 +197,27 @@ class SpeedLimitSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadCourse:
-    """Changes along a road.
+    """Changes along a road. Pairs by station are in ascending order and read as a `StationTable`.
 
     Attributes:
         segments: Segments of the reference line, joined end to start; empty for a straight road.
             Beyond its ends the line is straight.
-        grade: Slope of the road by station: pairs (s, rise per metre) in order of s, linear in
-            between and constant beyond; empty for a level road.
+        grade: Slope of the road: pairs (station [m], rise per metre, positive uphill in direction
+            +1); empty for a level road.
         centre_line_spans: Spans of the line between the directions, in order, without overlap.
-            Elsewhere the mark of the driving lane beside that line holds.
+            Between them the line is the mark that the outermost driving lane states (`model.road`).
         speed_limit_spans: Spans with a limit below `Road.speed_limit`, which applies elsewhere, in
-            order of `start`, without overlap in one direction of travel.
+            order of `start`. Two spans may overlap only if they apply to opposite directions.
         zones: Zones, in any order; they may overlap.
-        sight: Sight distance of a driver along `s`, by station: pairs (s, distance) in order of s,
-            linear in between and constant beyond [m]. Empty if the road does not limit sight.
-        sight_against: The same for a driver in the other direction.
+        sight: Distance that a driver of direction +1 sees along the road: pairs (station [m],
+            distance [m]). If both fields of sight are empty, `world.sight_distance` computes sight
+            from bends and slopes.
+        sight_against: The same for a driver of direction -1.
 
     Raises:
-        ConfigError: A span is empty, spans or stations are not in order, or a bend or grade
-            is beyond `MAX_CURVATURE` [1/m] or `MAX_GRADE`.
+        ConfigError: A span is empty, spans or stations are not in order, there are too many of
+            them, or a value is out of range. The length of the road, and its lanes, are checked
+            against the course by `Road`.
     """
 
     segments: tuple[CurveSegment, ...] = ()
@@ -189,13 +229,14 @@ class RoadCourse:
     sight_against: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse fields out of order or out of range."""
+        """Check the order, the number and the range of all entries."""
         check_batch(self, "course of a road")
+        # Without `grade`: readers sample it as densely as the map file states heights.
         for name in ("centre_line_spans", "speed_limit_spans", "zones", "sight", "sight_against"):
             if len(getattr(self, name)) > MAX_SPANS:
                 raise _error(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
         for span in (*self.centre_line_spans, *self.speed_limit_spans, *self.zones):
-            check_batch(span, "course of a road")
+            check_batch(span, "course of a road")  # The check above does not look into tuples.
             if not span.start < span.stop:
                 raise _error("stretch", "start before stop", f"{span.start:g} to {span.stop:g} m")
         _check_order("centre_line_spans", self.centre_line_spans)
@@ -206,24 +247,24 @@ class RoadCourse:
         _check_segments(self.segments)
 
     def mirror(self) -> Self:
-        """The same in a world where left and right are swapped.
+        """The course of the same road in a world where left and right are swapped.
 
-        Centre lines, speed limits, zones and sight stay the same, because they refer to lanes and
-        not to left or right.
+        Only bends change. Centre lines, speed limits, zones and sight distances refer to lanes and
+        directions of travel, which are swapped with the road itself.
         """
         return dataclasses.replace(
             self, segments=tuple(segment.mirror() for segment in self.segments)
         )
 
     def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
-        """Sight distance along the road.
+        """Sight distance that the fields `sight` and `sight_against` state; bends have no effect.
 
         Args:
-            s: Position of the driver, any shape [m].
-            direction: +1 along the road, -1 against it.
+            s: Stations of drivers, any shape [m].
+            direction: Their direction of travel, +1 or -1.
 
         Returns:
-            Distances of the same shape, infinite where the road does not limit sight [m].
+            Distances of the same shape, infinite if the field of this direction is empty [m].
         """
         pairs = self.sight if direction > 0 else self.sight_against
         if not pairs:
@@ -231,16 +272,16 @@ class RoadCourse:
         return StationTable.from_pairs(pairs).value_at(s)
 
     def speed_limits_for(self, direction: int) -> tuple[SpeedLimitSpan, ...]:
-        """The spans with a lower limit for a direction of travel, +1 or -1."""
+        """The spans with a lower limit that apply to a direction of travel, +1 or -1."""
         return tuple(span for span in self.speed_limit_spans if span.direction in (0, direction))
 
     def zones_for(self, direction: int) -> tuple[RoadZone, ...]:
-        """The zones for a direction of travel, +1 or -1."""
+        """The zones that apply to a direction of travel, +1 or -1."""
         return tuple(zone for zone in self.zones if zone.direction in (0, direction))
 
 
 def _check_order(name: str, spans: Sequence[CentreLineSpan] | Sequence[SpeedLimitSpan]) -> None:
-    """Refuse spans that overlap or are not in order."""
+    """Raise ConfigError for spans that overlap or are not in ascending order."""
     for span, next_span in pairwise(spans):
         if span.stop > next_span.start:
             overlap = f"one to {span.stop:g} m, then one from {next_span.start:g} m"
@@ -248,27 +289,29 @@ def _check_order(name: str, spans: Sequence[CentreLineSpan] | Sequence[SpeedLimi
 
 
 def _check_station_table(name: str, table: Sequence[tuple[float, float]]) -> None:
-    """Refuse a table of sight or grade with invalid values, or with stations out of order."""
+    """Raise ConfigError for pairs of sight or grade out of range or out of order."""
     for s, value in table:
         if name == "grade":
-            fits, bounds = abs(value) <= MAX_GRADE, f"{-MAX_GRADE:g} to {MAX_GRADE:g}"
+            is_in_range, bounds = abs(value) <= MAX_GRADE, f"{-MAX_GRADE:g} to {MAX_GRADE:g}"
             entry = f"{value:g} at {s:g} m"
         else:
-            fits, bounds = 0.0 < value <= MAX_SIGHT, f"more than 0 and at most {MAX_SIGHT:g} m"
+            is_in_range = 0.0 < value <= MAX_SIGHT
+            bounds = f"more than 0 and at most {MAX_SIGHT:g} m"
             entry = f"{value:g} m at {s:g} m"
-        if not (0.0 <= s <= MAX_LENGTH and fits):  # Also true for NaN.
+        if not (0.0 <= s <= MAX_LENGTH and is_in_range):  # Also true for NaN.
             raise _error(name, f"0 to {MAX_LENGTH:g} m, and {bounds}", entry)
     if not all(s < next_s for (s, _), (next_s, _) in pairwise(table)):
         raise _error(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
 
 
 def _check_segments(segments: Sequence[CurveSegment]) -> None:
-    """Refuse a reference line with too many segments, or with an invalid one."""
+    """Raise ConfigError for a reference line with too many segments or an invalid segment."""
     if len(segments) > MAX_SEGMENTS:
         raise _error("segments", f"at most {MAX_SEGMENTS}", len(segments))
     for segment in segments:
         if not (all(map(math.isfinite, segment)) and segment.length > 0.0):
             raise _error("segments", "finite numbers and positive lengths", segment)
+        # Curvature is linear along a segment, so its largest value is at one of the ends.
         max_curvature = max(abs(segment.curvature), abs(segment.end_curvature))
         if max_curvature > MAX_CURVATURE:
             expected = f"bends of at least {1.0 / MAX_CURVATURE:g} m radius"
@@ -286,32 +329,32 @@ def _error(what: str, expected: str, got: object) -> ConfigError:
 
 
 class MarkChange(NamedTuple):
-    """Start of a mark along a line.
+    """A station at which the mark of a line changes.
 
     Attributes:
-        station: Where the mark begins, minus infinity for the first one [m].
-        mark: The mark from there on.
+        station: Station of the change; minus infinity for the first mark of the line [m].
+        mark: The mark from there to the next change.
     """
 
     station: float
     mark: RoadMark
 
 
-def marks_along(spans: Sequence[CentreLineSpan], otherwise: RoadMark) -> tuple[MarkChange, ...]:
-    """The line between the directions from end to end.
+def marks_along(spans: Sequence[CentreLineSpan], default_mark: RoadMark) -> tuple[MarkChange, ...]:
+    """The line between the directions along the whole road.
 
     Args:
         spans: Spans of the line, in order, without overlap.
-        otherwise: The mark between them, before them and behind them.
+        default_mark: The mark before, between and after the spans.
 
     Returns:
-        The changes of the mark in order; each mark differs from the one before.
+        The changes of the mark in order of their stations; each mark differs from the previous one.
     """
-    starts = [MarkChange(-math.inf, otherwise)]
+    starts = [MarkChange(-math.inf, default_mark)]
     for span in spans:
-        if starts[-1].station == span.start:  # The previous span ends here.
+        if starts[-1].station == span.start:  # The previous span ends here: no default between.
             starts.pop()
-        starts += [MarkChange(span.start, span.mark), MarkChange(span.stop, otherwise)]
+        starts += [MarkChange(span.start, span.mark), MarkChange(span.stop, default_mark)]
     changes = starts[:1]
     for change in starts[1:]:
         if change.mark is not changes[-1].mark:

@@ -1,4 +1,18 @@
-"""Surrogate measures of safety, also against oncoming vehicles."""
+"""Surrogate measures of safety of an overtake: how near it came to a collision.
+
+`labels.features.safety` computes a `SafetyMeasures` from a recorded batch. Users read it as the
+table `safety` of a data set, with one row for each simulation and moment.
+
+The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
+overtaking side. The manoeuvre lasts from 3 s before the attempt to 3 s after its end; without an
+attempt it is the whole simulation.
+
+Each `FieldSpec` declares a column of that table: a description, a unit and where the column is
+null. `null_unless` names the flag without which there is no value (".valid" is the field `valid` of
+the same class). `needs` names properties that a recording may leave unknown; the column is then
+null. An infinite value of an array, such as the time to a collision that never comes, is null in
+the table.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -15,39 +29,55 @@ MEASURED_MOMENTS = (
     "return_begin",
     "return_end",
 )
-"""Moments of the measures: the whole manoeuvre, with its worst values, and fields of
-`OvertakeEvents`."""
+"""Entries of the axis `moment`. "manoeuvre" has the worst value over the whole manoeuvre; the
+others are events, fields of `model.overtake_events.OvertakeEvents`:
 
-_of_two = partial(FieldSpec, null_unless=".valid")
-"""Declaration of a measure of two vehicles."""
+- attempt: the ego begins to move to the left
+- line_crossed: its first corner is over the line on the left
+- overlap_begin: its front reaches the rear of the target
+- return_begin: it begins to move back to the right
+- return_end: its whole body is back in the original lane, ahead of the target
+"""
 
-_to_leader = partial(FieldSpec, column=ColumnName(prefix="leader_"), null_unless="leader.valid")
-"""Declaration of a measure of the ego and the vehicle ahead."""
+_pair_measure = partial(FieldSpec, null_unless=".valid")
+"""Declaration of a measure of a follower and its leader."""
+
+_leader_measure = partial(
+    FieldSpec, column=ColumnName(prefix="leader_"), null_unless="leader.valid"
+)
+"""Declaration of a further measure of the ego and the vehicle ahead, beside `Encounter`."""
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encounter(Batch):
-    """One vehicle behind another in a lane, one of them the ego; all arrays have one shape.
+    """A follower behind a leader, one of them the ego; all arrays have the same shape.
 
-    The time of an event that never happens is infinite. Where `valid` is false, the values are
-    undefined.
+    Times and the deceleration belong to the follower, which has to brake. The time of an event that
+    never happens is infinite. Where `valid` is false, the values are undefined. The functions of
+    `world.surrogate_safety` state formulas and sources.
     """
 
-    valid: Annotated[Mask, FieldSpec("Whether there are two vehicles", column=None)]
-    gap: Annotated[F32, _of_two("Gap between the bumpers, negative alongside", "m")]
-    closing_speed: Annotated[F32, _of_two("Speed at which that gap shrinks", "m/s")]
+    valid: Annotated[Mask, FieldSpec("Whether the ego has this neighbour", column=None)]
+    gap: Annotated[F32, _pair_measure("Gap between the bumpers, negative alongside", "m")]
+    closing_speed: Annotated[
+        F32, _pair_measure("Speed at which that gap shrinks, negative while it grows", "m/s")
+    ]
     time_gap: Annotated[
-        F32, _of_two("Gap over the speed of the one behind; null if it stands", "s")
+        F32, _pair_measure("Gap over the speed of the follower; null if the follower stands", "s")
     ]
-    ttc: Annotated[F32, _of_two("Time to collision at constant speeds; null if never", "s")]
-    mttc: Annotated[F32, _of_two("Time to collision at constant accelerations; null if never", "s")]
+    ttc: Annotated[F32, _pair_measure("Time to collision at constant speeds; null if never", "s")]
+    mttc: Annotated[
+        F32, _pair_measure("Time to collision at constant accelerations; null if never", "s")
+    ]
     drac: Annotated[
-        F32, _of_two("Deceleration that just avoids a collision; null if no braking can", "m/s^2")
+        F32,
+        _pair_measure("Deceleration that just avoids a collision; null if no braking can", "m/s^2"),
     ]
 
 
-_measure = partial(FieldSpec, null_unless=".was_in_opposing_lane")
+_passing_measure = partial(FieldSpec, null_unless=".was_in_opposing_lane")
+"""Declaration of a measure that only an ego in the opposing lane has."""
 
 
 @with_field_docs
@@ -55,113 +85,151 @@ _measure = partial(FieldSpec, null_unless=".was_in_opposing_lane")
 class PassingSafety(Batch):
     """Measures against the nearest oncoming vehicle; arrays have shape (simulation,).
 
-    Where `was_in_opposing_lane` is false, on one-way roads and where the ego never entered the
-    opposing lane, all other fields are undefined. Values are NaN where no vehicle came. A time to
-    meet is a gap over the sum of both speeds.
+    The ego is in the opposing lane while one of its corners is beyond the centre line.
+    `was_in_opposing_lane` is false on one-way roads and for egos that never went there; all other
+    fields are then undefined. Values are NaN where no vehicle came. A time to meet is the gap over
+    the sum of both speeds; it is 0 once the two are beside each other.
     """
 
     was_in_opposing_lane: Annotated[
         Mask, FieldSpec("Whether the ego entered the opposing lane", column=None)
     ]
     gap_at_crossing: Annotated[
-        F32, _measure("Gap to the oncoming vehicle as the ego enters the opposing lane", "m")
+        F32,
+        _passing_measure("Gap to the oncoming vehicle as the ego enters the opposing lane", "m"),
     ]
     time_to_meet_at_crossing: Annotated[
-        F32, _measure("Time to meet the oncoming vehicle as the ego enters the opposing lane", "s")
+        F32,
+        _passing_measure(
+            "Time to meet the oncoming vehicle as the ego enters the opposing lane", "s"
+        ),
     ]
     gap_abreast: Annotated[
-        F32, _measure("Gap to the oncoming vehicle as ego and target begin to overlap", "m")
+        F32, _passing_measure("Gap to the oncoming vehicle as ego and target begin to overlap", "m")
     ]
     time_to_meet_abreast: Annotated[
-        F32, _measure("Time to meet the oncoming vehicle as ego and target begin to overlap", "s")
+        F32,
+        _passing_measure(
+            "Time to meet the oncoming vehicle as ego and target begin to overlap", "s"
+        ),
     ]
     gap_at_return: Annotated[
         F32,
-        _measure("Gap to the oncoming vehicle as the ego is back in its lane, or collides", "m"),
+        _passing_measure(
+            "Gap to the oncoming vehicle as the ego is back in its lane, or collides", "m"
+        ),
     ]
     time_to_meet_at_return: Annotated[
         F32,
-        _measure(
+        _passing_measure(
             "Time to meet the oncoming vehicle as the ego is back in its lane, or collides", "s"
         ),
     ]
     min_time_to_meet: Annotated[
-        F32, _measure("Smallest time to meet while in the opposing lane", "s")
+        F32, _passing_measure("Smallest time to meet while in the opposing lane", "s")
     ]
     sight_at_crossing: Annotated[
         F32,
-        _measure(
-            "Sight of air and road as the ego enters the opposing lane", "m", needs=["weather"]
+        _passing_measure(
+            "Sight that air and road allow as the ego enters the opposing lane",
+            "m",
+            needs=["weather"],
         ),
     ]
-    time_in_opposing_lane: Annotated[F32, _measure("Time in the opposing lane", "s")]
+    time_in_opposing_lane: Annotated[F32, _passing_measure("Time in the opposing lane", "s")]
     time_available: Annotated[
         F32,
-        _measure(
-            "Time to meet the oncoming vehicle, or one at the limit from beyond sight",
+        _passing_measure(
+            "Time to meet the oncoming vehicle as the ego enters the opposing lane, or a vehicle "
+            "that comes into sight there at the speed limit, whichever is shorter",
             "s",
             needs=["weather", "speed_limit"],
         ),
     ]
-    was_aborted: Annotated[Mask, _measure("Whether the ego fell back behind its target")]
+    was_aborted: Annotated[Mask, _passing_measure("Whether the ego fell back behind its target")]
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyMeasures(Batch):
-    """Surrogate measures of safety of a batch, after the fact.
+    """Surrogate measures of safety of a batch.
 
     Arrays have shape (simulation, moment) with `MEASURED_MOMENTS` as the last axis; the measures in
-    `WHOLE_MANOEUVRE_MEASURES` have shape (simulation,). In the column of the manoeuvre each measure
-    has its worst value: the largest closing speed and deceleration, the smallest of all others. The
-    ego enters the lane on the left at `attempt` and `line_crossed`, the lane on the right at
-    `return_begin`, and no lane at other moments.
+    `WHOLE_MANOEUVRE_MEASURES` have shape (simulation,). The worst value of the manoeuvre is the
+    largest closing speed and deceleration, and the smallest of each other measure. The ego enters
+    the lane on the left at `attempt` and `line_crossed`, the lane on the right at `return_begin`,
+    and no lane at other moments. `law.toml` and `event_detection.toml` of the knowledge base state
+    the constants of the measures.
     """
 
     frame: Annotated[
         I32,
         FieldSpec(
-            "Frame of each moment, `NEVER` where it did not come; of the manoeuvre the first one",
+            "Frame of each moment, of the manoeuvre its first; `NEVER` (-1) without that event",
             column=None,
         ),
     ]
     leader: Annotated[Encounter, FieldSpec("the ego behind the vehicle ahead")]
     time_headway: Annotated[
-        F32, _to_leader("From front bumper to front bumper; null if the ego stands", "s")
+        F32, _leader_measure("From front bumper to front bumper; null if the ego stands", "s")
     ]
-    picud: Annotated[F32, _to_leader("Gap left after sudden braking of both", "m")]
+    picud: Annotated[
+        F32,
+        _leader_measure(
+            "Gap that is left when both brake at 3.3 m/s^2, the ego 1 s later, PICUD", "m"
+        ),
+    ]
     rss_margin: Annotated[
-        F32, _to_leader("Gap minus the safe one of responsibility-sensitive safety", "m")
+        F32, _leader_measure("Gap minus the safe gap of responsibility-sensitive safety, RSS", "m")
     ]
     lawful_margin: Annotated[
-        F32, _to_leader("Gap minus the safe distance of L3", "m", needs=["weather"])
+        F32,
+        _leader_measure(
+            "Gap minus the safe distance of rule L3, Article 18(1)", "m", needs=["weather"]
+        ),
     ]
     follower: Annotated[Encounter, FieldSpec("the vehicle behind, behind the ego")]
     new_leader: Annotated[Encounter, FieldSpec("the vehicle ahead in the lane entered")]
     new_follower: Annotated[Encounter, FieldSpec("the vehicle behind in the lane entered")]
     stop_margin_lit: Annotated[
-        F32, FieldSpec("Sight of the lit minus stopping distance", "m", needs=["weather"])
+        F32,
+        FieldSpec(
+            "Sight distance of a lit vehicle ahead minus stopping distance", "m", needs=["weather"]
+        ),
     ]
     stop_margin_unlit: Annotated[
         F32,
-        FieldSpec("Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
+        FieldSpec(
+            "Sight distance of an unlit vehicle ahead minus stopping distance",
+            "m",
+            needs=["weather", "lamps"],
+        ),
     ]
     share_below_safe_distance: Annotated[
         F32,
-        FieldSpec("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"]),
+        FieldSpec(
+            "Share of the manoeuvre closer than the safe distance of rule L3", needs=["weather"]
+        ),
     ]
-    tet: Annotated[F32, FieldSpec("Time at a critical time to collision, TET", "s")]
+    tet: Annotated[F32, FieldSpec("Time with a time to collision of at most 3 s, TET", "s")]
     tit: Annotated[
-        F32, FieldSpec("Shortfall below the critical time to collision, integrated, TIT", "s^2")
+        F32, FieldSpec("Integral of 3 s minus the time to collision over this time, TIT", "s^2")
     ]
     entry_pet: Annotated[
         F32,
         FieldSpec(
-            "Until the vehicle behind on the left was where the ego entered; null if never", "s"
+            "From the ego's crossing of the line until the vehicle behind on the left reached the "
+            "place where the ego's rear was, PET; null if never",
+            "s",
         ),
     ]
     return_pet: Annotated[
-        F32, FieldSpec("Until the overtaken vehicle was where the ego returned; null if never", "s")
+        F32,
+        FieldSpec(
+            "From the end of the ego's return until the overtaken vehicle reached the place where "
+            "the ego's rear was, PET; null if never",
+            "s",
+        ),
     ]
     oncoming: Annotated[PassingSafety, FieldSpec("on two-way roads")]
 
@@ -174,4 +242,4 @@ WHOLE_MANOEUVRE_MEASURES = (
     "return_pet",
     "oncoming",
 )
-"""The fields of `SafetyMeasures` that are measured once, over the whole manoeuvre."""
+"""The fields of `SafetyMeasures` with one value for each simulation, over the whole manoeuvre."""

@@ -1,4 +1,18 @@
-"""Scenarios, and the interventions of branches."""
+"""Inputs of simulations, and changes of them that make "what if" branches.
+
+A `Scenario` is a batch of simulations on one road: array fields have one row per simulation. The
+package `overtaking.scenarios` draws it from a profile, a file with the distributions of traffic,
+drivers and weather. The engines simulate it; readers of recordings fill in one for real traffic.
+
+Each simulation has the same number of vehicle slots. A slot holds one vehicle or is empty
+(`vehicles.valid`); slot 0 holds the ego, the vehicle under study. An attempt is the start of an
+overtake by the ego.
+
+A branch repeats a simulation with the same random numbers and some `Intervention` objects: forced
+decisions, other weather, other drivers or moved vehicles from a frame on.
+
+`FieldSpec` declares meaning, unit, range and axes of a field; `model.checks` refuses other values.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -24,16 +38,24 @@ from overtaking.model.vehicles import EGO_SLOT, DriverTraits, VehicleSpecs
 from overtaking.model.weather import LateralPushes, Weather
 
 SLOT_CAPACITIES = (8, 16, 32)
-"""Numbers of vehicle slots that the engine is compiled for.
+"""Numbers of vehicle slots that the compiled engine exists for.
 
-A batch may have any number up to the last; the engine fills it up to the next of these.
+A batch may have any number up to the last; the engine adds empty slots up to the next of these.
 """
 
 MAX_VEHICLES = SLOT_CAPACITIES[-1]
 """Most vehicles of a simulation."""
 
 MAX_DURATION = 6000.0
-"""Longest simulation, and longest recording of one overtake [s]."""
+"""Longest simulation, and longest recording of one overtake [s]. Chosen: far longer than any
+overtake, and a bound of the memory that a damaged data set can ask for."""
+
+_MAX_DEADLINE = 1e6
+"""Largest attempt deadline [s]. Chosen: far beyond `MAX_DURATION`, so it ends no simulation."""
+
+# Chosen: beyond any sensible value, to catch wrong units and damaged files.
+_MAX_WEIGHT = 1e12
+_MAX_SPEED = 150.0  # [m/s]
 
 _VEHICLE_AXES = ("simulation", "vehicle")
 
@@ -42,29 +64,34 @@ _VEHICLE_AXES = ("simulation", "vehicle")
 class Scenario(IdentityBatch):
     """Inputs of a batch of simulations on one road.
 
-    Results of a batch are cached by the object (`model.batch.cached_per_batch`) through weak
-    references. Therefore it equals no other object, and `equals` compares the content.
+    Functions cache their results per `Scenario` object, not per content
+    (`model.batch.cached_per_batch`). Therefore `==` is true for the same object only, and `equals`
+    compares the content.
 
     Attributes:
-        profile: Name of the profile that they were drawn from.
-        road: The road, the same for the batch.
+        profile: Name of the profile that the simulations were drawn from.
+        road: The road of all simulations.
         seed: Seed of the random numbers, 0 <= seed < 2**64.
         frame_interval_ms: Time between recorded frames [ms]. Recordings may have any interval up
             to 1 s; `simulate` accepts only multiples of its time step, 10 ms.
-        scenario_index: Number from which each simulation is drawn, shape (simulation,).
+        scenario_index: Number that together with profile and seed determines everything drawn for
+            a simulation, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
-        attempt_deadline: A simulation without an attempt ends here, shape (simulation,) [s]. It has
-            no effect if it lies beyond the horizon.
-        weight: Sampling weight p/q, shape (simulation,).
-        vehicles: Bodies, (simulation, vehicle).
-        drivers: People, (simulation, vehicle).
-        weather: Weather, (simulation,).
-        start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
-        start_lane: Lane index, 0 the slowest; on a two-way road the number of its lanes stands for
-            the opposing lane, (simulation, vehicle).
-        start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
-        pushes: Lateral pushes and a reduced sight distance instead of all physical effects of the
-            weather (the road is dry), the same for the batch; None for the physical effects.
+        attempt_deadline: Time at which a simulation ends if the ego has begun no overtake or has
+            given it up, shape (simulation,) [s]. No effect if it lies beyond the horizon.
+        weight: Natural probability of the scenario over the probability with which it was drawn,
+            shape (simulation,); 1 unless the profile oversamples rare events.
+        vehicles: Bodies of the vehicles, shape (simulation, vehicle).
+        drivers: Traits of their drivers, shape (simulation, vehicle).
+        weather: Weather, shape (simulation,).
+        start_s: Station of the centre at the first frame, negative before the start of the road,
+            shape (simulation, vehicle) [m].
+        start_lane: Lane index at the first frame, shape (simulation, vehicle): 0 is the slowest
+            lane; on a two-way road `road.num_lanes` is the opposing lane.
+        start_speed: Speed at the first frame, not negative, also for oncoming vehicles, shape
+            (simulation, vehicle) [m/s].
+        pushes: Lateral pushes and a reduced sight distance in place of all physical effects of the
+            weather, on a dry road, the same for the batch; None for the physical effects.
     """
 
     profile: str
@@ -74,10 +101,13 @@ class Scenario(IdentityBatch):
     scenario_index: Annotated[U64, FieldSpec("Number from which the scenario was drawn")]
     horizon: Annotated[F32, FieldSpec("Longest duration", "s", 0.0, MAX_DURATION, low_is_open=True)]
     attempt_deadline: Annotated[
-        F32, FieldSpec("A simulation without an attempt ends here", "s", 0.0, 1e6, low_is_open=True)
+        F32,
+        FieldSpec(
+            "A simulation without an attempt ends here", "s", 0.0, _MAX_DEADLINE, low_is_open=True
+        ),
     ]
     weight: Annotated[
-        F64, FieldSpec("Sampling weight: natural over sampled probability", "1", 0.0, 1e12)
+        F64, FieldSpec("Sampling weight: natural over sampled probability", "1", 0.0, _MAX_WEIGHT)
     ]
     vehicles: VehicleSpecs
     drivers: DriverTraits
@@ -93,15 +123,17 @@ class Scenario(IdentityBatch):
         ),
     ]
     start_lane: Annotated[
-        U8, FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_VEHICLE_AXES)
+        # `axis_lengths` defines the length of the axis that limits the index.
+        U8,
+        FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_VEHICLE_AXES),
     ]
     start_speed: Annotated[
-        F32, FieldSpec("Speed before the first step", "m/s", 0.0, 150.0, axes=_VEHICLE_AXES)
+        F32, FieldSpec("Speed before the first step", "m/s", 0.0, _MAX_SPEED, axes=_VEHICLE_AXES)
     ]
     pushes: LateralPushes | None = None
 
     def __post_init__(self) -> None:
-        """Accept a seed of NumPy."""
+        """Convert a seed of a NumPy integer type to a Python integer."""
         convert_integers(self, "seed")
 
     @property
@@ -120,7 +152,7 @@ class Scenario(IdentityBatch):
         return self.vehicles.valid.sum(axis=1)
 
     def summary(self) -> Mapping[str, object]:
-        """Origin and size of the batch, by name."""
+        """Origin and size of the batch, for its one-line representation."""
         return {
             "profile": self.profile,
             "road": self.road.name,
@@ -130,53 +162,58 @@ class Scenario(IdentityBatch):
         }
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Number of values of a lane index, by what may have one.
+        """Number of possible lane indices, by kind of index; `AxisEnd` limits fields by it.
 
-        `lane` counts the lanes alone. `lane or beyond` has one more value, for states of vehicles
-        beyond the overtaking-side edge (`States.lane`). `lane or oncoming` has one more value on
-        two-way roads, for the opposing lane. The largest index is one less (`AxisEnd`).
+        Returns:
+            "lane": the driving lanes. "lane or beyond": one more, for recorded vehicles beyond the
+            edge of the road on the overtaking side. "lane or oncoming": on two-way roads one more,
+            for the opposing lane.
         """
         lanes = self.road.num_lanes
-        ways = {"lane": lanes, "lane or beyond": lanes + 1}
-        return ways | {"lane or oncoming": lanes + self.road.is_two_way}
+        return {
+            "lane": lanes,
+            "lane or beyond": lanes + 1,
+            "lane or oncoming": lanes + self.road.is_two_way,
+        }
 
     def constraints(self) -> Iterable[Constraint]:
-        """Vehicles start before the end of the road."""
+        """The condition that vehicles start before the end of the road, for `model.checks`."""
         is_beyond_end = self.vehicles.valid & (self.start_s > self.road.length)
         expected = f"at most {self.road.length:g} m, the length of the road"
         yield Constraint("start_s", expected, is_beyond_end, self.start_s)
 
 
 class ForcedDecision(IntEnum):
-    """A decision that can be forced on the ego, from the first instant that allows it."""
+    """A decision that can be forced on the ego, carried out at the first instant that allows it."""
 
-    FREE = 0  # Nothing is forced; ends what an earlier intervention forced.
+    FREE = 0  # Nothing is forced; this also ends the effect of an earlier intervention.
     PULL_OUT = 1  # Begin the overtake, regardless of the gaps.
-    CANCEL = 2  # Turn back while pulling out.
+    CANCEL = 2  # Turn back during the lane change to the left.
     RETURN = 3  # Change back to the slower lane, regardless of the gaps.
-    STAY = 4  # Never begin an overtake.
+    STAY = 4  # Begin no overtake.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intervention:
-    """Changes of a simulation from a frame on. A field with its default changes nothing.
+    """Changes of all simulations of a batch from a frame on; a default value changes nothing.
 
-    `overtaking.branch` checks the ranges of the fields, not the constructor.
+    The constructor checks no ranges; `overtaking.branch` does.
 
     Attributes:
-        frame: First frame that it can affect; at 0 the start itself changes.
-        decision: Forced on every ego, until an intervention at a later frame forces another one;
-            None leaves the decision that an earlier intervention forced.
-        weather: Weather from then on, shape (simulation,) or of one simulation for all.
+        frame: First frame that can differ; at 0 the start itself changes.
+        decision: Decision forced on every ego until an intervention at a later frame states another
+            one; None leaves the decision that an earlier intervention forced.
+        weather: Weather from this frame on, shape (simulation,), or (1,) for all simulations.
         without: Factors removed from the weather: names in `model.weather.REMOVABLE_FACTORS`.
-        slot: Slot of the vehicle that the fields below change.
-        traits: Traits of its driver, names in `model.vehicles.DriverTraits`, SI units.
-        position_change: Distance by which it is displaced in its direction of travel [m]. The
-            positions that drivers perceived before are displaced too: no driver sees a jump.
+        slot: Slot of the vehicle that the fields below change, in every simulation.
+        traits: New traits of its driver: names of fields of `model.vehicles.DriverTraits` to values
+            in SI units.
+        position_change: Displacement in its direction of travel [m]. The positions that drivers
+            perceived before are displaced too, so no driver sees a jump.
         speed_change: Increase of its speed and of its desired speed [m/s].
-        remove: Whether to remove it, which is impossible for the ego. The vehicle goes far behind
-            the road, where no other vehicle meets it. Drivers who have noticed it look anew at
-            once.
+        remove: Whether to remove the vehicle; the ego cannot be removed. The vehicle is placed far
+            before the start of the road, where no other vehicle meets it. Drivers who have noticed
+            it look anew at once.
     """
 
     frame: Annotated[int, FieldSpec(low=0, high=2**31 - 1)] = 0
@@ -185,16 +222,17 @@ class Intervention:
     without: tuple[str, ...] = ()
     slot: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = EGO_SLOT
     traits: Mapping[str, float] = field(default_factory=dict[str, float])
+    # The ranges of both changes are chosen: wide enough for any question, to catch wrong units.
     position_change: Annotated[float, FieldSpec(unit="m", low=-1e4, high=1e4)] = 0.0
     speed_change: Annotated[float, FieldSpec(unit="m/s", low=-100.0, high=100.0)] = 0.0
     remove: bool = False
 
     def __post_init__(self) -> None:
-        """Accept integers of NumPy."""
+        """Convert integers of NumPy types to Python integers."""
         convert_integers(self, "frame", "slot")
 
     def to_dict(self) -> dict[str, Any]:
-        """Its changes as plain values, from which `from_dict` makes an equal intervention."""
+        """The intervention as values for JSON, without defaults; `from_dict` is the inverse."""
         values: dict[str, Any] = {"frame": self.frame}
         if self.decision is not None:
             values["decision"] = self.decision.name
@@ -210,10 +248,10 @@ class Intervention:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Intervention":
-        """The intervention that `to_dict` has written.
+        """The intervention from the values of `to_dict`.
 
         Raises:
-            KeyError, TypeError, ValueError: The values describe no intervention.
+            KeyError, TypeError, ValueError: The values do not describe an intervention.
         """
         fields = dict(values)
         if "decision" in fields:
@@ -225,17 +263,17 @@ class Intervention:
 
     @property
     def is_about_vehicle(self) -> bool:
-        """Whether it changes a single vehicle."""
+        """Whether it changes one vehicle, so that `slot` has a meaning."""
         return bool(self.traits or self.position_change or self.speed_change or self.remove)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchOrigin(Batch):
-    """Origin of a batch of branches.
+    """Origin of a batch of branches, stored with their recording.
 
     Attributes:
-        scenario: The scenarios before any intervention.
-        interventions: All of them, in the order of their frames.
+        scenario: The scenarios without any intervention.
+        interventions: The interventions, in the order of their frames.
     """
 
     scenario: Scenario
@@ -243,6 +281,6 @@ class BranchOrigin(Batch):
 
 
 def _weather_arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:
-    """The fields of a weather as arrays of their dtypes."""
+    """Fields of a `Weather`, from lists by field name to arrays of the declared dtypes."""
     fields = batch_fields(Weather)
     return {name: np.array(values, fields[name].dtype) for name, values in columns.items()}
