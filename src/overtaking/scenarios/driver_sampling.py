@@ -1,4 +1,15 @@
-"""Draws drivers from populations."""
+"""Draws the traits of drivers.
+
+A *trait* is a number or flag of a driver, such as the desired time gap. A *population* in
+`knowledge/data/drivers.toml` has two distributions of each trait: among *careful* drivers (driving
+style 0) and among *reckless* ones (1). A driving style is drawn for each driver, and its traits are
+drawn from distributions in between. `sample_traits` draws everything but speeds;
+`drivers_from_speeds` and `drivers_with_speed` then make a `DriverTraits`, the part of a scenario.
+
+Arrays have shape (simulation, vehicle). The position of a vehicle in the second axis is its *slot*;
+slot 0 is the ego, the driver whose overtaking is studied. All numbers are float32, so that a seed
+gives the same bits on every machine.
+"""
 
 from __future__ import annotations
 
@@ -35,44 +46,47 @@ if TYPE_CHECKING:
     from overtaking.scenarios.traffic_specification import PlacedTraffic
 
 LEADER_SLOT = 1
-"""The slot of the vehicle that the ego follows at the start."""
+"""The slot of the vehicle that the ego follows at the start in placed traffic (see
+`placed_traffic`). On a motorway any vehicle may have this slot."""
 
-_FILE = "drivers.toml"
+_POPULATIONS_FILE = "drivers.toml"
 
 SPEED_TRAITS = {
     "cruise_factor": FieldSpec("Desired speed of the traffic over the speed drawn for it"),
     "speed_over_leader": FieldSpec("How much faster than its leader an ego wants to drive", "m/s"),
     "wants_to_overtake": FieldSpec("Whether an ego wants to drive faster than its leader at all"),
 }
-"""The traits that `DriverTraits.desired_speed` is made from; it does not keep them."""
+"""Drawn traits from which `DriverTraits.desired_speed` is computed. No scenario stores them, so
+their meanings and units are stated here."""
 
 RECORDED_TRAITS = {
     name: field for name, field in batch_fields(DriverTraits).items() if name != "desired_speed"
 }
-"""The traits that are fields of `DriverTraits`."""
+"""Drawn traits that scenarios store: the fields of `DriverTraits` except for the desired speed."""
 
 ALL_TRAITS = {name: field.spec for name, field in RECORDED_TRAITS.items()} | SPEED_TRAITS
-"""Every trait that is drawn."""
+"""Meaning, unit and range of every trait that is drawn, by name."""
 
 CLASS_FACTORS = {
     "time_gap_factor": "time_gap",
     "accel_factor": "accel",
     "lane_change_factor": "lane_change_duration",
 }
-"""Factors of a vehicle class on its drivers: key in the file, and trait that it multiplies."""
+"""Factors by which drivers of a vehicle class differ from car drivers: key in `drivers.toml`, and
+the trait that the factor multiplies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Population:
-    """Drivers between two extremes.
+    """Distributions of traits at the two extremes of the driving style.
 
     Attributes:
-        careful: Distribution of each of `ALL_TRAITS` among drivers of driving style 0. The file's
-            order is the order in which they are drawn.
+        careful: Distribution of each of `ALL_TRAITS` among drivers of driving style 0, in the order
+            in which they are drawn, which is the order of the file.
         reckless: The same among drivers of driving style 1.
-        factors: By trait, the factor of each vehicle class on what a driver would do in a car, in
-            the order of `VEHICLE_CLASS_NAMES`: the factors of `CLASS_FACTORS`, and the comfortable
-            braking of the class.
+        factors: For the traits of `CLASS_FACTORS` and for `decel`, the comfortable deceleration:
+            the value in each vehicle class over the value in a car, in the order of
+            `VEHICLE_CLASS_NAMES`.
     """
 
     careful: Mapping[str, Distribution]
@@ -80,93 +94,124 @@ class Population:
     factors: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        """Refuse a missing trait, and one whose two distributions are of different kinds."""
+        """Refuse a missing trait, and distributions between which nothing can be interpolated.
+
+        The parameters of a distribution in between are interpolated, so both extremes need the same
+        kind of distribution. Discrete values ("choice") cannot be interpolated.
+        """
         for name in ALL_TRAITS:
             if name not in self.careful or list(self.careful) != list(self.reckless):
-                raise _wrong(name, "each trait in both extremes, in one order", "another list")
-            kinds = (self.careful[name].kind, self.reckless[name].kind)
-            if kinds[0] != kinds[1] or kinds[0] == "choice":
+                raise _file_error(name, "each trait in both extremes, in one order", "another list")
+            kind, reckless_kind = self.careful[name].kind, self.reckless[name].kind
+            if kind != reckless_kind or kind == "choice":
                 expected = "one kind of distribution from careful to reckless, not a choice"
-                raise _wrong(name, expected, f"{kinds[0]} and {kinds[1]}")
+                raise _file_error(name, expected, f"{kind} and {reckless_kind}")
 
 
 def population_names() -> tuple[str, ...]:
-    """The populations that the package knows."""
-    return tuple(load_toml(_FILE))
+    """Names of the populations in `drivers.toml`, such as `motorway`."""
+    return tuple(load_toml(_POPULATIONS_FILE))
 
 
 @cache
 def load_population(name: str) -> Population:
-    """One of `population_names()`; KnowledgeError for any other name."""
+    """Read a population.
+
+    Args:
+        name: One of `population_names()`.
+
+    Raises:
+        KnowledgeError: The name is unknown, or an entry of the population is invalid.
+    """
     if name not in population_names():
-        raise _wrong(f"population {name}", f"one of {', '.join(population_names())}", name)
+        raise _file_error(f"population {name}", f"one of {', '.join(population_names())}", name)
+    # By dotted key: `<population>.careful.<trait>`, `<population>.reckless.<trait>` or
+    # `<population>.classes.<vehicle class>.<factor>`.
     entries = {
-        key: entry for key, entry in all_quantities(_FILE).items() if key.startswith(f"{name}.")
+        key: entry
+        for key, entry in all_quantities(_POPULATIONS_FILE).items()
+        if key.startswith(f"{name}.")
     }
     factors = {
         trait: tuple(
-            _factor(entries.pop(f"{name}.classes.{kind}.{key}", None), key)
-            for kind in VEHICLE_CLASS_NAMES
+            _class_factor(entries.pop(f"{name}.classes.{vehicle_class}.{key}", None), key)
+            for vehicle_class in VEHICLE_CLASS_NAMES
         )
         for key, trait in CLASS_FACTORS.items()
     }
+    # Populations state the comfortable deceleration of car drivers. `vehicle_classes.toml` has the
+    # usual one of each class; "M", the medium car, is the reference.
     decels = [entry.comfort_decel.number for entry in vehicle_classes().values()]
     car_decel = vehicle_classes()["M"].comfort_decel.number
     factors["decel"] = tuple(decel / car_decel for decel in decels)
-    ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
-    for key, entry in entries.items():
-        _, end, trait = key.split(".", 2)
-        if end not in ends or trait not in ALL_TRAITS:
-            raise _wrong(
+    extremes: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
+    for key, entry in entries.items():  # The factors were removed from `entries` above.
+        _, extreme, trait = key.split(".", 2)
+        if extreme not in extremes or trait not in ALL_TRAITS:
+            raise _file_error(
                 f"unknown key {key}", "a trait of an extreme or a factor of a class", entry
             )
-        ends[end][trait] = _distribution(entry, trait)
-    return Population(**ends, factors=factors)
+        extremes[extreme][trait] = _trait_distribution(entry, trait)
+    return Population(**extremes, factors=factors)
 
 
-def trait_range(name: str, trait: str) -> tuple[float, float]:
-    """Least and largest number that a population has for a trait, in any vehicle."""
-    population = load_population(name)
-    ends = (population.careful[trait], population.reckless[trait])
+def trait_range(population_name: str, trait: str) -> tuple[float, float]:
+    """Smallest and largest value that any driver of a population can have, in its unit.
+
+    Args:
+        population_name: One of `population_names()`.
+        trait: One of `ALL_TRAITS`.
+    """
+    population = load_population(population_name)
+    extremes = (population.careful[trait], population.reckless[trait])
     factors = as_f32(population.factors.get(trait, (1.0,)))
-    low, high = min(end.low for end in ends), max(end.high for end in ends)
+    low = min(distribution.low for distribution in extremes)
+    high = max(distribution.high for distribution in extremes)
     return low * float(factors.min()), high * float(factors.max())
 
 
-def _distribution(entry: Distribution | Quantity, trait: str) -> Distribution:
-    """The distribution of a trait, which must have its unit."""
+def _trait_distribution(entry: Distribution | Quantity, trait: str) -> Distribution:
+    """The entry of a trait, checked: a distribution in the unit of the trait."""
     unit = ALL_TRAITS[trait].unit
     if isinstance(entry, Distribution) and entry.unit == unit:
         return entry
-    raise _wrong(trait, f"a distribution in {unit}", entry)
+    raise _file_error(trait, f"a distribution in {unit}", entry)
 
 
-def _factor(entry: Distribution | Quantity | None, key: str) -> float:
-    """A factor of a vehicle class; 1 where the file names no difference to a car."""
+def _class_factor(entry: Distribution | Quantity | None, key: str) -> float:
+    """A factor of a vehicle class; 1, as for a car, where the file has no entry (None)."""
     if isinstance(entry, Distribution):
-        raise _wrong(key, "a quantity", entry)
+        raise _file_error(key, "a quantity", entry)
     return 1.0 if entry is None else entry.number
 
 
-def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
+def _file_error(what: str, expected: str, got: object) -> KnowledgeError:
     return KnowledgeError(
-        what=what, where=_FILE, expected=expected, got=got, next_step="correct the entry"
+        what=what,
+        where=_POPULATIONS_FILE,
+        expected=expected,
+        got=got,
+        next_step="correct the entry",
     )
 
 
 def sample_traits(
     block: SampleBlock, kind: U8, transform: NumberTransform = identity_transform
 ) -> dict[str, F32]:
-    """Draw the traits of each driver, before speeds are drawn.
+    """Draw the traits of each driver.
 
     Args:
-        block: The simulations that are drawn together.
-        kind: Vehicle classes, shape (simulation, vehicle).
-        transform: Transforms the numbers of driving styles and of the ego's traits, see
-            `ProposalSampler`.
+        block: The simulations that are drawn together, with their random numbers. Section
+            `[drivers]` of its specification names the population, the range of driving styles, and
+            traits that are fixed or scaled for all drivers.
+        kind: Vehicle class of each vehicle, its position in `VEHICLE_CLASS_NAMES`, shape
+            (simulation, vehicle).
+        transform: Called with the name and the random numbers, shape (simulation,), of each driving
+            style and of each trait of the ego; returns the numbers to use. Importance sampling
+            replaces the numbers here; by default they stay.
 
     Returns:
-        `ALL_TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+        Values of `ALL_TRAITS` by name, each with the shape of `kind`; flags are 1 or 0.
     """
     section = block.specification.drivers
     stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
@@ -176,12 +221,14 @@ def sample_traits(
     for slot in range(EGO_SLOT + 1, driving_style.shape[1]):
         driving_style[:, slot] = transform("others_driving_style", driving_style[:, slot])
     driving_style = scale_to_range(driving_style, *section.driving_style)
+    # All traits come from one stream, so the order of the population decides every value.
     traits = {
-        name: _trait(name, population, driving_style, stream, transform)
+        name: _draw_trait(name, population, driving_style, stream, transform)
         for name in population.careful
     }
     for name, factors in population.factors.items():
         traits[name] = traits[name] * as_f32(factors)[kind]
+    # After the factors of vehicle classes: a fixed value holds in every vehicle.
     for name, value in section.fixed.values().items():
         traits[name] = np.full(kind.shape, value, np.float32)
     for name, factor in (section.scale or {}).items():
@@ -192,26 +239,31 @@ def sample_traits(
 def drivers_from_speeds(
     traits: Mapping[str, F32], drawn_speed: F32, max_speed: F32
 ) -> DriverTraits:
-    """Drivers with the speeds that they want.
+    """Drivers of placed traffic, whose desired speeds follow from the speeds at the start.
 
-    The traffic goes on at about the speed that it came with. The ego wants to be faster than its
-    leader, unless it is one of the few who are content to follow.
+    The other drivers want about the speed at which they start. The ego wants to be faster than its
+    leader if it draws the trait `wants_to_overtake`, and otherwise at most as fast.
 
     Args:
         traits: As `sample_traits` returns them.
-        drawn_speed: Speeds that were drawn for the vehicles, shape (simulation, vehicle) [m/s].
-        max_speed: Top speeds, the same shape [m/s].
+        drawn_speed: Speeds drawn for the start, shape (simulation, vehicle) [m/s].
+        max_speed: Top speeds of the vehicles, the same shape [m/s].
     """
     desired = drawn_speed * traits["cruise_factor"]
     leader, ego = desired[:, LEADER_SLOT], drawn_speed[:, EGO_SLOT]
-    wants = traits["wants_to_overtake"][:, EGO_SLOT] > 0
+    wants_to_overtake = traits["wants_to_overtake"][:, EGO_SLOT] > 0
     faster = maximum(ego, leader + traits["speed_over_leader"][:, EGO_SLOT])
-    desired[:, EGO_SLOT] = np.where(wants, faster, minimum(ego, leader))
+    desired[:, EGO_SLOT] = np.where(wants_to_overtake, faster, minimum(ego, leader))
     return drivers_with_speed(traits, minimum(desired, max_speed))
 
 
 def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverTraits:
-    """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
+    """Drivers with the given desired speeds, in traffic of any kind.
+
+    Args:
+        traits: As `sample_traits` returns them; the traits of speeds are not used.
+        desired_speed: Desired speeds on a free road, shape (simulation, vehicle) [m/s].
+    """
     recorded: dict[str, Any] = {
         name: traits[name] > 0 if field.is_flag else traits[name]
         for name, field in RECORDED_TRAITS.items()
@@ -219,63 +271,78 @@ def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverT
     return DriverTraits(desired_speed=desired_speed, **recorded)
 
 
-def max_placed_desired_speed(people: DriversSection, traffic: PlacedTraffic) -> float:
-    """The highest speed that anyone may want [m/s]."""
-    population = load_population(people.population)
-    gain = max(end["speed_over_leader"].high for end in (population.careful, population.reckless))
-    cruise = max_cruise_factor(people)
-    drawn_speed = mps_from_kmh(traffic.speed_kmh[1])
-    lead = cruise * mps_from_kmh(traffic.leader_speed_kmh[1])
-    return max(cruise * drawn_speed, lead + gain)
+def max_placed_desired_speed(drivers: DriversSection, traffic: PlacedTraffic) -> float:
+    """Largest desired speed that `drivers_from_speeds` can give a driver [m/s].
+
+    Decides how long the road must be so that no vehicle leaves it.
+
+    Args:
+        drivers: Section `[drivers]` of the specification.
+        traffic: Section `[traffic]` of the specification.
+    """
+    population = load_population(drivers.population)
+    extremes = (population.careful, population.reckless)
+    max_gain = max(distributions["speed_over_leader"].high for distributions in extremes)
+    cruise_factor = max_cruise_factor(drivers)
+    max_others_speed = cruise_factor * mps_from_kmh(traffic.speed_kmh[1])
+    max_leader_speed = cruise_factor * mps_from_kmh(traffic.leader_speed_kmh[1])
+    return max(max_others_speed, max_leader_speed + max_gain)
 
 
-def max_cruise_factor(people: DriversSection) -> float:
-    """The largest factor that anyone may have on the speed of their type."""
-    population = load_population(people.population)
-    return max(end["cruise_factor"].high for end in (population.careful, population.reckless))
+def max_cruise_factor(drivers: DriversSection) -> float:
+    """Largest value of the trait `cruise_factor` in the population of a section `[drivers]` [1].
+
+    In traffic other than placed traffic, the trait multiplies the usual speed of the vehicle class.
+    """
+    population = load_population(drivers.population)
+    extremes = (population.careful, population.reckless)
+    return max(distributions["cruise_factor"].high for distributions in extremes)
 
 
-def _trait(
+def _draw_trait(
     name: str,
     population: Population,
     driving_style: F32,
     stream: RandomStream,
     transform: NumberTransform,
 ) -> F32:
-    """One trait of each driver, drawn from the distribution of its driving style."""
-    ends = (population.careful[name], population.reckless[name])
-    kind = ends[0].kind
+    """Draw one trait of each driver, shape (simulation, vehicle).
+
+    A constant trait takes no random number from the stream, any other trait takes one. Another
+    count would change all traits that follow.
+    """
+    extremes = (population.careful[name], population.reckless[name])
+
+    def interpolate_parameter(parameter: str) -> F32:
+        careful, reckless = (entry.parameter(parameter) for entry in extremes)
+        return _interpolate(driving_style, careful, reckless)
+
+    kind = extremes[0].kind  # The same at both extremes, see `Population`.
     if kind == "constant":
-        return _between(driving_style, *(end.parameter("value") for end in ends))
+        return interpolate_parameter("value")
     if kind == "bernoulli":
-        probability = _between(driving_style, *(end.parameter("probability") for end in ends))
         u = stream.uniform()
         u[:, EGO_SLOT] = transform(f"ego_{name}", u[:, EGO_SLOT])
-        return (u < probability).astype(np.float32)
-    low, high = (
-        _between(driving_style, *(getattr(end, side) for end in ends)) for side in ("low", "high")
-    )
+        return (u < interpolate_parameter("probability")).astype(np.float32)
+    low = _interpolate(driving_style, *(entry.low for entry in extremes))
+    high = _interpolate(driving_style, *(entry.high for entry in extremes))
     if kind == "uniform":
         return scale_to_range(stream.uniform(), low, high)
-    normal = stream.unbounded_normal()
-    normal[:, EGO_SLOT] = transform(f"ego_{name}", normal[:, EGO_SLOT])
-    sigma = _between(driving_style, *(end.parameter("sigma") for end in ends))
-    return clamp(
-        _distribution_value(kind, ends, driving_style, sigma * truncate(normal)), low, high
-    )
-
-
-def _distribution_value(
-    kind: str, ends: tuple[Distribution, Distribution], driving_style: F32, deviation: F32
-) -> F32:
-    """Centre plus deviation of a normal, or their exponential of a lognormal."""
+    # `truncate` limits the number to 2.5 standard deviations. It follows the transform, because the
+    # weights of importance sampling hold for numbers of the unbounded normal distribution.
+    z = stream.unbounded_normal()
+    z[:, EGO_SLOT] = transform(f"ego_{name}", z[:, EGO_SLOT])
+    deviation = interpolate_parameter("sigma") * truncate(z)
     if kind == "normal":
-        return _between(driving_style, *(end.parameter("mean") for end in ends)) + deviation
-    medians = log(as_f32([end.parameter("median") for end in ends]))
-    return exp(_between(driving_style, float(medians[0]), float(medians[1])) + deviation)
+        return clamp(interpolate_parameter("mean") + deviation, low, high)
+    # Lognormal: `sigma` is the standard deviation of the logarithm, and the logarithms of the
+    # medians are interpolated.
+    log_medians = log(as_f32([entry.parameter("median") for entry in extremes]))
+    centre = _interpolate(driving_style, float(log_medians[0]), float(log_medians[1]))
+    return clamp(exp(centre + deviation), low, high)
 
 
-def _between(driving_style: F32, careful: float, reckless: float) -> F32:
-    """The value between two ends that corresponds to the driving style."""
-    start, end = np.float32(careful), np.float32(reckless)
-    return start + (end - start) * driving_style
+def _interpolate(driving_style: F32, careful: float, reckless: float) -> F32:
+    """Linear interpolation: `careful` at driving style 0, `reckless` at 1."""
+    careful32, reckless32 = np.float32(careful), np.float32(reckless)
+    return careful32 + (reckless32 - careful32) * driving_style

@@ -1,10 +1,18 @@
-"""Traffic of one direction at a density.
+"""Draws the traffic of a road with one direction, at a density (profiles `motorway`, ...).
+
+`sample_motorway_traffic` takes section `[traffic]` of a specification with `mode = "flow"` and
+returns vehicles, drivers, lanes and a function for stations and speeds. `sampler` calls it once for
+each block of simulations. The *ego* is the vehicle whose overtaking is studied; it has slot 0. A
+*slot* is the position of a vehicle in the second axis of arrays, a *station* a distance along the
+road.
 
 The traffic has ends: in each lane, the outermost vehicle ahead of the ego and the outermost one
 behind it. Vehicles are placed from the ego outwards, until the ego would see no end before its last
 overtake is over, or until all slots are filled. Traffic on a ring would show the ego the same truck
 every minute and a half, and vehicles that are moved from far behind to far ahead would make
 recorded states jump by a kilometre.
+
+Arrays that decide scenarios are float32, so that a seed gives the same bits on every machine.
 """
 
 from dataclasses import dataclass
@@ -39,36 +47,39 @@ from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import END_MARGIN, FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
-# Choices of `knowledge/data/sampling.toml`, as Python floats: `road_length` computes in float64.
+# These numbers are choices; `knowledge/data/sampling.toml` has values and reasons, in section
+# [flow]. They are Python floats, because `road_length` computes in float64.
 
 APPROACH_MARGIN = number("sampling.flow.approach_margin")
-"""Error of the estimated speed at which the ego approaches an end of the traffic: it may approach
-faster by up to this much [m/s]."""
+"""The ego may approach an end of the traffic faster than estimated, by up to this speed [m/s]."""
 
 EGO_SPEED_SHARE = number("sampling.flow.ego_speed_share")
-"""Estimated speed of the ego: the speed of its lane plus this share of the difference between its
-desired speed and the speed of its lane [1]."""
+"""The ego's estimated speed lies between the mean speed of its lane (share 0) and its desired speed
+(share 1): other vehicles hold it up at times [1]."""
 
 MIN_SPACING = number("sampling.flow.min_spacing")
 """Smallest distance between the centres of two vehicles of a lane at standstill [m]."""
 
 MIN_TIME_GAP = number("sampling.flow.min_time_gap")
-"""Increase of that smallest distance with the speed of the lane [s]."""
+"""The smallest distance of centres grows with the speed of the lane, by this time times the speed
+[s]."""
 
 RELAXING_DECEL = number("sampling.flow.relaxing_decel")
-"""Deceleration of a rolling vehicle [m/s^2]. A vehicle with a larger gap than its driver wants may
-start faster than its leader, by the speed that it loses over the additional distance if it rolls:
-so nobody brakes because of the start."""
+"""Deceleration of a vehicle that rolls without brakes [m/s^2]. A vehicle with a larger gap than its
+driver wants may start faster than its leader, but only by the speed that rolling takes away until
+the gap is the desired one. So no driver has to brake because of the start."""
 
 PASSING_MARGIN = number("sampling.flow.passing_margin")
 """Largest speed while overtaking, over the desired speed [1]."""
 
 RETURN_TIME = number("sampling.flow.return_time")
 """Duration of a common overtake [s]. Vehicles are placed so that the ego sees no end of the traffic
-before the deadline of an attempt and this time later, unless the slots run out."""
+for this long after the deadline of an attempt, unless the slots run out. The deadline is the time
+at which a simulation ends if the ego has not begun to overtake."""
 
 _FREE = np.float32(1e6)
-"""Station [m] and speed [m/s] of the leader of a vehicle that has none: far away and fast."""
+"""Station [m] and speed [m/s] of an imaginary leader where the lane ahead is free: far away and
+fast, so that it limits no follower."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,10 +87,11 @@ class VehicleLayout:
     """Lanes and stations of the ego and the vehicles around it.
 
     Attributes:
-        valid: Whether the slot holds a vehicle, (simulation, vehicle).
-        lane: Lane, 0 the slowest, (simulation, vehicle).
-        s: Distance ahead of the ego, negative behind it, (simulation, vehicle) [m].
-        time: Earliest time at which the ego may see an end of the traffic, (simulation,) [s].
+        valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
+        lane: Lane, 0 the slowest, shape (simulation, vehicle).
+        s: Station of the centre relative to the ego, negative behind it, shape (simulation,
+            vehicle) [m].
+        time: Earliest time at which the ego may see an end of the traffic, shape (simulation,) [s].
     """
 
     valid: Mask
@@ -105,14 +117,20 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
     """Draw vehicles of one direction, the ego among them.
 
     Args:
-        block: The simulations that are drawn together.
+        block: The simulations that are drawn together, with their random numbers.
         flow: Section `[traffic]` of the specification.
+
+    Returns:
+        Vehicles and drivers. Stations follow later, when the desired speeds in the weather of each
+        simulation are known: the caller passes them to `states_at_speed`.
     """
     lane = draw_ego_lane(block, flow)
     desired_speed, transform = _ego_desired_speed(block, flow, lane)
     layout = place_around_ego(block, flow, EgoStart(lane=lane, desired_speed=desired_speed))
     kinds = partial(vehicle_kinds, flow, lane=layout.lane)
-    vehicles = sample_vehicles(block, kinds, flow.colours, flow.vehicles[1])
+    max_vehicles = flow.vehicles[1]
+    # All slots get a vehicle and a driver; `layout.valid` selects the vehicles that take part.
+    vehicles = sample_vehicles(block, kinds, flow.colours, max_vehicles)
     traits = sample_traits(block, vehicles.kind, transform)
     speeds = desired_speeds(flow, traits["cruise_factor"], vehicles.kind, layout.lane)
     speeds = minimum(speeds, top_speeds()[vehicles.kind])
@@ -121,43 +139,63 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
-        # The share keeps vehicles that have to move back from all starting at the end of a short
-        # zone. This zone is the whole road, so they need none.
+        # The repair of starts may move a vehicle back. In a short zone, vehicles keep a share of
+        # the space behind them, so that they do not pile up at its end. On a whole road they need
+        # not.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
-        # The speeds that drivers want in the weather follow later, when the weather is drawn.
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
-        # Where the slots run out, the simulation ends before the ego sees an end of the traffic.
+        # Where the slots run out, the deadline is the time at which the ego may see an end of the
+        # traffic: later attempts would meet an empty road.
         deadline=minimum(layout.time, deadline),
     )
 
 
 def road_length(specification: Specification, flow: FlowTraffic) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m].
+    """Length of a road that no vehicle leaves before the end of the simulation [m].
 
-    With the horizon T, the ego's speed v and the speed u of a lane, the end of the traffic ahead in
-    that lane starts at most at sight ahead + (v - u + margin) T + one spacing, the end behind at
-    sight behind + (u - v + margin) T + one spacing; see `_TrafficEnds`. Over all lanes the sum of
-    the two speed differences is at most the range of the lanes' speeds plus the ego's speed. From
-    the foremost start, a vehicle that overtakes all the time drives its largest speed times T.
+    The road is the sum of the longest traffic at the start and the longest way of its foremost
+    vehicle. With the duration T, the ego's speed v and the mean speed u of a lane, the traffic of
+    that lane begins at most
+
+        sight ahead  + (v - u + margin) T + one spacing   ahead of the ego, and ends at most
+        sight behind + (u - v + margin) T + one spacing   behind it,
+
+    because `_TrafficEnds` adds no vehicle beyond if the deadline and `RETURN_TIME` end within T.
+    The foremost and the rearmost vehicle may be in lanes of different speeds, so the bound takes
+    the speed range of the lanes and the ego's speed.
+
+    Args:
+        specification: The specification of the scenarios: its duration and its drivers.
+        flow: Section `[traffic]` of the specification.
     """
-    horizon = specification.time.horizon_s
+    duration = specification.time.horizon_s
     lane_speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
     speed_range = max(lane_speeds) - min(lane_speeds) + 2.0 * APPROACH_MARGIN
     speed_factor = max(lane.speed_factor for lane in flow.lanes)
     speed_factor *= max_cruise_factor(specification.drivers)
     max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
-    # The smallest density of a lane is at least the smallest mean density over this ratio.
+    # `FlowLane.density` is relative to the mean of the lanes, so the density of a lane is at least
+    # the mean density over this ratio.
     density_ratio = max(lane.density for lane in flow.lanes)
     density_ratio /= min(lane.density for lane in flow.lanes)
-    max_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
-    max_spacing *= float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
-    traffic = sum(flow.sight_m) + (speed_range + max_speed) * horizon + 2.0 * max_spacing
-    return END_MARGIN + traffic + PASSING_MARGIN * max_speed * horizon
+    max_mean_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
+    # A drawn spacing exceeds the mean by at most this factor, as normal numbers end at MAX_SIGMAS.
+    max_spacing = max_mean_spacing * float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
+    traffic = sum(flow.sight_m) + (speed_range + max_speed) * duration + 2.0 * max_spacing
+    return END_MARGIN + traffic + PASSING_MARGIN * max_speed * duration
 
 
 def draw_ego_lane(block: SampleBlock, flow: FlowTraffic) -> U8:
-    """The lane in which the ego starts, shape (simulation,)."""
+    """Draw the lane in which the ego starts, in proportion to the densities of its lanes.
+
+    Args:
+        block: The simulations that are drawn together.
+        flow: Section `[traffic]` of the specification.
+
+    Returns:
+        Lanes, 0 the slowest, shape (simulation,).
+    """
     u = block.stream(Stream.LAYOUT).uniform()
     weights = [flow.lanes[lane].density for lane in flow.ego_lanes]
     return np.array(flow.ego_lanes, np.uint8)[choose_weighted(u, weights)]
@@ -172,15 +210,15 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
         ego: The ego's lane and desired speed.
 
     Returns:
-        The vehicles with the ego in slot 0, at station 0.
+        The vehicles with the ego in slot 0, at station 0. Filled slots come before empty ones.
     """
-    stream = block.stream(Stream.LAYOUT)
-    stream.uniform()  # The number that `draw_ego_lane` used.
-    # The proposal of importance sampling may draw some densities more often, see `ProposalSampler`.
+    stream = block.stream(Stream.LAYOUT)  # It begins anew, so its first number comes once more.
+    stream.uniform()  # Skips the number that `draw_ego_lane` used.
+    # Importance sampling may replace the number, so that some densities are drawn more often.
     u = block.proposal.transform("density", stream.uniform())
     vehicles_per_metre = scale_to_range(u, *_vehicles_per_metre(flow))
-    phases = [stream.uniform() for _ in flow.lanes]
-    ends = _TrafficEnds(flow, vehicles_per_metre, ego, phases)
+    first_positions = [stream.uniform() for _ in flow.lanes]
+    ends = _TrafficEnds(flow, vehicles_per_metre, ego, first_positions)
     end_time = np.float32(block.specification.time.attempt_deadline_s + RETURN_TIME)
     min_vehicles, max_vehicles = flow.vehicles
     valid = [np.ones(len(ego.lane), np.bool_)]
@@ -200,15 +238,18 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
 
 
 def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
-    """Vehicle classes by lane.
+    """Choose vehicle classes by the weights of each lane.
 
-    The ego, in slot 0, is never a motorcycle or bicycle (a choice): it gets another class of its
-    lane, in proportion to their weights.
+    The ego, in slot 0, is never a motorcycle ("MC") or bicycle ("B"), which is a choice: it gets
+    another class of its lane, in proportion to their weights.
 
     Args:
         flow: Section `[traffic]` of the specification.
-        u: Uniform numbers, shape (simulation, vehicle).
-        lane: Lanes, the same shape.
+        u: Uniform numbers in (0, 1), shape (simulation, vehicle).
+        lane: Lanes, 0 the slowest, the same shape.
+
+    Returns:
+        Positions in `VEHICLE_CLASS_NAMES`, the same shape.
     """
     kind = np.zeros(u.shape, np.uint8)
     for lane_index, flow_lane in enumerate(flow.lanes):
@@ -223,13 +264,14 @@ def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
 
 
 def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) -> F32:
-    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s].
+    """The speed that each driver wants on a free road, shape (simulation, vehicle) [m/s].
 
     Args:
         flow: Section `[traffic]` of the specification.
-        cruise_factor: The trait of that name, shape (simulation, vehicle).
+        cruise_factor: Trait of the driver, a factor on the usual speed of the vehicle class, shape
+            (simulation, vehicle).
         kind: Vehicle classes, the same shape.
-        lane: Lanes, the same shape.
+        lane: Lanes, 0 the slowest, the same shape.
     """
     # `FlowTraffic` checks that each class of its lanes has a speed. Other classes are not drawn, so
     # nothing reads their number.
@@ -241,11 +283,12 @@ def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) ->
 def following_starts(
     layout: VehicleLayout, half_length: F32, desired_speed: F32, time_gap: F32, min_gap: F32
 ) -> StartStates:
-    """Stations and speeds at which every vehicle follows the one ahead.
+    """Stations and speeds at which every vehicle follows the vehicle ahead of it in its lane.
 
     No vehicle is faster or nearer than its driver wants: a vehicle that was drawn nearer starts
     farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`. Vehicles are
-    treated from the foremost to the rearmost, each behind the rearmost so far of its lane.
+    treated from the foremost to the rearmost, so that each leader is placed before its follower.
+    `two_way_traffic` uses this function, too.
 
     Args:
         layout: Lanes and stations; all other arrays have the shape of its lanes.
@@ -253,10 +296,14 @@ def following_starts(
         desired_speed: Desired speeds [m/s].
         time_gap: Desired time gaps [s].
         min_gap: Desired gaps at standstill [m].
+
+    Returns:
+        Stations of the centres [m] and speeds [m/s], the same shape, without meaning where a slot
+        is empty.
     """
     order = np.argsort(np.where(layout.valid, layout.s, np.inf), axis=1, kind="stable")
-    # Each list holds one array of shape (simulation,) for each rank, the rearmost vehicle first.
-    # Empty slots come last and have a lane of their own.
+    # From here on, lists hold one array of shape (simulation,) for each rank; rank 0 is the
+    # rearmost vehicle of a simulation. Empty slots come last, in lane 255, which no vehicle has.
     lane = sort_columns(np.where(layout.valid, layout.lane, np.uint8(255)), order)
     s, half = sort_columns(layout.s, order), sort_columns(half_length, order)
     desired, gap_time, standstill_gap = (
@@ -264,20 +311,23 @@ def following_starts(
     )
     free = np.full_like(s[0], _FREE)
     num_lanes = int(layout.lane.max(initial=0)) + 1
-    rear_s, rear_speed = [free] * num_lanes, [free] * num_lanes  # Of the rearmost so far, by lane.
+    # Rear bumper and speed of the last vehicle that was placed in each lane, the next leader there.
+    leader_rear_s, leader_speeds = [free] * num_lanes, [free] * num_lanes
     speed = [free] * len(s)
     for rank in reversed(range(len(s))):
-        # Each item of `s` and `speed` is replaced by a new array; `layout.s` stays as it is.
-        bumper, leader_speed = _of_lane(rear_s, lane[rank]), _of_lane(rear_speed, lane[rank])
+        rear_s = _value_in_lane(leader_rear_s, lane[rank])
+        leader_speed = _value_in_lane(leader_speeds, lane[rank])
         following_speed = minimum(desired[rank], leader_speed)
-        nearest = bumper - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
-        s[rank] = minimum(s[rank], nearest)
-        closing_speed = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest - s[rank]))
+        nearest_s = rear_s - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
+        s[rank] = minimum(s[rank], nearest_s)
+        closing_speed = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest_s - s[rank]))
         speed[rank] = minimum(desired[rank], leader_speed + closing_speed)
         for lane_index in range(num_lanes):
             is_in_lane = lane[rank] == lane_index
-            rear_s[lane_index] = np.where(is_in_lane, s[rank] - half[rank], rear_s[lane_index])
-            rear_speed[lane_index] = np.where(is_in_lane, speed[rank], rear_speed[lane_index])
+            leader_rear_s[lane_index] = np.where(
+                is_in_lane, s[rank] - half[rank], leader_rear_s[lane_index]
+            )
+            leader_speeds[lane_index] = np.where(is_in_lane, speed[rank], leader_speeds[lane_index])
     return StartStates(s=unsort_columns(s, order), speed=unsort_columns(speed, order))
 
 
@@ -287,13 +337,19 @@ def _ego_desired_speed(
     """The speed that the ego wants, and the transform that gives its traits once more.
 
     The traffic is placed by the ego's desired speed, so the ego is drawn alone first and once more
-    with the other vehicles. Both times it gets the same numbers: each slot has a random stream of
-    its own, which a `SampleBlock` begins anew for each caller, and the class is its first number.
+    with the other vehicles. Both times it gets the same random numbers: each slot has a stream of
+    its own, which `SampleBlock` begins anew for each caller.
+
+    Args:
+        block: The simulations that are drawn together.
+        flow: Section `[traffic]` of the specification.
+        lane: The ego's lane, shape (simulation,).
 
     Returns:
-        Desired speeds, shape (simulation,) [m/s], and a transform for the second time, which
-        returns the ego's numbers of the first. Another call of the proposal would multiply the
-        weight of a simulation by the probability density ratios of these numbers once more.
+        Desired speeds, shape (simulation,) [m/s], and a transform for the second draw, which
+        returns the ego's numbers of the first. The proposal of importance sampling may see each
+        number only once: each call of `block.proposal.transform` multiplies the weight of the
+        simulation by the density ratio of the number.
     """
     u = kind_number(block, EGO_SLOT)[:, None]
     kind = vehicle_kinds(flow, u, lane[:, None])
@@ -314,18 +370,26 @@ def _ego_desired_speed(
 def _states_at_speed(
     layout: VehicleLayout, vehicles: VehicleSpecs, traits: dict[str, F32], desired_speed: F32
 ) -> StartStates:
-    """Stations and speeds of vehicles that follow each other, the rearmost near s = 0."""
+    """Stations and speeds of vehicles that follow each other and want `desired_speed` [m/s].
+
+    Stations count from the beginning of the road; the rearmost vehicle is at `END_MARGIN`.
+    """
     half_length, time_gap = 0.5 * vehicles.length, traits["time_gap"]
     states = following_starts(layout, half_length, desired_speed, time_gap, traits["min_gap"])
-    rearmost = states.s[:, 0]
+    rearmost_s = states.s[:, 0]
     for slot in range(1, states.s.shape[1]):
-        station = np.where(layout.valid[:, slot], states.s[:, slot], rearmost)
-        rearmost = minimum(rearmost, station)
-    return states._replace(s=states.s - rearmost[:, None] + np.float32(END_MARGIN))
+        station = np.where(layout.valid[:, slot], states.s[:, slot], rearmost_s)
+        rearmost_s = minimum(rearmost_s, station)
+    return states._replace(s=states.s - rearmost_s[:, None] + np.float32(END_MARGIN))
 
 
-def _of_lane(values: list[F32], lane: U8) -> F32:
-    """The value of each simulation's lane, `_FREE` outside of all lanes."""
+def _value_in_lane(values: list[F32], lane: U8) -> F32:
+    """The value that belongs to the lane of each simulation; `_FREE` outside of all lanes.
+
+    Args:
+        values: For each lane, an array of shape (simulation,).
+        lane: Lane in each simulation, shape (simulation,).
+    """
     lane_value = np.full_like(values[0], _FREE)
     for lane_index, value in enumerate(values):
         lane_value = np.where(lane == lane_index, value, lane_value)
@@ -341,12 +405,12 @@ def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:
 class _TrafficEnds:
     """The ends of the traffic, in each lane ahead and behind, and when the ego may see them.
 
-    Vehicles of a lane drive at the speed of the lane and the ego at its estimated speed, see
-    `EGO_SPEED_SHARE`. The ego sees an end when their distance falls to the sight distance.
+    The estimate takes all vehicles of a lane to drive at the speed of the lane, and the ego at the
+    speed that `EGO_SPEED_SHARE` describes. The ego sees an end as soon as it is within sight.
     """
 
     def __init__(
-        self, flow: FlowTraffic, vehicles_per_metre: F32, ego: EgoStart, phases: list[F32]
+        self, flow: FlowTraffic, vehicles_per_metre: F32, ego: EgoStart, first_positions: list[F32]
     ) -> None:
         """Begin with the ego alone; in each other lane a first station near the ego is drawn.
 
@@ -354,7 +418,8 @@ class _TrafficEnds:
             flow: Section `[traffic]` of the specification.
             vehicles_per_metre: Mean density of the lanes, shape (simulation,) [1/m].
             ego: The ego's lane and desired speed.
-            phases: For each lane, uniform numbers that give the first station.
+            first_positions: For each lane, uniform numbers in (0, 1), shape (simulation,). They
+                place the first station within half of a mean spacing around the ego.
         """
         mean_density = np.float32(sum(lane.density for lane in flow.lanes) / len(flow.lanes))
         speeds = [np.float32(mps_from_kmh(lane.speed_kmh)) for lane in flow.lanes]
@@ -369,23 +434,26 @@ class _TrafficEnds:
         self._min_spacing = [
             np.float32(MIN_SPACING) + np.float32(MIN_TIME_GAP) * speed for speed in speeds
         ]
-        self._spacing = [
+        self._mean_spacing = [
             np.float32(1.0) / (vehicles_per_metre * np.float32(lane.density) / mean_density)
             for lane in flow.lanes
         ]
         self._is_empty = [ego.lane != lane_index for lane_index in range(len(speeds))]
         first_s = [
             np.where(is_empty, (u - np.float32(0.5)) * spacing, np.float32(0.0))
-            for u, spacing, is_empty in zip(phases, self._spacing, self._is_empty, strict=True)
+            for u, spacing, is_empty in zip(
+                first_positions, self._mean_spacing, self._is_empty, strict=True
+            )
         ]
-        # Distances of the ends from the ego's start [m].
+        # Distances of the ends from the ego's start, by lane [m]. In an empty lane both ends are at
+        # the first station, so one of the two distances is negative.
         self._ahead, self._behind = list(first_s), [-s for s in first_s]
 
     @property
     def time(self) -> F32:
         """Earliest time at which the ego may see an end, shape (simulation,) [s]."""
-        soonest, *others = self._times()
-        for time in others:
+        soonest, *later_times = self._times()
+        for time in later_times:
             soonest = minimum(soonest, time)
         return soonest
 
@@ -393,14 +461,16 @@ class _TrafficEnds:
         """Add a vehicle at the end that the ego would see first.
 
         Args:
-            z: Standard normal numbers, which give the spacing, shape (simulation,).
-            is_needed: Simulations that get the vehicle; the ends of others stay, shape
-                (simulation,).
+            z: Standard normal numbers, which decide the spacing, shape (simulation,).
+            is_needed: Simulations that get the vehicle; in the others the ends stay where they are,
+                shape (simulation,).
 
         Returns:
             Lanes and stations [m] of the vehicle, shape (simulation,).
         """
         times = self._times()
+        # Ends are numbered as in `_times`: 2 * lane for the end ahead, 2 * lane + 1 for the end
+        # behind.
         first_end = np.zeros(z.shape, np.uint8)
         soonest = times[0]
         for end, time in enumerate(times):
@@ -410,9 +480,9 @@ class _TrafficEnds:
         lane, station = np.zeros(z.shape, np.uint8), np.zeros_like(z)
         for lane_index in range(len(self._speeds)):
             is_ahead, is_behind = first_end == 2 * lane_index, first_end == 2 * lane_index + 1
-            distance = self._distance(lane_index, z)
-            ahead = self._ahead[lane_index] + distance
-            behind = self._behind[lane_index] + distance
+            spacing = self._draw_spacing(lane_index, z)
+            ahead = self._ahead[lane_index] + spacing
+            behind = self._behind[lane_index] + spacing
             station = np.where(is_ahead, ahead, np.where(is_behind, -behind, station))
             lane = np.where(is_ahead | is_behind, np.uint8(lane_index), lane)
             gets_ahead, gets_behind = is_ahead & is_needed, is_behind & is_needed
@@ -422,28 +492,33 @@ class _TrafficEnds:
         return lane, station
 
     def _times(self) -> list[F32]:
-        """Time at which the ego may see each end [s]: lane by lane, ahead and then behind."""
+        """Time at which the ego may see each end [s]: lane by lane, ahead and then behind.
+
+        Each array has shape (simulation,). A time is negative if the end is in sight at the start.
+        """
         zero, margin = np.zeros_like(self._ego_speed), np.float32(APPROACH_MARGIN)
         times: list[F32] = []
         for lane_index, speed in enumerate(self._speeds):
             speed_difference = self._ego_speed - speed
-            # The ego catches up with the end ahead, the end behind catches up with the ego.
+            # The ego catches up with the end ahead, the end behind catches up with the ego. An end
+            # that recedes counts with the margin alone.
             closing_ahead = maximum(speed_difference, zero) + margin
             times.append((self._ahead[lane_index] - self._sight_ahead) / closing_ahead)
             closing_behind = maximum(-speed_difference, zero) + margin
             times.append((self._behind[lane_index] - self._sight_behind) / closing_behind)
         return times
 
-    def _distance(self, lane: int, z: F32) -> F32:
-        """Distance from the end of a lane to the next vehicle [m].
+    def _draw_spacing(self, lane: int, z: F32) -> F32:
+        """Distance between centres, from the end of a lane to the next vehicle [m].
 
-        The first vehicle of a lane starts at the lane's first station itself, at a distance of 0.
+        A minimum plus a lognormal part. The first vehicle of a lane starts at the lane's first
+        station itself, at a distance of 0.
         """
         shortest = self._min_spacing[lane]
-        # The mean of the factor exp(exponent) is 1, so the mean distance is `self._spacing`. In a
-        # lane so dense that less than 1 m is left beyond the smallest distance, 1 m is (a choice):
-        # distances still vary, and the density is a little lower than drawn.
-        free = maximum(self._spacing[lane] - shortest, np.full_like(z, np.float32(1.0)))
+        # In a lane so dense that the mean spacing exceeds the minimum by less than 1 m, the free
+        # part is 1 m (a choice): spacings still vary, and the density is a little lower than drawn.
+        mean_free = maximum(self._mean_spacing[lane] - shortest, np.full_like(z, np.float32(1.0)))
+        # The mean of exp(sigma z - sigma^2 / 2) is 1 for standard normal z.
         exponent = self._sigma * z - np.float32(0.5) * self._sigma * self._sigma
-        distance = shortest + free * exp(exponent)
-        return np.where(self._is_empty[lane], np.float32(0.0), distance)
+        spacing = shortest + mean_free * exp(exponent)
+        return np.where(self._is_empty[lane], np.float32(0.0), spacing)
