@@ -1,4 +1,12 @@
-"""Vehicles placed independently, as in the study."""
+"""Draws traffic as the study of Pinto, Dutra and Fonseca (2023) does: each vehicle independently.
+
+A few vehicles get random lanes, stations and speeds in a short *zone* of a road with one direction.
+The *ego* (slot 0), whose overtaking is studied, starts behind a *leader* (slot 1) in its lane; a
+*slot* is the position of a vehicle in the second axis of arrays. `sampler` calls `start_zone` once,
+which checks that the specification fits the road, and `sample_placed_traffic` for each block of
+simulations. Starts drawn so may overlap or leave no time to brake; `safe_start.repair_starts`
+separates the vehicles later.
+"""
 
 import math
 from functools import partial
@@ -32,61 +40,85 @@ from overtaking.scenarios.vehicle_sampling import (
     with_able_bicycles,
 )
 
-_SLACK = 0.01  # Rounding may take this much of a zone [m].
+_ROUNDING_MARGIN = 0.01
+"""Length of a zone that rounding may take [m], far above the errors of float32 stations: half a
+millimetre at 5 km."""
 
 
 def sample_placed_traffic(
     block: SampleBlock, traffic: PlacedTraffic, zone: StartZone
 ) -> TrafficStart:
-    """Draw vehicles placed independently, as in the study.
+    """Draw the vehicles, drivers and starts of a block.
 
     Args:
-        block: The simulations that are drawn together.
+        block: The simulations that are drawn together, with their random numbers.
         traffic: Section `[traffic]` of the specification.
         zone: The part of the road on which vehicles may start, see `start_zone`.
     """
     kinds = partial(vehicle_kinds, traffic)
-    vehicles = sample_vehicles(block, kinds, traffic.colours, traffic.vehicles[1])
+    max_vehicles = traffic.vehicles[1]
+    # All slots get a vehicle and a driver; `drawn.valid` selects the vehicles that take part.
+    vehicles = sample_vehicles(block, kinds, traffic.colours, max_vehicles)
+    # The transform lets importance sampling replace some of the random numbers.
     traits = sample_traits(block, vehicles.kind, block.proposal.transform)
     drawn = draw_placed_starts(block, traffic, zone, vehicles.kind)
     drivers = drivers_from_speeds(traits, drawn.speed, top_speeds()[vehicles.kind])
     vehicles = vehicles.replace(valid=drawn.valid)
     deadline = np.float32(block.specification.time.attempt_deadline_s)
     return TrafficStart(
+        # The study has bicycles at 50 km/h and more; theirs get the power that this takes.
         vehicles=with_able_bicycles(vehicles, drivers.desired_speed),
         drivers=drivers,
         lane=drawn.lane,
         kept_gap_share=drawn.kept_gap_share,
         zone=zone,
-        # The vehicles start at the drawn speeds in any weather.
+        # The argument, the desired speed in the weather, has no effect: the vehicles start at the
+        # drawn speeds in any weather.
         states_at_speed=lambda _: StartStates(drawn.s, drawn.speed),
         deadline=np.full(block.scenario_index.shape, deadline, np.float32),
     )
 
 
 def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> StartZone:
-    """Where vehicles may start on a road.
+    """Where vehicles may start on a road, after checks of the specification against the road.
+
+    Args:
+        spec: The specification of the scenarios.
+        traffic: Its section `[traffic]`.
+        road: The road.
 
     Raises:
         ConfigError: The zone or a lane is not on the road.
         InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
-    lanes = _ego_lanes(spec, traffic, road)
+    ego_lanes = _ego_lanes(spec, traffic, road)
     low, high = _start_range(spec, traffic, road)
     _check_speeds(spec, traffic)
-    room = max_length(traffic) + spec.starts.min_gap_m
-    fit = math.floor((high - low - _SLACK) / room) + 1 if high - low > _SLACK else 1
+    length = high - low
+    space_per_vehicle = max_length(traffic) + spec.starts.min_gap_m
+    # The zone holds the centres of the vehicles, so n vehicles need n - 1 spaces.
+    max_in_lane = 1
+    if length > _ROUNDING_MARGIN:
+        max_in_lane += math.floor((length - _ROUNDING_MARGIN) / space_per_vehicle)
     max_vehicles = traffic.vehicles[1]
-    if fit < 2 or fit * road.num_lanes < max_vehicles:
+    # The ego and its leader share a lane, so each lane must hold two.
+    if max_in_lane < 2 or max_in_lane * road.num_lanes < max_vehicles:
+        feasible_vehicles = max_in_lane * road.num_lanes if max_in_lane > 1 else 1
         raise InfeasibleError(
             what="traffic.vehicles",
             where=f"specification {spec.name}",
-            expected=f"at most {fit * road.num_lanes if fit > 1 else 1} on {high - low:g} m of "
-            f"{road.num_lanes} lanes, with {room:.1f} m for each vehicle",
+            expected=f"at most {feasible_vehicles} on {length:g} m of {road.num_lanes} lanes, "
+            f"with {space_per_vehicle:.1f} m for each vehicle",
             got=max_vehicles,
             next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
         )
-    return StartZone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, max_in_lane=fit)
+    return StartZone(
+        low=low,
+        high=high,
+        ego_lanes=ego_lanes,
+        num_lanes=road.num_lanes,
+        max_in_lane=max_in_lane,
+    )
 
 
 def draw_placed_starts(
@@ -94,15 +126,19 @@ def draw_placed_starts(
 ) -> DrawnStarts:
     """Draw the number of vehicles and their lanes, stations and speeds, independently.
 
-    The ego and its leader get the smaller and the larger of two stations. A vehicle between them
-    in their lane takes the leader's station, and the leader takes the vehicle's.
+    Two draws are corrected: a vehicle in a full lane moves to another lane, and stations are
+    exchanged so that the leader is the vehicle next ahead of the ego.
 
     Args:
         block: The simulations that are drawn together.
         traffic: Section `[traffic]` of the specification.
         zone: The part of the road on which vehicles may start.
-        kind: Vehicle classes, shape (simulation, vehicle).
+        kind: Vehicle classes, positions in `VEHICLE_CLASS_NAMES`, shape (simulation, vehicle).
+
+    Returns:
+        Starts that may overlap or be too fast; slots without a vehicle hold numbers, too.
     """
+    # All draws below come from one stream: another order would change the scenarios of every seed.
     stream = block.stream(Stream.LAYOUT)
     slots = range(kind.shape[1])
     min_vehicles, max_vehicles = traffic.vehicles
@@ -116,7 +152,7 @@ def draw_placed_starts(
         stations.append(scale_to_range(stream.uniform(), zone.low, zone.high))
         lanes.append(stream.integer(zone.num_lanes).astype(np.uint8))
         is_leader = slot == LEADER_SLOT
-        speeds.append(_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
+        speeds.append(_start_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
         kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
     lanes[EGO_SLOT] = lanes[LEADER_SLOT] = ego_lane
     valid = [slot < num_vehicles for slot in slots]
@@ -132,33 +168,37 @@ def draw_placed_starts(
 
 
 def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple[float, float]:
-    """The zone of the starts along the road [m]."""
-    key, ends = "spawn_s_m", traffic.spawn_s_m
+    """Smallest and largest station at which the centre of a vehicle may start [m]."""
+    key, stations = "spawn_s_m", traffic.spawn_s_m
     if traffic.spawn_x_m is not None:
+        # The study states its zone by the world coordinate x, on a road almost parallel to x. Both
+        # ends are projected onto the road at the y of the middle of the road.
         key = "spawn_x_m"
         middle = 0.5 * (road.lane_boundaries[0] + road.lane_boundaries[-1])
         _, y = road.to_world(0.5 * road.length, middle)
         along, _ = road.to_road(np.array(traffic.spawn_x_m), np.full(2, float(y)))
-        ends = (float(along.min()), float(along.max()))
-    assert ends is not None  # The specification has one of the two.
-    half = 0.5 * max_length(traffic)
-    if ends[0] < half or ends[1] > road.length - half:
-        # As long as the profile's where the road allows, in whole metres.
-        first = math.ceil(half)
-        last = math.floor(min(road.length - half, first + ends[1] - ends[0] + _SLACK))
-        ready = f"add --set traffic.spawn_s_m={first}..{last}"
+        stations = (float(along.min()), float(along.max()))
+    assert stations is not None  # `PlacedTraffic` requires exactly one of the two keys.
+    half_length = 0.5 * max_length(traffic)
+    first_s, last_s = half_length, road.length - half_length
+    if stations[0] < first_s or stations[1] > last_s:
+        # Propose a zone of the same length, or as much of it as the road has, in whole metres. The
+        # margin keeps a rounding error from taking the last metre.
+        low = math.ceil(first_s)
+        high = math.floor(min(last_s, low + stations[1] - stations[0] + _ROUNDING_MARGIN))
+        proposal = f"add --set traffic.spawn_s_m={low}..{high}"
         raise ConfigError(
             what=f"traffic.{key}",
             where=f"specification {spec.name} on road {road.name}",
-            expected=f"{half:g} to {road.length - half:g} m along the road, so that all are on it",
-            got=f"{ends[0]:g} to {ends[1]:g} m along it",
-            next_step=ready if last > first else "choose a longer road",
+            expected=f"{first_s:g} to {last_s:g} m along the road, so that all are on it",
+            got=f"{stations[0]:g} to {stations[1]:g} m along it",
+            next_step=proposal if high > low else "choose a longer road",
         )
-    return ends
+    return stations
 
 
 def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple[int, ...]:
-    """Lanes for the ego: never the fastest, because it has no lane to overtake in."""
+    """Lanes for the ego, 0 the slowest: never the fastest, which has no lane to overtake in."""
     lanes = traffic.ego_lanes
     if lanes is None:
         lanes = tuple(range(road.num_lanes - 1))
@@ -176,59 +216,86 @@ def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple
 
 
 def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
-    """InfeasibleError if a type of vehicle is slower than the slowest speed asked for."""
-    for key, low, weights in (
+    """InfeasibleError if a vehicle class cannot reach the lowest speed of a range.
+
+    Bicycles pass, because `with_able_bicycles` gives them any speed.
+    """
+    for key, low_kmh, weights in (
         ("speed_kmh", traffic.speed_kmh[0], traffic.types),
         ("speed_kmh", traffic.speed_kmh[0], traffic.ego_types),
         ("leader_speed_kmh", traffic.leader_speed_kmh[0], traffic.types),
     ):
         for name, weight in weights.items():
-            top = float(top_speeds()[VEHICLE_CLASS_NAMES.index(name)])
-            if weight > 0.0 and top < mps_from_kmh(low):
+            top_speed = float(top_speeds()[VEHICLE_CLASS_NAMES.index(name)])
+            if weight > 0.0 and top_speed < mps_from_kmh(low_kmh):
                 raise InfeasibleError(
                     what=f"traffic.{key}",
                     where=f"specification {spec.name}",
-                    expected=f"a speed that type {name} reaches, {kmh_from_mps(top):g} km/h",
-                    got=f"{low:g} km/h at least",
+                    expected=f"a speed that type {name} reaches, {kmh_from_mps(top_speed):g} km/h",
+                    got=f"{low_kmh:g} km/h at least",
                     next_step=f"lower it or leave out {name}",
                 )
 
 
-def _speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -> F32:
-    """Speed between the limits of the specification and of the vehicle [m/s]."""
+def _start_speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -> F32:
+    """Speed of one vehicle in the range of the specification, at most its top speed [m/s].
+
+    Args:
+        traffic: Section `[traffic]` of the specification.
+        u: Uniform numbers in (0, 1), shape (simulation,).
+        kind: Vehicle class, shape (simulation,).
+        is_leader: Whether the vehicle is the ego's leader, whose range and distribution differ.
+    """
     low_kmh, high_kmh = traffic.leader_speed_kmh if is_leader else traffic.speed_kmh
     low, high = np.float32(mps_from_kmh(low_kmh)), np.float32(mps_from_kmh(high_kmh))
     if is_leader:
+        # An exponent above 1 makes slow leaders more frequent.
         u = power(u, np.full_like(u, traffic.leader_speed_exponent))
     return scale_to_range(u, low, minimum(np.full_like(u, high), top_speeds()[kind]))
 
 
 def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone) -> None:
-    """Move each vehicle in a full lane to the next lane with room; changes `lanes`."""
+    """Move each vehicle in a full lane to the next lane with space; changes `lanes`.
+
+    The ego and its leader keep their lane: they come first, and each lane holds at least two.
+
+    Args:
+        lanes: For each slot the lanes, shape (simulation,).
+        valid: For each slot whether it holds a vehicle, shape (simulation,).
+        zone: The zone in which the vehicles start.
+    """
     if zone.max_in_lane >= len(lanes):
-        return
-    inside = [np.zeros(lanes[0].shape, np.uint8) for _ in range(zone.num_lanes)]
-    for slot, present in enumerate(valid):
+        return  # All vehicles fit into one lane.
+    num_in_lanes = [np.zeros(lanes[0].shape, np.uint8) for _ in range(zone.num_lanes)]
+    for slot, is_valid in enumerate(valid):
         lane = lanes[slot]
+        # After the last lane comes lane 0. `start_zone` ensures that some lane has space.
         for _ in range(zone.num_lanes - 1):
-            full = np.zeros(lane.shape, np.bool_)
-            for lane_index, others in enumerate(inside):
-                full |= (lane == lane_index) & (others >= zone.max_in_lane)
-            lane = np.where(full, (lane + np.uint8(1)) % np.uint8(zone.num_lanes), lane)
+            is_full = np.zeros(lane.shape, np.bool_)
+            for lane_index, num_in_lane in enumerate(num_in_lanes):
+                is_full |= (lane == lane_index) & (num_in_lane >= zone.max_in_lane)
+            lane = np.where(is_full, (lane + np.uint8(1)) % np.uint8(zone.num_lanes), lane)
         lanes[slot] = lane
-        for lane_index, others in enumerate(inside):
-            others += (lane == lane_index) & present
+        for lane_index, num_in_lane in enumerate(num_in_lanes):
+            num_in_lane += (lane == lane_index) & is_valid
 
 
-def _put_leader_ahead_of_ego(positions: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
-    """Order the ego, its leader and the vehicles between them; changes `positions`."""
-    first, second = positions[EGO_SLOT], positions[LEADER_SLOT]
-    ego, lead = minimum(first, second), maximum(first, second)
-    for slot in range(LEADER_SLOT + 1, len(positions)):
-        position = positions[slot]
-        between = (
-            valid[slot] & (lanes[slot] == lanes[EGO_SLOT]) & (position >= ego) & (position < lead)
-        )
-        positions[slot] = np.where(between, lead, position)
-        lead = np.where(between, position, lead)
-    positions[EGO_SLOT], positions[LEADER_SLOT] = ego, lead
+def _put_leader_ahead_of_ego(stations: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
+    """Exchange stations until the leader is the next vehicle ahead of the ego; changes `stations`.
+
+    The ego gets the smaller and the leader the larger of their two stations. A vehicle between them
+    in their lane exchanges its station with the leader.
+
+    Args:
+        stations: For each slot the stations, shape (simulation,) [m].
+        lanes: For each slot the lanes, shape (simulation,).
+        valid: For each slot whether it holds a vehicle, shape (simulation,).
+    """
+    ego_s = minimum(stations[EGO_SLOT], stations[LEADER_SLOT])
+    leader_s = maximum(stations[EGO_SLOT], stations[LEADER_SLOT])
+    for slot in range(LEADER_SLOT + 1, len(stations)):
+        s = stations[slot]
+        is_between = valid[slot] & (lanes[slot] == lanes[EGO_SLOT]) & (s >= ego_s) & (s < leader_s)
+        stations[slot] = np.where(is_between, leader_s, s)
+        leader_s = np.where(is_between, s, leader_s)
+    stations[EGO_SLOT], stations[LEADER_SLOT] = ego_s, leader_s

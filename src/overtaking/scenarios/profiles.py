@@ -1,4 +1,11 @@
-"""Reads profiles and overrides."""
+"""Loads specifications of scenarios from profiles, files and overrides.
+
+A *specification* states everything from which scenarios are drawn: traffic, weather, drivers, ... A
+*profile* is a TOML file with a specification; some are part of the package and have a name, such as
+`motorway`. An *override* replaces one value, as `--set traffic.vehicles=2..6` does on the command
+line. `load_specification` combines them into a checked `Specification`. In this module a *table* is
+the unchecked content of a TOML file or of a part of it, and `where` names its source in errors.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +27,20 @@ PROFILE_FOLDER = Path(__file__).with_name("profiles")
 """The folder of the profiles that are part of the package."""
 
 _MAX_BYTES = 1 << 20
-"""The longest profile of the package has 2.4 kB; a larger file is no profile."""
+"""A larger file is not a profile and is not read. The longest profile of the package has 2.4 kB."""
 
 _MAX_SUBKEYS = 8
-"""More parts than any key of a specification has after its section. `_with_override` calls itself
-once for each part, so a longer key could exceed Python's limit of recursion."""
+"""Largest number of parts of a key after its section; keys of a specification have up to two.
+`_with_override` calls itself once for each part, so a long key could exceed Python's limit of
+recursion."""
 
 _SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
-"""The two ways to state where placed vehicles start: world x, or station along the road. Only
-`[traffic]` has them; in any other section the check of the specification refuses them."""
+"""The two ways to state where placed vehicles start: by world x, or by distance along the road.
+Only `[traffic]` has them; in any other section the check of the specification refuses them."""
 
 
 def profile_names() -> tuple[str, ...]:
-    """The profiles that are part of the package, in alphabetical order."""
+    """Names of the profiles that are part of the package, in alphabetical order."""
     return tuple(sorted(path.stem for path in PROFILE_FOLDER.glob("*.toml")))
 
 
@@ -40,44 +48,47 @@ def load_specification(
     source: str | Path | Mapping[str, Any] | Specification,
     overrides: Mapping[str, Any] | None = None,
 ) -> Specification:
-    """A specification, checked.
+    """Load and check a specification.
 
     Args:
         source: Name of a profile, path of a TOML file, a `Specification`, or the mapping that
-            `Specification.to_dict` returns. Only a file may name a base profile with `base`.
-        overrides: Dotted key to value, applied in their order. A text with `..` between two values
+            `Specification.to_dict` returns. Only a file may have the key `base`, the name of a
+            profile from which it takes all values that it does not state.
+        overrides: Value by dotted key, applied in their order. A text with `..` between two values
             is a range; any other text is read as TOML, and as a name if it is not TOML, so that
-            `{"traffic.vehicles": "2..6"}` is the same as `{...: [2, 6]}`. An override of
-            `weather.mode` with another mode drops all other keys of `[weather]`, so it must precede
-            the overrides of these keys.
+            `{"traffic.vehicles": "2..6"}` is the same as `{"traffic.vehicles": [2, 6]}`. An
+            override of `weather.mode` with another mode drops all other keys of `[weather]`, so it
+            must precede the overrides of these keys.
 
     Returns:
-        The specification; everything that it leaves open has its default.
+        The specification, with defaults for all keys that are not stated.
 
     Raises:
-        ConfigError: One line about the first thing that is wrong.
+        ConfigError: A name, file, key or value is invalid; the message describes the first error.
     """
-    where, table = _table(source)
+    where, table = _unchecked_table(source)
     for key, value in (overrides or {}).items():
-        table = _with_override(
-            table, key, _parse_override(value) if isinstance(value, str) else value, where
-        )
+        parsed = _parse_override(value) if isinstance(value, str) else value
+        table = _with_override(table, key, parsed, where)
     try:
         return Specification.model_validate(_lists_to_tuples(table))
-    except ValidationError as found:
-        raise config_error(found, where, known_keys) from None
+    except ValidationError as error:
+        # Without the cause: Pydantic's message of several lines says the same.
+        raise config_error(error, where, known_keys) from None
 
 
-def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str, dict[str, Any]]:
+def _unchecked_table(
+    source: str | Path | Mapping[str, Any] | Specification,
+) -> tuple[str, dict[str, Any]]:
     """The source's name for error messages, and its unchecked content."""
     if isinstance(source, Specification):
         return f"specification {source.name}", source.to_dict()
     if isinstance(source, Mapping):
         return "specification", dict(source)
     if source in profile_names():
-        path = _profile(str(source))
+        path = _profile_path(str(source))
     elif isinstance(source, Path) or source.endswith(".toml") or path_exists(source):
-        path = Path(source)
+        path = Path(source)  # Reading it reports a missing file.
     else:
         raise ConfigError(
             what=repr(source),
@@ -91,22 +102,27 @@ def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str,
 
 
 def path_exists(name: str) -> bool:
-    """Whether a text is the path of a file or folder; a text too long for a path is not."""
+    """Whether a text is the path of a file or folder.
+
+    Args:
+        name: Any text; a name too long for the file system is not a path.
+    """
     try:
         return Path(name).exists()
     except OSError:
         return False
 
 
-def _profile(name: str) -> Path:
+def _profile_path(name: str) -> Path:
     return PROFILE_FOLDER / f"{name}.toml"
 
 
 def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
-    """A specification with all values that it takes from its base profile.
+    """The table merged into the table of its base profile, if it names one.
 
-    A file must fit its base: unlike an override, it drops no keys. A file with another weather mode
-    or another spawn key than its base is refused by the check of the specification.
+    A base may have a base, too. A file must fit its base: unlike an override, it drops no keys, so
+    the check of the specification refuses a file with another weather mode or another spawn key
+    than its base.
     """
     if "base" not in table:
         return table
@@ -120,13 +136,14 @@ def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
             next_step=suggestion(str(base), profile_names()),
         )
     changes = {key: value for key, value in table.items() if key != "base"}
-    return _merge_tables(_with_base(_read(_profile(base)), f"{base}.toml"), changes)
+    return _merge_tables(_with_base(_read(_profile_path(base)), f"{base}.toml"), changes)
 
 
 def _merge_tables(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """A table with changes; tables inside it are merged key by key."""
+    """A copy of `base` with the values of `changes`; tables inside it are merged key by key."""
     merged = dict(base)
     for key, value in changes.items():
+        # A list, such as `[[proposal]]`, replaces the list of the base.
         are_tables = isinstance(value, dict) and isinstance(merged.get(key), dict)
         merged[key] = (
             _merge_tables(merged[key], cast("dict[str, Any]", value)) if are_tables else value
@@ -135,29 +152,30 @@ def _merge_tables(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, An
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The content of a profile."""
+    """The unchecked content of a profile or another TOML file."""
     if path.is_dir():
-        raise _is_folder(path)
+        raise _folder_error(path)
     try:
         return read_toml(path, _MAX_BYTES)
+    # ValueError: the content is not TOML; RecursionError: its brackets are nested too deeply.
     except (OSError, ValueError, RecursionError) as error:
-        unreadable = isinstance(error, OSError)
+        is_unreadable = isinstance(error, OSError)
         raise ConfigError(
             what="file",
             where=str(path),
             expected="a TOML file",
-            got=error.strerror if unreadable else str(error),
-            next_step="check the path" if unreadable else "correct the file",
+            got=error.strerror if is_unreadable else str(error),
+            next_step="check the path" if is_unreadable else "correct the file",
         ) from None
 
 
-def _is_folder(path: Path) -> ConfigError:
-    """The error for a folder in place of a profile; a data set gets a hint of its own."""
+def _folder_error(path: Path) -> ConfigError:
+    """The error for a folder in place of a profile, with a hint if the folder is a data set."""
     # An empty name resembles no profile, so the suggestion lists them all.
-    named, next_step = "a folder", suggestion("", profile_names())
+    content, next_step = "a folder", suggestion("", profile_names())
     if (path / "dataset.json").is_file():
         command = shlex.join(["overtaking", "info", str(path)])
-        named, next_step = (
+        content, next_step = (
             "a data set",
             f"name a profile; this command prints the profile of the data set: {command}",
         )
@@ -165,7 +183,7 @@ def _is_folder(path: Path) -> ConfigError:
         what="profile",
         where=str(path),
         expected="the name of a profile or a TOML file",
-        got=named,
+        got=content,
         next_step=next_step,
     )
 
@@ -173,8 +191,9 @@ def _is_folder(path: Path) -> ConfigError:
 def _parse_override(text: str) -> Any:
     """The value that a text on the command line stands for.
 
-    The range comes first because `2..6` is not TOML. The check of the specification refuses the
-    nested list that `1..2..3` becomes, and the list that a name with two dots becomes.
+    The range is tried first, because `2..6` is not TOML. Wrong texts need no error here: the check
+    of the specification refuses the nested list that `1..2..3` becomes, and the list that a name
+    with two dots becomes.
     """
     low, dots, high = text.partition("..")
     if dots and low.strip() and high.strip():
@@ -190,6 +209,12 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
 
     Keys that exclude the new one are dropped: the other of `_SPAWN_KEYS`, and all keys of the
     weather if its mode changes. The mode has no default, so each complete table states it.
+
+    Args:
+        table: The whole specification, or a table inside it in calls of this function by itself.
+        key: Key in `table`, with dots between its parts.
+        value: The new value, of any type; checked later with the specification.
+        where: Name of the source of the table in errors.
     """
     first, *subkeys = key.split(".")
     if not all([first, *subkeys]) or len(subkeys) > _MAX_SUBKEYS:
@@ -216,7 +241,10 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
 
 
 def _lists_to_tuples(value: Any) -> Any:
-    """TOML's and JSON's lists as tuples, all the way down, because the models are strict."""
+    """The same content with tuples in place of lists, also inside tables and lists.
+
+    The models of a specification are strict: they take a tuple for a tuple, not TOML's list.
+    """
     if isinstance(value, Mapping):
         return {
             key: _lists_to_tuples(item) for key, item in cast("Mapping[str, Any]", value).items()
