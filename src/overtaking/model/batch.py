@@ -1,4 +1,15 @@
-"""Batches: dataclasses of arrays with declared fields."""
+"""Batches: frozen dataclasses that hold many simulations as arrays, and declarations of fields.
+
+The first axis of every array is the simulation. The other models of this package (scenarios,
+recorded trajectories, events, features) are subclasses of `Batch`. Each field is annotated with an
+array type of `core.arrays`, which states the dtype, and with a `FieldSpec`, which states meaning,
+unit and range:
+
+    speed: Annotated[F32, FieldSpec("Speed of the ego", "m/s", 0.0, 150.0)]
+
+`batch_fields` reads these declarations. `model.checks` checks the values of users against them, and
+`data.tables` derives the columns of tables from them.
+"""
 
 import dataclasses
 import inspect
@@ -29,28 +40,35 @@ from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.representation import CompactRepr
 from overtaking.model.import_report import joined_findings
 
-B = TypeVar("B", bound="Batch")
+BatchT = TypeVar("BatchT", bound="Batch")
 
 Axes = tuple[str | int, ...]
-"""Names of the axes of an array; a number is a fixed length."""
+"""Axes of an array in order: a name, such as "simulation", or a fixed length."""
 
 _ARRAY_ORIGINS = (np.ndarray, get_origin(NDArray[Any]))
-"""Origin of `NDArray[…]` at run time, by version of NumPy; see `core.arrays`."""
+"""Results of `get_origin` for array annotations. The result for `NDArray[…]` depends on the version
+of NumPy, so the second entry asks the installed version."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisEnd:
-    """An upper limit: the last index of an axis, which is its length less one."""
+    """The upper limit of a field that holds indices: the length of an axis less one.
+
+    Attributes:
+        axis: Name of an axis in `Axes` of the batch, or a key of `Batch.axis_lengths`.
+    """
 
     axis: str
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnName:
-    """Name of a table column, without its unit; for a nested batch, the prefix of its columns.
+    """Name of the table column of a field; the table adds the unit, as in `ego_speed_mps`.
+
+    The columns of a nested batch begin with this name and "_".
 
     Attributes:
-        name: The name; empty for the name of the field.
+        name: The name; if empty, the field gives it.
         prefix: Text before the name, such as "ego_".
     """
 
@@ -58,7 +76,7 @@ class ColumnName:
     prefix: str = ""
 
     def for_field(self, field_name: str) -> str:
-        """The name for a field."""
+        """The name of the column of a field, without the unit."""
         return self.prefix + (self.name or field_name)
 
 
@@ -68,20 +86,24 @@ class FieldSpec:
 
     Attributes:
         meaning: A phrase without unit and full stop.
-        unit: Unit; "1" for plain numbers, codes and flags.
+        unit: Unit; "1" for plain numbers, codes and flags. For integers that count steps, the step:
+            "mm" or "0.1 mrad".
         low: Smallest value.
         high: Largest value.
         low_is_open: Whether `low` itself is excluded.
-        missing: One value outside the range that stands for "none"; null in tables.
-        axes: Axes of the array; the axes of its class (`Batch.AXES`) if left out.
+        missing: A value outside the range for "no value", such as -1 for an event that did not
+            happen; null in tables.
+        axes: Axes of the array; None for the axes of its class (`Batch.AXES`).
         column: Name of the column; None for a field that is not written.
-        null_unless: Path of the flag or count that says where there is a value: from the outermost
-            batch, or from this one if it begins with a dot. The column is null where that flag is
-            false, that count 0, or that field has its `missing` value.
-        needs: Properties that a recording must state, in `model.trajectories.UNKNOWNS`.
-        names: Names of the codes of an enumeration.
-        flags: Names of the bits, from the lowest.
-        is_key: Whether the column identifies a row.
+        null_unless: Dotted path of another field that decides where this column is null: where that
+            field is false, 0, or its own `missing` value. A path that begins with a dot starts at
+            the batch of this field (".has_oncoming"), any other path at the outermost batch, whose
+            rows the table holds ("leader.encounter.valid"). Empty if no field decides.
+        needs: Properties without which the value is unknown, such as "weather". The column is null
+            for a recording that lacks one of them; `model.trajectories.UNKNOWNS` has all names.
+        names: Of an enumeration, the names of its codes: the first is code 0.
+        flags: Of a bit field, the names of its bits, from the lowest.
+        is_key: Whether the column is part of the primary key of its table.
     """
 
     meaning: str = ""
@@ -101,15 +123,15 @@ class FieldSpec:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether values are checked against a range; every range has a finite end."""
+        """Whether a range is declared, against which values are checked."""
         return self.low > -math.inf or self.high != math.inf
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Smallest and largest value, if the largest one is a number.
+        """Smallest and largest value.
 
         Raises:
-            TypeError: The largest value depends on the length of an axis.
+            TypeError: The largest value is an `AxisEnd`, known only with a batch.
         """
         if isinstance(self.high, AxisEnd):
             raise TypeError(f"the largest value depends on the axis {self.high.axis}")
@@ -118,13 +140,13 @@ class FieldSpec:
 
 @dataclass(frozen=True, slots=True)
 class BatchField:
-    """A field of a batch: its declaration, completed by the defaults of its class.
+    """A field of a batch with all that its annotation and the defaults of its class declare.
 
     Attributes:
         name: Name of the field.
-        spec: Its declaration.
-        axes: Axes of the array.
-        dtype: The dtype of an array; None for anything else.
+        spec: Its `FieldSpec`; the default `FieldSpec()` if the annotation has no metadata.
+        axes: Axes of the array: of the `FieldSpec`, or, if it states no axes, of the class.
+        dtype: The dtype of an array; None if the field holds no array.
         type: Its type, without the metadata of `Annotated`.
         column: Name of its column, without the unit; None if it is not written.
     """
@@ -138,7 +160,7 @@ class BatchField:
 
     @property
     def is_flag(self) -> bool:
-        """Whether its values are yes or no."""
+        """Whether it is an array of booleans."""
         return self.dtype == np.bool_
 
     @property
@@ -149,12 +171,16 @@ class BatchField:
 
 @cache
 def batch_fields(cls: type) -> Mapping[str, BatchField]:
-    """The declared fields of a dataclass by name, in their order.
+    """The fields of a dataclass by name, in their order, as their annotations declare them.
 
-    Fields that comparisons leave out (`compare=False`) are remarks, not declared fields.
+    Fields with `compare=False` are left out: they describe the source of a batch (the rows of its
+    import report), so no check and no table reads them.
+
+    Args:
+        cls: A subclass of `Batch`, or another dataclass.
 
     Raises:
-        TypeError: A field is an array without a dtype.
+        TypeError: The annotation of an array states no dtype, as a bare `NDArray` does.
     """
     axes = getattr(cls, "AXES", ())
     declared = {
@@ -175,10 +201,10 @@ def field_from_annotation(name: str, annotation: Any, axes: Axes = ()) -> BatchF
     Args:
         name: Name of the field or parameter.
         annotation: Its annotation, a type or `Annotated` with a `FieldSpec`.
-        axes: Axes of an array whose `FieldSpec` states none.
+        axes: Default axes, for an array whose `FieldSpec` states none.
     """
-    metadata = tuple(_metadata(annotation))
-    spec = next((item for item in metadata if isinstance(item, FieldSpec)), FieldSpec())
+    specs = (item for item in _metadata(annotation) if isinstance(item, FieldSpec))
+    spec = next(specs, FieldSpec())
     return BatchField(
         name=name,
         spec=spec,
@@ -200,15 +226,18 @@ def without_metadata(annotation: Any) -> Any:
 
 
 def union_members(annotation: Any) -> tuple[Any, ...]:
-    """The members of a union, or the type itself."""
+    """The members of a union, such as `F32 | None`; of any other annotation, itself alone."""
     is_union = get_origin(annotation) in (Union, UnionType)
     return get_args(annotation) if is_union else (annotation,)
 
 
 def _metadata(annotation: Any) -> Iterator[object]:
-    """The metadata of an annotation, then of the members of its union."""
-    # The outer `FieldSpec` comes first because it overrides the inner ones, as in
-    # `Annotated[F32 | None, FieldSpec(…)]`. Python itself joins the metadata of nested `Annotated`.
+    """The metadata of an annotation, then of the members of its union.
+
+    `F32` is itself `Annotated` with a dtype, so `Annotated[F32 | None, FieldSpec(…)]` has metadata
+    on two levels: the `FieldSpec` outside and the dtype inside the union.
+    """
+    # The outer level comes first, because its `FieldSpec` overrides one of a member.
     if get_origin(annotation) is Annotated:
         yield from annotation.__metadata__
     for member in union_members(without_metadata(annotation)):
@@ -218,13 +247,15 @@ def _metadata(annotation: Any) -> Iterator[object]:
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """A condition that several fields of a batch must fulfil together.
+    """A condition that the range of a single field cannot state, evaluated for one batch.
 
     Attributes:
         field: Name of the field that an error message names.
-        expected: The expected values, in words.
-        broken: Mask of the values that break the condition, along the first axes of the batch.
-        values: Values of the field; its shape begins with the shape of `broken`.
+        expected: The expected values in words, for the message.
+        broken: Mask of the elements that break the condition, along the first axes of the field:
+            shape (simulation,) or (simulation, vehicle), or () for the batch as a whole.
+        values: Values of the field, of which the message shows the first broken one; its shape
+            begins with the shape of `broken`.
     """
 
     field: str
@@ -234,10 +265,12 @@ class Constraint:
 
 
 class Batch(CompactRepr, ContentEquality):
-    """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
+    """Base of frozen dataclasses whose arrays all have `simulation` as their first axis.
 
-    A field may also be another batch, or a tuple of batches. `model.checks` checks batches of
-    users against `AXES`, `axis_lengths` and `constraints`.
+    A field may also be another batch or a tuple of batches, for the same simulations, or a value
+    that all simulations share, such as the road. `==` compares the content of arrays, and `repr`
+    shows a summary of them. `model.checks` checks batches of users; subclasses extend its checks by
+    `axis_lengths` and `constraints`.
     """
 
     __slots__ = ()
@@ -245,8 +278,8 @@ class Batch(CompactRepr, ContentEquality):
     IS_INTERNAL: ClassVar[bool] = False
     """Whether only this package creates it, from checked values, so that it needs no check."""
 
-    AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
-    """Axes of the fields whose `FieldSpec` names none."""
+    AXES: ClassVar[Axes] = ("simulation",)
+    """Axes of the fields whose `FieldSpec` names none; subclasses add axes, such as "vehicle"."""
 
     @property
     def nbytes(self) -> int:
@@ -255,22 +288,26 @@ class Batch(CompactRepr, ContentEquality):
         return sum(value.nbytes for value in values if isinstance(value, np.ndarray | Batch))
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Lengths of axes that ranges refer to and no array of the batch has, by name."""
+        """Lengths that an `AxisEnd` refers to but no array has, such as the number of lanes."""
         return {}
 
     def constraints(self) -> Iterable[Constraint]:
-        """Conditions that its fields must fulfil together."""
+        """Conditions on the values beyond the ranges of single fields."""
         return ()
 
     def equals(self, batch: object) -> bool:
-        """Whether another batch has the same class and the same content; NaN equals NaN."""
+        """Whether another batch has the same class and the same content; NaN equals NaN.
+
+        For most batches `==` does the same; an `IdentityBatch` has another `==`.
+        """
         return is_same_content(self, batch)
 
     def select(self, simulations: NDArray[np.integer] | NDArray[np.bool_] | slice) -> Self:
-        """The same batch, restricted to some simulations.
+        """A batch of some of its simulations.
 
         Args:
-            simulations: Indices, a mask or a slice.
+            simulations: Indices, shape (selected,), which may repeat and have any order; a mask,
+                shape (simulation,); or a slice.
 
         Raises:
             NoSuchSimulationError: The argument is of another type, or an index is out of range.
@@ -290,19 +327,22 @@ class Batch(CompactRepr, ContentEquality):
         )
 
     def _select(self, simulations: Any) -> Self:
-        changes = {}
+        selected = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
-                changes[field.name] = value[simulations]
+                selected[field.name] = value[simulations]
             elif isinstance(value, Batch):
-                changes[field.name] = value.select(simulations)
+                selected[field.name] = value.select(simulations)
             elif _are_batches(value):
-                changes[field.name] = tuple(part.select(simulations) for part in value)
-        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+                selected[field.name] = tuple(part.select(simulations) for part in value)
+        return dataclasses.replace(self, **selected)  # type: ignore[type-var]
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some fields changed.
+
+        Args:
+            **changes: New values by field name; `model.checks` checks them when the copy is used.
 
         Raises:
             ConfigError: There is no such field.
@@ -318,7 +358,7 @@ class Batch(CompactRepr, ContentEquality):
 
 
 class IdentityBatch(Batch):
-    """A batch that equals no other object, so that `cached_per_batch` can store results by it.
+    """A batch that equals only itself (`==` is `is`), so that `cached_per_batch` can hash it.
 
     `equals` compares the content.
     """
@@ -330,7 +370,10 @@ class IdentityBatch(Batch):
 
 
 class Delayed(Batch):
-    """A batch some of whose fields are computed at their first use."""
+    """A batch some of whose fields are computed at their first use.
+
+    Signals are such batches: their arrays are large, and most callers read few of them.
+    """
 
     __slots__ = ("_later",)
 
@@ -339,19 +382,24 @@ class Delayed(Batch):
         """A batch with the values of some fields, and functions that compute the others.
 
         Args:
-            later: For each other field a function that returns its value, and perhaps the values of
-                more fields, by name.
+            later: By the name of each other field, a function that returns a mapping with the value
+                of that field. It may hold the values of further fields, which are stored as well.
             **known: Values of fields by name.
         """
+        # `__init__` would demand all fields, and a frozen dataclass refuses plain assignments.
         batch = object.__new__(cls)
         for name, value in [*known.items(), ("_later", later)]:
             object.__setattr__(batch, name, value)
         return batch
 
-    if not TYPE_CHECKING:  # Type checkers would accept any name as a field.
+    if not TYPE_CHECKING:  # With `__getattr__`, type checkers would accept any name as a field.
 
         def __getattr__(self, name: str) -> Any:
-            """Compute a field at its first use."""
+            """Compute a field at its first use.
+
+            Python calls this method only for attributes that have no value yet.
+            """
+            # A batch that `__init__` made has no `_later`: looking it up would recur without end.
             later = {} if name == "_later" else self._later
             if name not in later:
                 raise AttributeError(name, name=name, obj=self)
@@ -360,10 +408,16 @@ class Delayed(Batch):
             return object.__getattribute__(self, name)
 
 
-def concatenate(batches: list[B]) -> B:
-    """Join batches along the simulation axis; all other values must be equal in all of them.
+def concatenate(batches: list[BatchT]) -> BatchT:
+    """Join batches along the simulation axis.
 
-    Import reports are joined too; a finding that several of them have appears once.
+    Args:
+        batches: One or more batches of the same class. Values that all simulations of a batch
+            share, such as the road, must be equal in all of them.
+
+    Returns:
+        The joined batch. Its import report has the findings of all reports; a finding that several
+        of them have appears once.
 
     Raises:
         ValueError: The list is empty or a shared value differs.
@@ -371,22 +425,22 @@ def concatenate(batches: list[B]) -> B:
     if not batches:
         raise ValueError("concatenate: expected at least one batch, got none")
     first = batches[0]
-    changes = {}
+    joined = {}
     for field in dataclasses.fields(first):  # type: ignore[arg-type]
         values = [getattr(batch, field.name) for batch in batches]
         if isinstance(values[0], np.ndarray):
-            changes[field.name] = np.concatenate(values)
+            joined[field.name] = np.concatenate(values)
         elif isinstance(values[0], Batch):
-            changes[field.name] = concatenate(values)
+            joined[field.name] = concatenate(values)
         elif _are_batches(values[0]):
-            changes[field.name] = tuple(
+            joined[field.name] = tuple(
                 concatenate(list(parts)) for parts in zip(*values, strict=True)
             )
-        elif not field.compare:
-            changes[field.name] = joined_findings(values)
+        elif not field.compare:  # The only such field is `Trajectories.import_findings`.
+            joined[field.name] = joined_findings(values)
         elif not all(is_same_content(value, values[0]) for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
-    return dataclasses.replace(first, **changes)  # type: ignore[type-var]
+    return dataclasses.replace(first, **joined)  # type: ignore[type-var]
 
 
 def _are_batches(value: object) -> bool:
@@ -395,18 +449,22 @@ def _are_batches(value: object) -> bool:
 
 
 IdentityT = TypeVar("IdentityT", bound=IdentityBatch)
-T = TypeVar("T")
+ResultT = TypeVar("ResultT")
 
 
-def cached_per_batch(function: Callable[[IdentityT], T]) -> Callable[[IdentityT], T]:
-    """The function, with its result for a batch stored as long as the batch exists.
+def cached_per_batch(function: Callable[[IdentityT], ResultT]) -> Callable[[IdentityT], ResultT]:
+    """Decorate a function of a batch so that it computes once for each batch object.
 
-    All callers share the result; its arrays must not be changed.
+    A result is released together with its batch. All callers share the result, so they must not
+    change its arrays.
+
+    Args:
+        function: A function whose only argument is a batch.
     """
-    results: WeakKeyDictionary[IdentityT, T] = WeakKeyDictionary()
+    results: WeakKeyDictionary[IdentityT, ResultT] = WeakKeyDictionary()
 
     @wraps(function)
-    def cached_function(batch: IdentityT) -> T:
+    def cached_function(batch: IdentityT) -> ResultT:
         if batch not in results:
             results[batch] = function(batch)
         return results[batch]
@@ -414,11 +472,17 @@ def cached_per_batch(function: Callable[[IdentityT], T]) -> Callable[[IdentityT]
     return cached_function
 
 
-Cls = TypeVar("Cls", bound=type)
+ClassT = TypeVar("ClassT", bound=type)
 
 
-def with_field_docs(cls: Cls) -> Cls:
-    """A dataclass whose docstring lists its fields, for `help` and notebooks."""
+def with_field_docs(cls: ClassT) -> ClassT:
+    """Decorate a dataclass: append meaning and unit of each field to its docstring.
+
+    `help` and notebooks then list the fields without a second description beside `FieldSpec`.
+
+    Args:
+        cls: The dataclass, which is changed and returned.
+    """
     lines = [
         f"    {name}: {field.spec.meaning}"
         f"{'' if field.spec.unit == '1' else f' [{field.spec.unit}]'}."

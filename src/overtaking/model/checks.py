@@ -1,4 +1,12 @@
-"""Checks of batches and of the arguments of public functions."""
+"""Checks of the values that users pass in: arguments of public functions, and batches.
+
+A batch is a dataclass of arrays over many simulations (`model.batch`). Its fields, and the
+parameters of public functions, declare type, dtype, axes and range in their annotations, such as
+`Annotated[F32, FieldSpec("Speed", "m/s", 0.0, 150.0)]`. The functions here compare values with
+these declarations. Public functions have the decorator `check_arguments`. Every error is a
+`ConfigError` of one line, such as "simulate: scenario.start_speed: expected 0 to 150 m/s, got nan
+in simulation 1, vehicle 0".
+"""
 
 import inspect
 import math
@@ -7,8 +15,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, SupportsIndex, TypeVar, get_args, get_origin
-from typing import get_type_hints as type_hints
+from typing import (
+    Any,
+    ParamSpec,
+    SupportsIndex,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +47,15 @@ from overtaking.model.batch import (
 )
 
 P = ParamSpec("P")
-T = TypeVar("T")
+ResultT = TypeVar("ResultT")
 
 OUTPUT = "out"
-"""Keyword of a function that writes: the path of a file or folder, or the URL of a folder."""
+"""Parameter of functions that write: the path of a file or folder, or the URL of a folder. Such a
+parameter gets a further check, `check_output_path`."""
 
 _NO_MATCH = object()
-"""Result of `_convert` for a value of another type."""
+"""Result of `_convert` for a value that is not of the annotated type. It is not None, because None
+can be a valid value."""
 
 _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
     int: (SupportsIndex, "a whole number"),
@@ -48,20 +65,25 @@ _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
     Path: (Path, "a path"),
     types.NoneType: (types.NoneType, "None"),
 }
-"""Required type of a plain value, and its name in messages."""
+"""By annotated type: the type that a value must be an instance of, and its name in messages. The
+wider types also accept NumPy's numbers."""
 
 
 def check_batch(batch: Any, where: str, name: str = "") -> None:
-    """Check a dataclass, and the batches in it, against the fields that they declare.
+    """Check a dataclass, and the batches in it, against the declarations of their fields.
+
+    Of a dataclass that is no `Batch`, only the fields themselves are checked.
 
     Args:
         batch: A batch, or another dataclass.
         where: The function or object that takes it, for the message.
-        name: Name of the argument; empty if fields are named without it.
+        name: Name of the argument, with which the message begins the path of a field; if empty,
+            the path begins with the field.
 
     Raises:
-        ConfigError: A field holds something else. The message names the first one and, in an
-            array, the first element.
+        ConfigError: A value is not of its declared type, dtype or shape, is out of range or breaks
+            a constraint. The message names the first such field and, in an array, the first such
+            element.
     """
     checker = _BatchChecker(where)
     # Structure first: the end of a range may be the length of an axis, which a later field can set,
@@ -70,41 +92,46 @@ def check_batch(batch: Any, where: str, name: str = "") -> None:
     checker.check_values(batch, name)
 
 
-def check_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, with a check of its arguments against their annotations.
+def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
+    """Decorate a function so that each call first checks its arguments against their annotations.
 
-    Iterables are passed on as tuples, because some can be read only once. A function with a
-    parameter `progress` shows its progress in notebooks (`show_progress`).
+    The function gets integers as Python's and iterables as tuples, because some iterables can be
+    read only once. If it has a parameter `progress`, its progress appears in notebooks.
 
-    Raises:
-        ConfigError: An argument is of another type or out of range.
-        SystemLimitError: The system refuses memory, threads or open files.
+    Args:
+        function: A function; parameters without an annotation, and `**kwargs`, are not checked.
+
+    Returns:
+        The function with checks. It raises `ConfigError` if an argument is of another type or out
+        of range, and `SystemLimitError` if the system refuses memory, threads or open files.
     """
     signature = inspect.signature(function)
+    # Messages leave out the underscore of functions that are private in their module.
     where = function.__qualname__.lstrip("_")
 
-    @cache
-    def hints() -> dict[str, Any]:
+    @cache  # The first call resolves annotations, when all types of the module are defined.
+    def annotations_by_name() -> dict[str, Any]:
         annotations = {
             name: parameter.annotation
             for name, parameter in signature.parameters.items()
             if parameter.annotation is not parameter.empty
             and parameter.kind is not parameter.VAR_KEYWORD
         }
-        # `type_hints(function)` would also resolve the type of the result, which some modules
+        # `get_type_hints(function)` would also resolve the type of the result, which some modules
         # import for type checkers alone.
         holder = types.SimpleNamespace(__annotations__=annotations)
         namespace = getattr(function, "__globals__", {})
-        return type_hints(holder, globalns=namespace, include_extras=True)
+        return get_type_hints(holder, globalns=namespace, include_extras=True)
 
     @wraps(function)
-    def checked_function(*args: P.args, **kwargs: P.kwargs) -> T:
+    def checked_function(*args: P.args, **kwargs: P.kwargs) -> ResultT:
         bound = signature.bind(*args, **kwargs)
         check_address_space(where)
-        for name, hint in hints().items():
+        for name, annotation in annotations_by_name().items():
             if name in bound.arguments:
-                bound.arguments[name] = check_argument(bound.arguments[name], hint, where, name)
-        with explain_refusals(where):
+                argument = bound.arguments[name]
+                bound.arguments[name] = check_argument(argument, annotation, where, name)
+        with explain_refusals(where):  # Errors of the system become `SystemLimitError`.
             return function(*bound.args, **bound.kwargs)
 
     return show_progress(checked_function) if PROGRESS in signature.parameters else checked_function
@@ -115,17 +142,17 @@ def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
 
     Args:
         value: The argument.
-        annotation: The annotation of the parameter, with its range if it has one.
-        where: The function.
-        name: The parameter.
+        annotation: The annotation of the parameter, with a `FieldSpec` if it has a range.
+        where: Name of the function, for the message.
+        name: Name of the parameter. The path in a parameter `OUTPUT` must also be UTF-8.
 
     Returns:
         The argument. Integers are Python's, and iterables are tuples, because some can be read
         only once.
 
     Raises:
-        ConfigError: The argument is of another type or out of range, or an output path is not
-            UTF-8.
+        ConfigError: The argument is of another type or out of range, a batch breaks its
+            declarations, or an output path is not UTF-8.
     """
     checked_value = _BatchChecker(where).check_value(
         field_from_annotation(name, annotation), value, name
@@ -138,15 +165,25 @@ def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
 
 
 class _BatchChecker:
-    """Checks one argument. All arrays in a batch must agree on the length of each axis."""
+    """Checks one argument. All arrays in a batch must agree on the length of each axis.
+
+    In its methods `path` is the dotted path of a field in messages, such as
+    "scenario.weather.rain".
+    """
 
     def __init__(self, where: str) -> None:
+        """Begin without known lengths of axes.
+
+        Args:
+            where: The function or object that takes the argument, for messages.
+        """
         self._where = where
-        # Length of each axis, and the field that set it: the first array with that axis.
+        # Length of each axis, and the path of the field that set it: the first array with that
+        # axis. The path is empty for an axis whose declaration is its length.
         self._axis_lengths: dict[str | int, tuple[int, str]] = {}
 
     def check_structure(self, batch: Any, path: str) -> None:
-        """Refuse fields of another type, dtype or shape."""
+        """Refuse fields of another type, dtype or shape, and plain values out of range."""
         for field, value, field_path in _fields_of(batch, path):
             if field.dtype is not None:
                 if not (field.is_optional and value is None):
@@ -156,12 +193,16 @@ class _BatchChecker:
             if isinstance(value, Batch):
                 self.check_structure(value, field_path)
         if isinstance(batch, Batch):
+            # No array has these axes, so only ranges use the lengths, and no message the path.
             self._axis_lengths |= {
                 axis: (size, "road") for axis, size in batch.axis_lengths().items()
             }
 
     def check_values(self, batch: Any, path: str) -> None:
-        """Refuse arrays with a value out of range, and batches that break a constraint."""
+        """Refuse arrays with a value out of range, and batches that break a constraint.
+
+        `check_structure` must have accepted the batch.
+        """
         if not isinstance(batch, Batch):
             return
         for field, value, field_path in _fields_of(batch, path):
@@ -177,7 +218,13 @@ class _BatchChecker:
                 raise self._error(_join(path, constraint.field), constraint.expected, element)
 
     def check_value(self, field: BatchField, value: Any, path: str) -> Any:
-        """A value that is no array, of the declared type and in range; iterables become tuples."""
+        """Refuse a value of another type, or a number out of its range.
+
+        Of an array, only the dtype is checked.
+
+        Returns:
+            The value. Integers are Python's, and iterables are tuples.
+        """
         converted = _convert(value, field.type)
         if converted is _NO_MATCH:
             raise self._error(path, _describe_type(field.type), _describe_value(value))
@@ -189,13 +236,15 @@ class _BatchChecker:
         return converted
 
     def _check_array(self, field: BatchField, value: Any, path: str) -> None:
+        """Refuse a value that is no array of the declared dtype, axes and lengths of axes."""
         expected = f"an array of {field.dtype} with the axes ({', '.join(map(str, field.axes))})"
-        # Subclasses are refused, because matrices and masked arrays compute differently.
+        # Other subclasses are refused, because matrices and masked arrays compute differently.
         if type(value) not in (np.ndarray, np.memmap) or value.dtype != field.dtype:
             raise self._error(path, expected, _describe_value(value))
         if value.ndim != len(field.axes):
             raise self._error(path, expected, f"the shape {value.shape}")
         for axis, size in zip(field.axes, value.shape, strict=True):
+            # The first array with a named axis sets its length for all arrays that follow.
             default = (axis, "") if isinstance(axis, int) else (size, path)
             length, set_by = self._axis_lengths.setdefault(axis, default)
             if size != length:
@@ -203,6 +252,7 @@ class _BatchChecker:
                 raise self._error(path, f"length {length} along {axis}{reason}", size)
 
     def _check_range(self, field: BatchField, values: NDArray[Any], path: str) -> None:
+        """Refuse an array with a value out of range; the message names the first one."""
         high = self._upper_limit(field)
         if not _all_in_range(field.spec, high, values):
             index = _first_true(~_is_in_range(field.spec, high, values))
@@ -225,14 +275,23 @@ def _fields_of(batch: Any, path: str) -> Iterator[tuple[BatchField, Any, str]]:
 
 
 def _is_in_range(spec: FieldSpec, high: float, values: Any) -> Any:
-    """Whether each value is in the range, same shape; False for NaN."""
+    """Whether each value is in the range, or is the declared value for "no value".
+
+    Args:
+        spec: The declaration, with the lower limit.
+        high: The upper limit; an `AxisEnd` is already replaced by its number.
+        values: A number or an array of any shape.
+
+    Returns:
+        A bool or a mask of the same shape; False for NaN.
+    """
     is_above = values > spec.low if spec.low_is_open else values >= spec.low
     is_inside = is_above & (values <= high)
     return is_inside if spec.missing is None else is_inside | (values == spec.missing)
 
 
 def _all_in_range(spec: FieldSpec, high: float, values: NDArray[Any]) -> bool:
-    """Whether every value is in the range."""
+    """Whether `_is_in_range` holds for every value of an array, computed faster."""
     if spec.missing is None and not spec.low_is_open:
         # Two reductions and no mask: most arrays, and the large ones, take this path. With a NaN
         # both results are NaN, and no comparison with NaN is true.
@@ -244,7 +303,7 @@ def _describe_range(spec: FieldSpec, high: float) -> str:
     """The range in words, such as `0 to 60 s`, or `-31416 to 31416 steps of 0.1 mrad`."""
     if spec.unit == "1":
         unit = ""
-    elif spec.unit.startswith("0."):
+    elif spec.unit.startswith("0."):  # Integers that count steps of 0.1 mrad.
         unit = f" steps of {spec.unit}"
     else:
         unit = f" {spec.unit}"
@@ -261,56 +320,76 @@ def _join(path: str, name: str) -> str:
 
 
 def _first_true(mask: Mask) -> tuple[int, ...]:
+    """The index of the first true element, one number per axis."""
     return tuple(int(i) for i in np.unravel_index(int(mask.argmax()), mask.shape))
 
 
 def _describe_element(value: Any, index: tuple[int, ...], axes: Axes) -> str:
     """A value and its place, such as `-5 in simulation 3, vehicle 2`."""
     names = [axis if isinstance(axis, str) else "entry" for axis in axes]
+    # A mask of broken values may have fewer axes than the field.
     place = ", ".join(f"{name} {i}" for name, i in zip(names, index, strict=False))
     return f"{_format_number(value)} in {place}" if place else _format_number(value)
 
 
 def _convert(value: Any, annotation: Any) -> Any:
-    """A value of an annotated type, or `_NO_MATCH`; iterables become tuples."""
+    """Compare a value with an annotation, and make integers Python's and iterables tuples.
+
+    Args:
+        value: Any value.
+        annotation: A type, a union, an array type of `core.arrays`, `Annotated`, or a generic type
+            such as `Sequence[str]`.
+
+    Returns:
+        The converted value, or `_NO_MATCH` if the value is not of the annotated type.
+    """
     if len(members := union_members(annotation)) > 1:
         results = (_convert(value, member) for member in members)
         return next((result for result in results if result is not _NO_MATCH), _NO_MATCH)
     if (dtype := declared_dtype(annotation)) is not None:
         return value if isinstance(value, np.ndarray) and value.dtype == dtype else _NO_MATCH
-    bare = without_metadata(annotation)
-    origin, inner = get_origin(bare) or bare, get_args(bare)
-    if bare is int:
+    plain_type = without_metadata(annotation)
+    # Of `Sequence[str]` the origin is `Sequence`, and the only element type is `str`.
+    origin, element_types = get_origin(plain_type) or plain_type, get_args(plain_type)
+    if plain_type is int:
         return _NO_MATCH if (number := whole_number(value)) is None else number
-    if bare in _PLAIN_TYPES:
-        return value if _is_plain(value, bare) else _NO_MATCH
-    if bare is Any or (origin is Callable and callable(value)):
+    if plain_type in _PLAIN_TYPES:
+        return value if _is_plain(value, plain_type) else _NO_MATCH
+    if plain_type is Any or (origin is Callable and callable(value)):
         return value
+    # A text is an iterable of texts, but a text for a list of names is a mistake of the caller.
     if isinstance(value, str) or not isinstance(value, origin):
         return _NO_MATCH
-    if inner and issubclass(origin, Mapping):
-        has_keys = all(_convert(key, inner[0]) is not _NO_MATCH for key in value)
+    if element_types and issubclass(origin, Mapping):
+        key_type = element_types[0]  # The function itself checks the values of a mapping.
+        has_keys = all(_convert(key, key_type) is not _NO_MATCH for key in value)
         return value if has_keys else _NO_MATCH
-    return _convert_elements(value, inner) if inner else value
+    return _convert_elements(value, element_types) if element_types else value
 
 
 def _is_plain(value: Any, plain_type: Any) -> bool:
-    """Whether a value is a number, text, path, flag or None, as the type says."""
-    if isinstance(value, bool | np.bool_):
+    """Whether a value is of a type in `_PLAIN_TYPES`."""
+    if isinstance(value, bool | np.bool_):  # Python's booleans are integers, too.
         return plain_type is bool
     if isinstance(value, str | Path) and "\0" in str(value):  # No file has such a name.
         return False
     return isinstance(value, _PLAIN_TYPES[plain_type][0])
 
 
-def _convert_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
-    """The elements of an iterable; in a tuple of fixed length each has a type of its own."""
+def _convert_elements(value: Iterable[Any], type_arguments: tuple[Any, ...]) -> Any:
+    """The elements of an iterable as a tuple, or `_NO_MATCH` if an element has another type.
+
+    Args:
+        value: The iterable.
+        type_arguments: The types in the brackets of its annotation: one type for all elements, as
+            in `Sequence[str]` and `tuple[str, ...]`, or a type for each, as in `tuple[str, int]`.
+    """
     try:
         elements = tuple(value)
     except TypeError:  # An array without axes.
         return _NO_MATCH
-    has_fixed_length = len(inner) > 1 and inner[-1] is not Ellipsis
-    element_types = inner if has_fixed_length else inner[:1] * len(elements)
+    has_fixed_length = len(type_arguments) > 1 and type_arguments[-1] is not Ellipsis
+    element_types = type_arguments if has_fixed_length else type_arguments[:1] * len(elements)
     if len(element_types) != len(elements):
         return _NO_MATCH
     results = tuple(
@@ -321,27 +400,28 @@ def _convert_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
 
 
 def _describe_type(annotation: Any) -> str:
-    """An annotation in words."""
+    """An annotation in words, such as "a text, a path or None"."""
     if len(members := union_members(annotation)) > 1:
+        # `dict.fromkeys` removes repetitions and keeps the order.
         *others, last = dict.fromkeys(_describe_type(member) for member in members)
         return f"{', '.join(others)} or {last}" if others else last
     if (dtype := declared_dtype(annotation)) is not None:
         return f"an array of {dtype}"
-    bare = without_metadata(annotation)
-    origin, inner = get_origin(bare) or bare, get_args(bare)
-    if bare in _PLAIN_TYPES:
-        return _PLAIN_TYPES[bare][1]
+    plain_type = without_metadata(annotation)
+    origin, element_types = get_origin(plain_type) or plain_type, get_args(plain_type)
+    if plain_type in _PLAIN_TYPES:
+        return _PLAIN_TYPES[plain_type][1]
     if origin is Callable:
         return "a function"
-    if inner and issubclass(origin, Mapping):
-        return f"a {origin.__name__} whose keys are each {_describe_type(inner[0])}"
-    if inner and issubclass(origin, Iterable):
-        return f"several values, each of them {_describe_type(inner[0])}"
+    if element_types and issubclass(origin, Mapping):
+        return f"a {origin.__name__} whose keys are each {_describe_type(element_types[0])}"
+    if element_types and issubclass(origin, Iterable):
+        return f"several values, each of them {_describe_type(element_types[0])}"
     return f"a {origin.__name__}"
 
 
 def _describe_value(value: Any) -> str:
-    """A short description of any value."""
+    """The received value in words: dtype and shape of an array, otherwise the value or its type."""
     if isinstance(value, np.ndarray):
         return f"a {type(value).__name__} of {value.dtype} with the shape {value.shape}"
     if value is None or isinstance(value, str | Path | Real):
@@ -350,6 +430,6 @@ def _describe_value(value: Any) -> str:
 
 
 def _format_number(value: Any) -> str:
-    """A number, short; anything else as it is."""
+    """A number with at most six significant digits; integers and other values as `str` does."""
     is_whole = isinstance(value, Integral) or not isinstance(value, Real)
     return str(value) if is_whole else f"{value:g}"
