@@ -1,4 +1,13 @@
-"""Observations and actions of a driver: names, units, order."""
+"""Observations and actions of an external driver of the ego: names, units, order and limits.
+
+An external driver is a program of the user's, such as a Python function or a trained network. It
+drives the ego, the vehicle under study, in place of the model driver, which is a part of the
+simulation. At each decision (20 a second) it gets `OBSERVATION_SIZE` numbers for each simulation of
+a batch, one row of a table, and answers with one action for each. The simulators fill the rows in the order of `EgoColumns`,
+`NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`. They carry out the kinds of
+action in `ACTION_KINDS`; `Actions` is the record of the answers, from which a simulation can be
+repeated.
+"""
 
 import hashlib
 from collections.abc import Iterable
@@ -15,10 +24,11 @@ from overtaking.model.neighbours import NeighbourRole
 
 
 class ObservedValue(NamedTuple):
-    """Declaration of one column of an observation.
+    """Unit and meaning of one column of an observation, for the reference page.
 
     Attributes:
-        unit: Unit; "flag" for 0 or 1, "1" for other plain numbers, "Stage" for its codes.
+        unit: Unit; "flag" for 0 or 1, "1" for other plain numbers, "Stage" for codes of the
+            enumeration `model.trajectories.Stage`.
         meaning: A phrase without full stop.
     """
 
@@ -27,10 +37,12 @@ class ObservedValue(NamedTuple):
 
 
 class EgoColumns(NamedTuple):
-    """Observed columns of the ego.
+    """Observed columns of the ego, each of shape (simulation,).
 
     Sides are 1 for the overtaking side and -1 for the kerb side, and positions across the road,
-    headings and yaw rates grow towards the overtaking side, also in left-hand traffic.
+    headings and yaw rates grow towards the overtaking side, also in left-hand traffic. Positions
+    across the road are 0 on the road's reference line. A flag "can ..." says that the simulator
+    would carry out the corresponding action now; other actions have no effect.
     """
 
     speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
@@ -38,7 +50,7 @@ class EgoColumns(NamedTuple):
     s: Annotated[F32, ObservedValue("m", "Position of its centre along the road")]
     lateral_position: Annotated[F32, ObservedValue("m", "Position of its centre across the road")]
     lane_offset: Annotated[
-        F32, ObservedValue("m", "Distance from the centre of the lane `lane` to its centre")
+        F32, ObservedValue("m", "Position of its centre across the road minus the centre of `lane`")
     ]
     heading: Annotated[F32, ObservedValue("rad", "Heading relative to the road")]
     yaw_rate: Annotated[F32, ObservedValue("rad/s", "Yaw rate")]
@@ -55,7 +67,7 @@ class EgoColumns(NamedTuple):
         F32, ObservedValue("1", "Side to which its driver wants to change; 0 for neither")
     ]
     time_since_lane_change: Annotated[
-        F32, ObservedValue("s", "Time since its last lane change began")
+        F32, ObservedValue("s", "Time since the start of its last lane change")
     ]
     has_finished_lane_change: Annotated[
         F32, ObservedValue("flag", "The last lane change is finished")
@@ -81,10 +93,12 @@ class EgoColumns(NamedTuple):
 
 
 class NeighbourColumns(NamedTuple):
-    """Observed columns of one neighbour.
+    """Observed columns of one neighbour, each of shape (simulation,).
 
-    Without a vehicle all columns are zero except the gap, which is large. Sides are as
-    seen by the ego, also for oncoming vehicles.
+    The values are those that the model driver believes or that a sensor measures, as the user
+    chooses. Without a vehicle in its role all columns are zero except the gap, which is 1000 m
+    (`perception.unseen_gap` in `model.toml`). Sides are as seen by the ego, also for oncoming
+    vehicles: 1 is the ego's overtaking side.
     """
 
     is_detected: Annotated[
@@ -113,36 +127,45 @@ class NeighbourColumns(NamedTuple):
 
 
 class PassingColumns(NamedTuple):
-    """Observed columns of a pass against oncoming traffic.
+    """Observed columns about a pass in the opposing lane, each of shape (simulation,).
 
-    The columns are zero on one-way roads. They are always beliefs of the model driver, also where a
-    sensor measures the neighbours.
+    The columns are zero on one-way roads. The model driver computes them for the ego whether or not
+    it drives, so its assessment is available to an external driver. They are its beliefs also where
+    a sensor measures the neighbours; only `gap_ahead_of_leader` is then zero.
     """
 
     sight_distance: Annotated[
         F32,
         ObservedValue(
             "m",
-            "Distance at which it sees an oncoming vehicle past the leader, by road and weather",
+            "Distance at which the ego sees an oncoming vehicle past the leader, by road and "
+            "weather",
         ),
     ]
     is_certain: Annotated[
         F32,
         ObservedValue(
             "flag",
-            "It has watched long enough to know whether a vehicle is oncoming, and how fast",
+            "The ego's driver has watched long enough to know whether a vehicle is oncoming, and "
+            "how fast",
         ),
     ]
     expected_closing_speed: Annotated[
         F32,
-        ObservedValue("m/s", "Closing speed that it expects of an oncoming vehicle not judged yet"),
+        ObservedValue(
+            "m/s", "Closing speed that the driver expects of an oncoming vehicle not judged yet"
+        ),
     ]
     gap_ahead_of_leader: Annotated[
         F32, ObservedValue("m", "Gap between the leader and the next vehicle ahead of it")
     ]
     tall_vehicle_gap_factor: Annotated[
         F32,
-        ObservedValue("1", "Factor on the gap that it leaves at its return, above 1 for trucks"),
+        ObservedValue(
+            "1",
+            "Factor on the gap that the driver leaves to the overtaken vehicle at the return, "
+            "above 1 if that is a truck",
+        ),
     ]
     line_is_solid: Annotated[
         F32,
@@ -152,20 +175,20 @@ class PassingColumns(NamedTuple):
         F32,
         ObservedValue(
             "1",
-            "Haste of pedals and lane changes: 1 if little time would be left, 0.5 if the line "
-            "would be solid at its return",
+            "Haste of pedals and lane changes: 1 if little time would be left before the oncoming "
+            "vehicle, 0.5 if the line would be solid at the return, else 0",
         ),
     ]
     abort_state: Annotated[
         F32,
         ObservedValue(
             "1",
-            "Above 0 if it would not be past in time and falls back: 1 if it fits in behind the "
-            "target, 0.5 while it is too fast or too near for that",
+            "0 unless the ego would not be past in time and falls back; then 1 if it fits in "
+            "behind the target, 0.5 while it is too fast or too near for that",
         ),
     ]
     can_abort_pass: Annotated[
-        F32, ObservedValue("flag", "It is behind the target and can abort the pass")
+        F32, ObservedValue("flag", "The ego is behind the target and can abort the pass")
     ]
 
 
@@ -175,6 +198,7 @@ ObservedColumns = type[EgoColumns] | type[NeighbourColumns] | type[PassingColumn
 def _declared_columns(columns: ObservedColumns) -> dict[str, ObservedValue]:
     """Unit and meaning of each column, by name in the order of the observation."""
     annotations = get_type_hints(columns, include_extras=True)
+    # `F32` is itself `Annotated` with a dtype, so the `ObservedValue` is the last metadata.
     return {name: annotations[name].__metadata__[-1] for name in columns._fields}
 
 
@@ -194,23 +218,25 @@ NEIGHBOUR_ROLES: Final = (
 )
 """Roles of the observed neighbours, in order.
 
-After the six neighbours come the nearest oncoming vehicle and the one behind it; one-way roads have
-neither.
+First come the six neighbours: leader and follower in the ego's lane and in the next lane to the
+left and to the right, where left is the overtaking side. They are followed by the nearest oncoming
+vehicle and the next one behind it; one-way roads have neither.
 """
 
 OBSERVATION_SIZE: Final = (
     len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)
 )
-"""Number of values in the observation of one simulation."""
+"""Number of values in the observation of one simulation: 22 + 8 * 10 + 9 = 111."""
 
 
 class SplitObservation(NamedTuple):
     """The three parts of a table of observations, as views of it.
 
     Attributes:
-        ego: Columns of the ego, shape (..., `EGO_COLUMNS`).
-        neighbours: Columns of each neighbour, shape (..., `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
-        passing: Columns about a pass against oncoming traffic, shape (..., `PASSING_COLUMNS`).
+        ego: Columns of the ego, shape (..., 22) in the order of `EGO_COLUMNS`.
+        neighbours: Columns of each neighbour, shape (..., 8, 10) in the orders of `NEIGHBOUR_ROLES`
+            and `NEIGHBOUR_COLUMNS`.
+        passing: Columns about a pass, shape (..., 9) in the order of `PASSING_COLUMNS`.
     """
 
     ego: F32
@@ -225,7 +251,7 @@ def split_observation(table: F32) -> SplitObservation:
         table: Observations, shape (..., `OBSERVATION_SIZE`).
 
     Returns:
-        Views of the table.
+        Views of the table: a simulator writes through them, an external driver reads.
     """
     ego_end, passing_start = len(EGO_COLUMNS), OBSERVATION_SIZE - len(PASSING_COLUMNS)
     neighbours = table[..., ego_end:passing_start].reshape(
@@ -235,18 +261,18 @@ def split_observation(table: F32) -> SplitObservation:
 
 
 class Move(IntEnum):
-    """A decision of the ego. Impossible moves have no effect."""
+    """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
     """Go on as before; an indicator that is on goes off."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2
-    """Indicate and begin it now."""
+    """Indicate a lane change to the overtaking side and begin it now."""
     INDICATE_RETURN = 3
     """Indicate a lane change to the kerb side."""
     RETURN = 4
-    """Indicate and begin it now."""
+    """Indicate a lane change to the kerb side and begin it now."""
     CANCEL = 5
     """Turn back within the lane change, or abort a pass while still behind the target."""
 
@@ -255,12 +281,16 @@ class Move(IntEnum):
 class ActionPart:
     """One number of an action.
 
+    A driver answers with floats. They are clipped to the limits and rounded to whole steps before
+    they act, and the steps are recorded as integers, so that the same record gives the same
+    simulation on every machine.
+
     Attributes:
         name: Its name.
-        unit: Its unit.
-        resolution: Size of a step of the number that acts and is recorded.
-        low: Smallest value.
-        high: Largest value.
+        unit: Its unit; "Move" for codes of that enumeration.
+        resolution: Size of a step, in the unit.
+        low: Smallest value, in the unit.
+        high: Largest value, in the unit.
     """
 
     name: str
@@ -270,30 +300,35 @@ class ActionPart:
     high: float
 
 
+# Accelerations and angles have the resolutions of recorded states (`model.trajectories`). Their
+# limits are chosen: twice the acceleration that tyres transmit on a dry road, and a larger wheel
+# angle than an overtake needs, so that they clip only answers that a vehicle could not carry out.
 _ACCEL = ActionPart("accel", "m/s^2", 1e-3, -20.0, 20.0)
-_LANE = ActionPart("lane_change", "lanes towards the fast side", 1.0, -1.0, 1.0)
+_LANE_CHANGE = ActionPart("lane_change", "lanes towards the overtaking side", 1.0, -1.0, 1.0)
 _MOVE = ActionPart("move", "Move", 1.0, min(Move), max(Move))
-_WHEEL = ActionPart("wheel_angle", "rad towards the fast side", 1e-4, -0.8, 0.8)
+_WHEEL_ANGLE = ActionPart("wheel_angle", "rad towards the overtaking side", 1e-4, -0.8, 0.8)
 
 ACTION_KINDS: Final[dict[str, tuple[ActionPart, ...]]] = {
     "decision": (_MOVE,),
-    "accel_lane": (_ACCEL, _LANE),
-    "accel_steer": (_ACCEL, _WHEEL),
+    "accel_lane": (_ACCEL, _LANE_CHANGE),
+    "accel_steer": (_ACCEL, _WHEEL_ANGLE),
     "accel_move": (_ACCEL, _MOVE),
-    "accel_steer_signal": (_ACCEL, _WHEEL, _LANE),
+    "accel_steer_signal": (_ACCEL, _WHEEL_ANGLE, _LANE_CHANGE),
 }
-"""The numbers of each kind of action that the simulators carry out.
+"""The numbers of each kind of action that the simulators carry out, by the name of the kind.
 
-The last two include the indicator: a `Move` sets it to the side that it names, and beside a wheel
-angle `lane_change` only sets the indicator.
+The model driver does the rest: without `accel` it uses the pedals, and without `wheel_angle` it
+steers, also along a lane change that `lane_change` or `move` begins. In the first three kinds it
+also sets the indicator. In the last two the indicator is part of the answer: a `Move` sets it to
+the side that it names, and beside a wheel angle `lane_change` sets the indicator and nothing else.
 """
 
 MAX_ACTION_PARTS: Final = max(len(parts) for parts in ACTION_KINDS.values())
-"""Numbers in the longest action."""
+"""Number of parts of the longest action: 3."""
 
 _MIN_HASHED_PARTS: Final = 2
-"""Smallest number of values that a hash takes of an action. For an action of one number the hash
-includes a zero, as in earlier data sets."""
+"""Smallest number of parts that a hash takes of an action. For the kind "decision", which has one
+part, the hash includes the zero beside it, because recorded hashes were computed in this way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -301,10 +336,11 @@ class Actions(Batch):
     """Actions of an external driver, which drives the ego instead of the model driver.
 
     Attributes:
-        values: Steps of each number of the action at each decision, 20 a second; zero where the
-            action has fewer and once the simulation is over. Shape (simulation, action,
-            `MAX_ACTION_PARTS`).
-        kind: A name in `ACTION_KINDS`.
+        values: Each part of the action at each decision, as a number of steps of
+            `ActionPart.resolution`, shape (simulation, action, `MAX_ACTION_PARTS`). Zero for parts
+            that the kind of action does not have, and after the end of a simulation. Index 0 of the
+            action axis is the first decision; decisions follow every 0.05 s.
+        kind: A name in `ACTION_KINDS`, the same for all simulations.
         num_clipped: Number of actions that were clipped to the limits of a part, shape
             (simulation,); None if unknown, as in a data set, which holds the clipped actions.
     """
@@ -314,47 +350,55 @@ class Actions(Batch):
     num_clipped: Annotated[I64 | None, FieldSpec(axes=("simulation",))] = None
 
     @classmethod
-    def empty(cls, simulations: int) -> "Actions":
-        """No action in any simulation."""
+    def empty(cls, num_simulations: int) -> "Actions":
+        """Simulations without any action, of the first kind."""
         return cls(
-            values=np.zeros((simulations, 0, MAX_ACTION_PARTS), np.int32),
+            values=np.zeros((num_simulations, 0, MAX_ACTION_PARTS), np.int32),
             kind=next(iter(ACTION_KINDS)),
         )
 
     @property
     def is_change(self) -> NDArray[np.bool_]:
-        """Whether an action differs from the previous one, shape (simulation, action)."""
-        differs = np.ones(self.values.shape[:2], np.bool_)
-        differs[:, 1:] = (np.diff(self.values, axis=1) != 0).any(axis=2)
-        return differs
+        """Whether an action differs from the previous one, shape (simulation, action).
+
+        The first action counts as a change. Tables store the changes only, because most drivers
+        repeat an action for many decisions.
+        """
+        is_change = np.ones(self.values.shape[:2], np.bool_)
+        is_change[:, 1:] = (np.diff(self.values, axis=1) != 0).any(axis=2)
+        return is_change
 
     @property
     def hashes(self) -> list[str]:
-        """A hash over kind and changes of each simulation, 32 hexadecimal digits."""
+        """A hash over the kind and the changes of action of each simulation.
+
+        Each hash has 128 bits, written as 32 hexadecimal digits. Equal hashes mean equal actions.
+        """
         hashes: list[str] = []
         num_parts = max(_MIN_HASHED_PARTS, len(self.parts))
         for values, is_change in zip(self.values, self.is_change, strict=True):
-            actions = np.flatnonzero(is_change)
-            rows = np.column_stack([actions, values[actions, :num_parts]]).astype("<i4")
+            decisions = np.flatnonzero(is_change)
+            # Little-endian integers give the same bytes on every machine.
+            rows = np.column_stack([decisions, values[decisions, :num_parts]]).astype("<i4")
             content = self.kind.encode() + rows.tobytes()
             hashes.append(hashlib.blake2b(content, digest_size=16).hexdigest())
         return hashes
 
     @property
     def parts(self) -> tuple[ActionPart, ...]:
-        """The numbers of each action."""
+        """The declarations of the numbers of each action."""
         return ACTION_KINDS[self.kind]
 
     def constraints(self) -> Iterable[Constraint]:
-        """A known kind, and numbers within the limits of their parts."""
+        """Conditions for recorded actions: a known kind, and numbers within their limits."""
         is_unknown = np.array(self.kind not in ACTION_KINDS)
         expected = f"one of {', '.join(ACTION_KINDS)}"
         yield Constraint("kind", expected, is_unknown, np.array(self.kind))
         if is_unknown:
             return
         for k, part in enumerate(self.parts):
-            numbers = self.values[:, :, k]
+            steps = self.values[:, :, k]
             low, high = round(part.low / part.resolution), round(part.high / part.resolution)
-            is_outside = (numbers < low) | (numbers > high)
+            is_outside = (steps < low) | (steps > high)
             expected = f"{part.name} of {low} to {high} steps"
-            yield Constraint("values", expected, is_outside, numbers)
+            yield Constraint("values", expected, is_outside, steps)

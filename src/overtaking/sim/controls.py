@@ -90,7 +90,7 @@ _POINTS = tuple(
     for k in range(1, len(_POINT_TIMES) + 1)
     for part in (
         ActionPart(f"ahead_{k}", "m", 1e-3, 0.0, 200.0),
-        ActionPart(f"aside_{k}", "m towards the fast side", 1e-3, -20.0, 20.0),
+        ActionPart(f"aside_{k}", "m towards the overtaking side", 1e-3, -20.0, 20.0),
     )
 )
 
