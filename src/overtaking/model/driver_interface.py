@@ -3,10 +3,10 @@
 An external driver is a program of the user's, such as a Python function or a trained network. It
 drives the ego, the vehicle under study, in place of the model driver, which is a part of the
 simulation. At each decision (20 a second) it gets `OBSERVATION_SIZE` numbers for each simulation of
-a batch, one row of a table, and answers with one action for each. The simulators fill the rows in the order of `EgoColumns`,
-`NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`. They carry out the kinds of
-action in `ACTION_KINDS`; `Actions` is the record of the answers, from which a simulation can be
-repeated.
+a batch, one row of a table, and answers with one action for each. The simulators fill the rows in
+the order of `EgoColumns`, `NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`.
+They carry out the kinds of action in `ACTION_KINDS`; `Actions` is the record of the answers, from
+which a simulation can be repeated.
 """
 
 import hashlib
@@ -183,8 +183,8 @@ class PassingColumns(NamedTuple):
         F32,
         ObservedValue(
             "1",
-            "0 unless the ego would not be past in time and falls back; then 1 if it fits in "
-            "behind the target, 0.5 while it is too fast or too near for that",
+            "Above 0 if the ego would not be past in time and falls back: 1 if it fits in behind "
+            "the target, 0.5 while it is too fast or too near for that",
         ),
     ]
     can_abort_pass: Annotated[

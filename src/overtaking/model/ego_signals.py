@@ -1,4 +1,8 @@
-"""Signals of the ego, frame by frame, from a recording of any origin.
+"""Signals: time series of the ego, its neighbours and the vehicle that it overtakes.
+
+The ego is the vehicle under study; a batch holds many simulations with one ego each. `labels` in
+this package computes the signals from recorded positions, speeds and bodies, of simulations and of
+real traffic alike. Detectors of events, rules of the law and safety measures read them.
 
 Left is the overtaking side and right the kerb side, also in left-hand traffic, so a mirrored world
 has the same signals.
@@ -14,36 +18,43 @@ from overtaking.model.trajectories import NO_VEHICLE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgoSignals(Delayed):
-    """Ego-centred signals of a batch.
+    """Signals of each ego and of the vehicles around it.
 
-    Arrays have shape (simulation, time), or (simulation, neighbour, time) with `NeighbourRole` as
-    the middle axis. Where `valid` is false, and where `neighbour_slot` is `NO_VEHICLE`, the values
-    are finite and undefined.
+    Arrays have shape (simulation, time), where time counts frames; simulations that end early have
+    `valid` false in their last frames. Arrays of neighbours have shape (simulation, neighbour,
+    time) with a `NeighbourRole` as the middle index. Where `valid` is false, and where
+    `neighbour_slot` is `NO_VEHICLE`, the values are finite and undefined. Oncoming vehicles are no
+    neighbours.
 
     Attributes:
         frame_interval_ms: Time between frames [ms].
         valid: Whether the frame was recorded.
-        lane: Lane index of the ego's centre, 0 the slowest; `num_lanes` beyond the edge on the
-            overtaking side, 255 beyond the edge on the kerb side.
-        s: Position of the ego along the road [m].
-        lateral_position: Position of the ego across the road, growing to the left [m].
-        lateral_speed: Speed of the ego to the left, a central difference over about 0.2 s [m/s].
+        lane: Index of the lane that contains the ego's centre, 0 the slowest. Beyond the edge on
+            the overtaking side it is the number of lanes (on a two-way road the opposing lane is
+            there), and beyond the edge on the kerb side 255.
+        s: Position of the ego's centre along the road [m].
+        lateral_position: Position of the ego's centre across the road, 0 on the reference line of
+            the road and growing to the left [m].
+        lateral_speed: Speed of the ego to the left, a central difference over about 0.2 s whatever
+            the frame rate, so that recordings of 20 and 25 Hz agree [m/s].
         speed: Speed of the ego [m/s].
         accel: Acceleration of the ego along its axis [m/s^2].
         right_edge: `lateral_position` of the right-most corner of the ego's body [m].
         left_edge: `lateral_position` of its left-most corner [m].
-        neighbour_slot: Slot of the neighbour, `NO_VEHICLE` without a neighbour, shape (simulation,
-            neighbour, time).
+        neighbour_slot: Slot of the neighbour, its vehicle number in the simulation; `NO_VEHICLE`
+            (255) without a neighbour. Shape (simulation, neighbour, time).
         gap: Gap between the bumpers of ego and neighbour, negative alongside, same shape [m].
         closing_speed: Speed at which that gap shrinks, same shape [m/s].
-        lateral_gap: Gap between the sides of their bodies, negative where they overlap, same
-            shape [m].
-        left_occupancy: Vehicle lengths within 100 m ahead and behind in the lane to the left, over
-            200 m [1].
-        left_count: Number of vehicles in the lane to the left.
-        friction: Peak friction under the ego at its speed on the mean film of its lane [1].
-        sight_lit: Distance at which the ego's driver sees a lit vehicle ahead [m].
-        sight_unlit: Distance at which the ego's driver sees an unlit vehicle ahead [m].
+        lateral_gap: Gap between the sides of their bodies, negative where they overlap across the
+            road, same shape [m].
+        left_occupancy: Share of the lane to the left that vehicles cover, from 100 m behind the
+            ego's centre to 100 m ahead of it [1].
+        left_count: Number of vehicles in the lane to the left, at any distance.
+        friction: Largest friction coefficient between the ego's tyres and the road, at its speed
+            and the mean water film of its lane [1].
+        sight_lit: Distance at which the ego's driver sees a vehicle ahead with lamps on, by
+            weather, light and the course of the road [m].
+        sight_unlit: The same for a vehicle without lamps [m].
     """
 
     frame_interval_ms: int
@@ -77,30 +88,35 @@ class EgoSignals(Delayed):
         return self.lane.shape[1]
 
     def has_neighbour(self, neighbour: NeighbourRole) -> Mask:
-        """Whether the ego has a neighbour in a role, shape (simulation, time)."""
+        """Whether the ego has a neighbour in a role, shape (simulation, time); False if not valid.
+
+        Args:
+            neighbour: The role, such as `NeighbourRole.LEADER`.
+        """
         return self.valid & (self.neighbour_slot[:, neighbour] != NO_VEHICLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSignals(Delayed):
-    """The vehicle that each ego attempts to overtake, frame by frame.
+    """Signals of the target, the vehicle that the ego overtakes or would overtake.
 
-    Arrays have shape (simulation, time). Where a simulation has no target, `valid` is false.
+    Arrays have shape (simulation, time). Each simulation has at most one target, also in frames in
+    which that vehicle is no neighbour. Where `valid` is false, the other values are undefined.
 
     Attributes:
-        valid: Whether there is a target and the frame was recorded.
-        slot: Its slot, `NO_VEHICLE` without a target, shape (simulation,).
+        valid: Whether there is a target and it was recorded in the frame.
+        slot: Its slot, `NO_VEHICLE` (255) without a target, shape (simulation,).
         length: Its length, shape (simulation,) [m].
-        ego_lead: Centre of the ego minus its centre, along the road: negative while it is ahead
-            [m].
-        overlaps: Whether ego and target overlap along the road.
+        ego_lead: Position of the ego's centre minus position of the target's centre, along the road;
+            negative while the target is ahead [m].
+        overlaps: Whether the bodies of ego and target overlap along the road, in any lanes.
         gap: Gap between their bumpers, whichever is ahead; negative while they overlap [m].
         lateral_position: Its position across the road, as `EgoSignals.lateral_position` [m].
-        lateral_gap: Gap between the sides of their bodies [m].
+        lateral_gap: Gap between the sides of their bodies, as `EgoSignals.lateral_gap` [m].
         lane: Its lane index, as `EgoSignals.lane`.
         speed: Its speed [m/s].
-        accel: Its acceleration [m/s^2].
-        lateral_speed: Its speed to the left [m/s].
+        accel: Its acceleration along its axis [m/s^2].
+        lateral_speed: Its speed to the left, as `EgoSignals.lateral_speed` [m/s].
     """
 
     valid: Mask

@@ -1,6 +1,8 @@
-"""The rows of an import report, the findings of the examination of a recording.
+"""Import reports: the faults that were found in a recording of real traffic when it was read.
 
-Simulations from recordings carry them, so that a table of results can be traced to its source.
+The reader of a recording (`recordings`) makes one `ImportFinding` for each fault and its vehicle. A
+batch of simulations from a recording keeps them, so that a result can be traced to its source, and
+data sets store them as a table. The functions here join reports and format them for people.
 """
 
 from __future__ import annotations
@@ -14,19 +16,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportFinding:
-    """A finding of a recording, a row of an import report.
+    """A fault of a recording and what the reader did about it, a row of an import report.
 
     Attributes:
         recording: Name of the recording; in a folder of recordings the name of its file.
-        check: Name of the check, a value of `recordings.findings.Check`. It is a text here because
-            reports are also read back from tables.
-        vehicle: Name of the vehicle in the file; None for the whole file.
-        first_time_s: Time of its first row, as the file counts [s]; None for the whole file, and
-            for a vehicle whose rows state no time.
-        rows: Number of rows of the file that it concerns.
-        consequence: Action of the import on these rows, a value of
-            `recordings.findings.Consequence`: "corrected", "left out", or "reported" where the
-            values of the file were kept.
+        check: Name of the check that found the fault, such as "gaps" or "frame rate". All names are
+            in `recordings.findings.Check`; this is a plain text because reports are also read back
+            from tables.
+        vehicle: Name of the faulty vehicle in the file; None if the fault concerns the whole file.
+        first_time_s: Time of the first row with the fault, as the file counts [s]; None for
+            the whole file, or if the rows of the vehicle state no time.
+        rows: Number of rows of the file with the fault.
+        consequence: Action of the reader on these rows: "corrected", "left out", or "reported" if
+            it kept the values of the file (`recordings.findings.Consequence`).
         detail: One sentence with columns and values.
     """
 
@@ -44,53 +46,57 @@ class ImportFinding:
 
 
 def joined_findings(reports: Iterable[Iterable[ImportFinding]]) -> tuple[ImportFinding, ...]:
-    """The findings of several reports, each once, in order.
+    """The findings of several reports, in order and without repetitions.
 
-    Parts of one recording have the same report.
+    Batches that are parts of one recording have the same report, so their findings repeat.
 
     Args:
-        reports: The reports.
+        reports: The rows of each report.
     """
+    # The keys of a dict are distinct and keep the order.
     return tuple(dict.fromkeys(finding for report in reports for finding in report))
 
 
 def check_lines(findings: Iterable[ImportFinding]) -> list[str]:
-    """One line for each check and consequence, in the order of their first findings.
+    """Summarize findings in one line for each check and consequence, for people.
 
     Args:
-        findings: The rows of an import report.
+        findings: The rows of one or more import reports.
 
     Returns:
-        Lines such as "01_tracks.csv: gaps: corrected, 40 rows, 12 findings; the first: ...".
+        Lines such as "01_tracks.csv: gaps: corrected, 40 rows, 12 findings; the first: vehicle 7 at
+        3.2 s: ...", in the order of the first findings.
     """
-    by_check: dict[tuple[str, str], list[ImportFinding]] = {}
+    groups: dict[tuple[str, str], list[ImportFinding]] = {}
     for finding in findings:
-        by_check.setdefault((finding.check, finding.consequence), []).append(finding)
-    return [_check_line(group) for group in by_check.values()]
+        groups.setdefault((finding.check, finding.consequence), []).append(finding)
+    return [_check_line(group) for group in groups.values()]
 
 
 def _check_line(findings: list[ImportFinding]) -> str:
-    """The line of one check and consequence."""
+    """The line for findings of the same check and consequence, at least one."""
     first = findings[0]
     num_recordings = len({finding.recording for finding in findings})
     source_name = first.recording if num_recordings == 1 else f"{num_recordings:,} recordings"
     head = f"{source_name}: {first.check}: {first.consequence}, {_rows_text(findings)}"
     if len(findings) == 1:
         return f"{head}: {place_text(first)}{first.detail}"
-    source = f"{first.recording}: " if num_recordings > 1 else ""
-    return (
-        f"{head}, {len(findings):,} findings; the first: {source}{place_text(first)}{first.detail}"
-    )
+    first_source = f"{first.recording}: " if num_recordings > 1 else ""
+    first_text = f"{first_source}{place_text(first)}{first.detail}"
+    return f"{head}, {len(findings):,} findings; the first: {first_text}"
 
 
 def _rows_text(findings: Iterable[ImportFinding]) -> str:
-    """Number of rows of some findings in words."""
+    """The number of rows with these faults, such as "1 row" or "1,200 rows"."""
     num_rows = sum(finding.rows for finding in findings)
     return f"{num_rows:,} row{'' if num_rows == 1 else 's'}"
 
 
 def place_text(finding: ImportFinding) -> str:
-    """Vehicle and time of a finding, before its detail; empty for the whole file."""
+    """Vehicle and time of a finding, such as "vehicle 7 at 3.2 s: ", to put before its detail.
+
+    Empty if the fault concerns the whole file.
+    """
     if finding.vehicle is None:
         return ""
     time = "" if finding.first_time_s is None else f" at {finding.first_time_s:g} s"
