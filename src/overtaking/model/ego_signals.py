@@ -107,7 +107,7 @@ class TargetSignals(Delayed):
         valid: Whether there is a target and it was recorded in the frame.
         slot: Its slot, `NO_VEHICLE` (255) without a target, shape (simulation,).
         length: Its length, shape (simulation,) [m].
-        ego_lead: Position of the ego's centre minus position of the target's centre, along the road;
+        ego_lead: Position of the ego's centre minus the target's, along the road;
             negative while the target is ahead [m].
         overlaps: Whether the bodies of ego and target overlap along the road, in any lanes.
         gap: Gap between their bumpers, whichever is ahead; negative while they overlap [m].
