@@ -1,4 +1,15 @@
-"""Figures, films and pages of data sets and results."""
+"""Public functions that draw figures, write pages and films, and show a data set in the browser.
+
+A *data set* is a folder of tables with many simulations of one *ego*, the vehicle whose overtaking
+is studied. *Trajectories* are the recorded motion of a batch of simulations in memory; `label` adds
+verdicts of the law and classes. *Class*: the result of a simulation, such as `Success_L`
+(completed, legal). *Policy*: the set of rules of law that decides between legal and illegal.
+*Twin*: a simulation and the same simulation after a change, made by `whatif.counterfactual`.
+
+Drawing packages are optional extras and slow to load, so they are imported inside the functions.
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation; where
+a function has `@overload` variants, it checks the last, most general one.
+"""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -42,19 +53,20 @@ def plot(
     """Draw a figure of a data set or of a result.
 
     Args:
-        source: A data set or its folder; the result of `dataset_statistics`, `validate_profile`,
-            `evaluate`, `reproduce_study`, `learning.learn_factors`, `law.tolerance_curve`,
-            `whatif.counterfactual` or `whatif.outcome_fan`; or the roads of
+        source: A data set or its folder or URL; the result of `dataset_statistics`,
+            `validate_profile`, `evaluate`, `reproduce_study`, `learning.learn_factors`,
+            `law.tolerance_curve`, `whatif.counterfactual` or `whatif.outcome_fan`; or the roads of
             `list_opendrive_roads`.
-        figure: Name of the figure, needed where the source has several. A data set has the
+        figure: Name of the figure; may be None if the source has only one. A data set has the
             figures of its report, such as `classes` or `waiting-time`. The error for an unknown
             name lists all names.
-        out: File for the figure, replaced as a whole: `.svg`, `.pdf` or `.png` by its name.
-        ax: Axes of Matplotlib to draw into; only for figures with single axes.
-        width: `column` (3.5 inches, one column of a paper) or `page` (7.16 inches, both columns).
-            The figure is laid out for this width; the size of its letters does not change.
-        policy: Policy that decides about the classes of a data set or of twins; None for the
-            default of the profile.
+        out: File for the figure, `.svg`, `.pdf` or `.png`; an existing file is replaced. None
+            writes no file.
+        ax: Axes of Matplotlib to draw into, for figures with single axes; None for a new figure.
+        width: `column` (3.5 inches, one column of a paper with two) or `page` (7.16 inches, both
+            columns). Letters have the same size in both.
+        policy: Policy for the classes of a data set or a twin: `paper`, `default` or `strict`; None
+            for the default of the profile.
 
     Returns:
         The Matplotlib figure; with `ax`, the figure that `ax` belongs to.
@@ -62,21 +74,22 @@ def plot(
     Raises:
         ConfigError: The source has no figures, no figure or width has this name, or the figure
             cannot be drawn into `ax`.
-        DatasetError: The data set is not complete or damaged, or has too little to draw.
+        DatasetError: The data set is not complete or damaged, or has too few simulations to draw.
         MissingExtraError: The extra `plots` is not installed.
         OSError: The file cannot be written.
     """
     from overtaking.show.report.figures import draw
-    from overtaking.show.report.files import check_figure_file, put_figure
+    from overtaking.show.report.files import check_figure_file
+    from overtaking.show.report.files import put_figure as write_figure
 
     path = None if out is None else Path(out)
     if path is not None:
-        check_figure_file(path)
+        check_figure_file(path)  # Before the work: drawing may take a minute.
     if isinstance(source, str | Path):
         source = load_dataset(source)
     drawn = draw(source, figure, axes=ax, width=width, policy=policy)
     if path is not None:
-        put_figure(path, drawn)
+        write_figure(path, drawn)
     return drawn
 
 
@@ -129,30 +142,35 @@ def write_report(
     films: Annotated[int, FieldSpec(low=0, high=10)] | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Written | list[Evaluated]":
-    """Write a data set, an evaluation or a reproduction as a page that needs no network.
+    """Write a report on a data set, an evaluation or a reproduction as an HTML page.
+
+    The page refers to files of its folder only, so it can be read without a network.
 
     Args:
-        source: A data set or its folder, or a result of `evaluate`, `run_benchmark` or
-            `reproduce_study`. Each profile of a benchmark has a page in a folder of its name.
-        out: Folder for the page, its figures and tables; files of an earlier report are replaced.
-            Only the report on a data set has a default: the folder `report` of the data set.
-        policy: Policy that decides about the class: `paper`, `default` or `strict`; None for the
-            default of the profile. Only for data sets.
-        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`. Only
-            for data sets.
-        weighted: Whether each simulation counts by its importance weight. Only for data sets.
-        learn: Whether rules and factors are learned too, which takes minutes. Only for data sets.
-        films: Number of films of the worst scenes, 0 to 10; 10 if left out. Only for evaluations.
+        source: A data set or its folder or URL; or the result of `evaluate`, `run_benchmark` (a
+            page for each profile, in a folder of its name) or `reproduce_study`.
+        out: Folder for the page, its figures and tables; an earlier report in it is replaced. May
+            be None for a data set only: then the folder `report` in the data set.
+        policy: Only for data sets. Policy for the classes: `paper`, `default` or `strict`; None for
+            the default of the profile.
+        reading: Only for data sets. How the features (columns that describe a simulation) are
+            measured. `paper`: at the start of the overtake, or, without an overtake, as means over
+            the simulation, as in the study that the package reproduces. `matched`: at one instant
+            in every class. None for `paper` with the policy `paper`, else `matched`.
+        weighted: Only for data sets. Whether statistics use the weights of the simulations, which
+            restore natural shares where rare cases were drawn more often.
+        learn: Only for data sets. Whether rules and factors are learned too, which takes minutes.
+        films: Only for evaluations. Number of films of the worst scenes, 0 to 10; None for 10.
         progress: Called with the number of parts or films that are done, and of all.
 
     Returns:
-        Path of the page and remarks on missing parts: without the extra `plots` a page has no
-        figures, without `stats` no associations, without `learn` no learned rules, without `video`
-        no films.
+        `path` of the page, names of its figures and tables, and `remarks` on missing parts: without
+        the extra `plots` a page has no figures, without `stats` no associations, without `learn`
+        no learned rules, without `video` no films. A list for a benchmark.
 
     Raises:
-        ConfigError: The source has no report, the policy or reading is unknown, or an option is
-            not for this source.
+        ConfigError: The source has no report, the policy or reading is unknown, or an option does
+            not apply to this source.
         DatasetError: The data set is not complete, or damaged.
         OSError: A file cannot be written.
     """
@@ -169,12 +187,11 @@ def write_report(
             is_learned=learn,
             progress=progress,
         )
-    name = type(source).__name__
-    options = {"policy": policy, "reading": reading, "weighted": weighted, "learn": learn}
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.reproduction.run import Reproduction
 
+    name = type(source).__name__
     if not isinstance(source, Evaluation | BenchmarkResult | Reproduction):
         raise ConfigError(
             what="source",
@@ -183,7 +200,8 @@ def write_report(
             got=f"an object of type {name}",
             next_step="give one of them; plot draws figures of other results",
         )
-    _check_unused("write_report", f"a {name}", **options)
+    dataset_options = {"policy": policy, "reading": reading, "weighted": weighted, "learn": learn}
+    _check_unused("write_report", f"a {name}", **dataset_options)
     if out is None:
         raise ConfigError(
             what="out",
@@ -207,6 +225,7 @@ def _write_evaluation(
     films: int,
     progress: ProgressCallback | None,
 ) -> "Evaluated | list[Evaluated]":
+    """Write the page of an evaluation, or the pages of a benchmark's evaluations."""
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.show.report.evaluation import write
 
@@ -225,7 +244,10 @@ def _write_evaluation(
 
 
 def _check_unused(where: str, source: str, **options: Any) -> None:
-    """Refuse options that are set and do not apply to this kind of source."""
+    """Refuse options that the caller has set and that do not apply to this kind of source.
+
+    None and False, the defaults, mean that it is not set.
+    """
     for name, value in options.items():
         if value not in (None, False):
             raise ConfigError(
@@ -266,21 +288,23 @@ def film(
     """Film simulations from above, as mp4 files; each file appears when it is complete.
 
     Args:
-        source: A data set or its folder, trajectories, the result of `label`, or a `Twin`, whose
-            two simulations appear one above the other. Frames that a data set does not keep
-            are simulated again. Trajectories are labelled first.
-        out: Folder for the films; `films` in the folder of the data set, or in the working folder,
-            if left out. For a twin the mp4 file, in a folder that exists.
-        simulation_ids: Numbers of the simulations, `all`, or `one-per-class`: the first simulation
-            of each class that lasts 2 s or more. Trajectories are counted from 0. Not for twins.
-        policy: Policy that decides about the class: `paper`, `default` or `strict`; None for the
-            default of the profile. Breaches of other rules are grey.
-        threads: Number of films that are made at the same time; one per processor if left out. Not
-            for twins.
+        source: A data set or its folder or URL, trajectories, the result of `label`, or a `Twin`,
+            whose two simulations appear one above the other. If a data set keeps no positions, they
+            are simulated again. Trajectories without labels are labelled.
+        out: Folder for the films. None for the folder `films` in the data set, or in the working
+            folder for trajectories. For a twin the mp4 file, in an existing folder.
+        simulation_ids: Numbers of the simulations, from 0 in a data set as in trajectories; `all`;
+            or `one-per-class`, the first simulation of each class that lasts 2 s or more. Not for
+            twins.
+        policy: Policy for the class: `paper`, `default` or `strict`; None for the default of the
+            profile. Breaches of rules that it does not require are drawn in grey.
+        threads: Number of films that are made at the same time; None for one per processor. Not for
+            twins.
         progress: Called with the number of films that are done, and of all. Not for twins.
 
     Returns:
-        A `Video` for each simulation; for a twin, the path of its film.
+        For each simulation `number`, `path`, `num_frames` and `label` (its class); for a twin, the
+        path of its film.
 
     Raises:
         ConfigError: The source cannot be filmed, or a simulation or policy does not exist.
@@ -293,21 +317,26 @@ def film(
     if isinstance(source, str | Path):
         source = load_dataset(source)
     if not isinstance(source, Dataset | Trajectories | LabelledTrajectories):
-        selection = None if simulation_ids == "one-per-class" else simulation_ids
-        _check_unused("film", "a twin", simulation_ids=selection, threads=threads)
+        # A caller may name the default value; that is no error.
+        set_ids = None if simulation_ids == "one-per-class" else simulation_ids
+        _check_unused("film", "a twin", simulation_ids=set_ids, threads=threads)
         return _film_twin(source, out, policy)
-    home = source.path if isinstance(source, Dataset) else Path()
-    folder = home / "films" if out is None else Path(out)
+    if out is not None:
+        folder = Path(out)
+    else:
+        folder = (source.path if isinstance(source, Dataset) else Path()) / "films"
     selection = simulation_ids if isinstance(simulation_ids, str) else list(simulation_ids)
     total = jobs.num_films(source, selection)
+    # An iterator: simulations are read as films get made, not all at once.
     films = jobs.jobs(source, selection, policy)
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
 
 
 def _film_twin(twin: Any, out: str | Path | None, policy: str | None) -> Path:
-    """Film a simulation above its twin."""
+    """Film a simulation above its changed twin; arguments as in `film`."""
     from overtaking.analysis.whatif.twin import Twin
-    from overtaking.show.video.encode import require, write_film
+    from overtaking.show.video.encode import require as require_encoder
+    from overtaking.show.video.encode import write_film
     from overtaking.show.video.twin import TwinFilm
 
     if not isinstance(twin, Twin):
@@ -326,7 +355,7 @@ def _film_twin(twin: Any, out: str | Path | None, policy: str | None) -> Path:
             got="None",
             next_step="name a file",
         )
-    require()
+    require_encoder()
     path, policy_name = Path(out), choose_policy(policy, twin.profile)
     title = f"Simulation {twin.number} and its twin, policy {policy_name}"
     write_film(TwinFilm(twin, policy), path, title=title)
@@ -343,33 +372,35 @@ def write_viewer_page(
     progress: ProgressCallback | None = None,
     say: Callable[[int], None] | None = None,
 ) -> "ViewPage":
-    """Write simulations as one page to look at in a browser, from disk and without a network.
+    """Write simulations as one HTML file that shows them in motion, without a network.
 
     Args:
-        source: A data set or its folder, trajectories of any origin, or the result of `label`.
-            Frames that a data set does not keep are simulated again. Trajectories are labelled
-            first.
-        out: The file; an existing one is replaced as a whole.
-        simulation_ids: Numbers of the simulations, `all`, or `one-per-class`: the first simulation
-            of each class that lasts 2 s or more. Trajectories are counted from 0.
-        policy: Which rules decide about the class when the page opens: `paper`, `default` or
-            `strict`; None for the default of the profile. The page can change it.
+        source: A data set or its folder or URL, trajectories, or the result of `label`. If a data
+            set keeps no positions, they are simulated again. Trajectories are labelled.
+        out: The file; an existing one is replaced.
+        simulation_ids: As in `film`.
+        policy: Policy for the class when the page opens: `paper`, `default` or `strict`; None for
+            the default of the profile. The page has a menu to change it.
         progress: Called with the number of simulations that are done, and of all.
-        say: Called with the size of a large page before it is written [bytes].
+        say: Called with the size of a page above 8 MB before it is written [bytes], because such a
+            page is too large for an e-mail.
 
     Returns:
-        Where it is, which simulations it has, and how large it is.
+        `path`, `simulations` (their numbers) and `size_bytes`.
 
     Raises:
-        ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB.
+        ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB,
+            which browsers of phones do not open.
         DatasetError: The data set is not complete or damaged.
         OSError: The file cannot be written.
     """
-    from overtaking.show.view.write import write
+    from overtaking.show.view.write import write as write_page
 
-    runs = load_dataset(source) if isinstance(source, (str, Path)) else source
+    simulations = load_dataset(source) if isinstance(source, (str, Path)) else source
     selection = simulation_ids if isinstance(simulation_ids, str) else list(simulation_ids)
-    return write(runs, Path(out), chosen=selection, policy=policy, progress=progress, say=say)
+    return write_page(
+        simulations, Path(out), chosen=selection, policy=policy, progress=progress, say=say
+    )
 
 
 @check_arguments
@@ -380,24 +411,24 @@ def serve_viewer(
     port: Annotated[int, FieldSpec(low=0, high=65535)] = 0,
     ready: Callable[[str], None] | None = None,
 ) -> "ViewServer | None":
-    """Show a whole data set in the browser of this machine.
+    """Start a web server that shows a whole data set in the browser of this machine.
 
-    The server listens on the loopback address only, and writes nothing into the data set. Outside
-    an event loop the call ends when the process is interrupted. Inside the event loop of a notebook
-    it returns at once, and the server goes on in the background.
+    Only programs of this machine can connect (it listens on the loopback address), and the data set
+    is not changed. In a script the call blocks until Ctrl-C. In a notebook, where an event loop
+    runs, it returns at once and the server runs in the background.
 
     Args:
-        dataset: The data set, or its folder.
-        policy: Which rules decide about the class when the page opens: `paper`, `default` or
-            `strict`; None for the default of the profile. The page can change it.
-        port: To listen on; 0 lets the system choose.
-        ready: Called with the address of the page once the server has answered a request. The
-            token in the address opens the page once. If left out, the address is printed; a
-            notebook shows it as a link in any case.
+        dataset: The data set, or its folder or URL.
+        policy: Policy for the class when the page opens: `paper`, `default` or `strict`; None for
+            the default of the profile. The page has a menu to change it.
+        port: Port to listen on, 0 to 65535; 0 lets the system choose.
+        ready: Called with the URL of the page once the server answers requests. The URL contains a
+            secret token that opens the page once. None prints the URL; a notebook always shows it
+            as a link.
 
     Returns:
-        Inside a running event loop the server, with `url` and `close`, which is also a context
-        manager.
+        In a notebook the server, with `url` and `close`, also for use in a `with` statement; None
+        in a script.
 
     Raises:
         ConfigError: There is no such policy, or the port is taken.

@@ -1,4 +1,19 @@
-"""Simulations in memory: sample, simulate, drive, branch and label them."""
+"""Public functions that simulate in memory: `sample`, `simulate`, `drive`, `branch`, `label`.
+
+    scenario = sample("motorway", num_simulations=100, seed=1)   # start of 100 simulations
+    trajectories = simulate(scenario)                            # recorded motion, frame by frame
+    labels = label(trajectories).labels                          # what happened, and was it legal?
+
+A *scenario* is everything decided before the first frame: road, weather, vehicles and their
+drivers. Scenarios and trajectories are batches: arrays whose first axis is the simulation. The
+*ego* is the vehicle whose overtaking is studied, a *frame* a recorded instant, the *horizon* the
+time at which a simulation ends. A *profile* is a named setting to sample from; *specification*: the
+same as an object or as a TOML file of the user.
+
+The package has two simulators of its own model: `engine` (compiled) and `reference` (readable
+Python); both give the same bits. `check_arguments` raises a `ConfigError` for an argument of
+another type than its annotation, or outside the range in `FieldSpec`.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +35,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import check_memory
 from overtaking.data.recipe import PolicyRecord, Simulator
 from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.label import label as labelled
+from overtaking.labels.label import label as label_batch
 from overtaking.labels.law import PORTUGAL, MeasurementErrors, Pack
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments, check_batch
@@ -31,18 +46,24 @@ from overtaking.model.weather import Weather
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim import driving
-from overtaking.sim.branch import branch as branched
+from overtaking.sim.branch import branch as branch_batch
 from overtaking.sim.branch import changed
 from overtaking.sim.driving import OBSERVATION_SOURCES, Driver
 from overtaking.sim.sensor import Sensor
 from overtaking.world.constants import STEP_MS
 
 BYTES_PER_LABELLED_FRAME = 64
-"""Memory of the signals of a frame, measured with 400 simulations of `motorway` [bytes]."""
+"""Memory that `label` needs per simulation and frame [bytes].
+
+Measured with 400 simulations of the profile `motorway`; signals of the ego take most of it.
+"""
 
 
 MAX_SCENARIOS = 100_000_000
-"""Largest number of scenarios in a batch; data sets may be larger."""
+"""Largest number of scenarios in a batch. More would exceed any memory, so it is a typing error.
+
+Data sets are made in parts and may have more.
+"""
 
 
 @check_arguments
@@ -55,41 +76,49 @@ def sample(
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
 ) -> Scenario:
-    """Draw scenarios.
+    """Draw scenarios at random.
 
     Args:
-        profile: Name of a profile of the package, path of a TOML file, or a specification.
-        num_simulations: Number of scenarios, at most `MAX_SCENARIOS`.
+        profile: Name of a profile, path of a TOML file, or a specification.
+        num_simulations: Number of scenarios, 0 to `MAX_SCENARIOS`.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        first_scenario: Scenario index of the first row, 0 <= first_scenario < 2**63. A scenario
-            index gives the same scenario in every batch.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
+        first_scenario: Scenario index of the first one, 0 to 2**63. Seed and scenario index
+            determine a scenario, so a batch can be drawn in parts: the scenario with index 7 is the
+            same whatever else is drawn.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
+
+    Returns:
+        The scenarios with the indices `first_scenario`, `first_scenario + 1` and so on.
 
     Raises:
         ConfigError: The specification or a number cannot be used.
-        InfeasibleError: No such scenario fits on the road.
-        SystemLimitError: They need more memory than the system grants.
+        InfeasibleError: The vehicles do not fit on the road.
+        SystemLimitError: The scenarios need more memory than the system grants.
     """
     spec = profiles.load_specification(profile, overrides)
-    place = resolve_road(road or spec.road)
-    index = np.uint64(first_scenario) + np.arange(num_simulations, dtype=np.uint64)
-    first_row = sampler.ScenarioSource(spec, place, seed).sample(index[:1])
+    source = sampler.ScenarioSource(spec, resolve_road(road or spec.road), seed)
+    scenario_index = np.uint64(first_scenario) + np.arange(num_simulations, dtype=np.uint64)
+    # One scenario shows errors of the specification, and the size of all, before the long work.
+    first_row = source.sample(scenario_index[:1])
     check_batch(first_row, "sample", "scenario")
-    # Twice, as parts are joined in the end.
+    # Twice, because the sampler draws blocks and holds them while it joins them to one batch.
     next_step = "draw fewer at a time, or call generate_dataset"
     check_memory(2 * first_row.nbytes * num_simulations, "sample", next_step)
-    return sampler.ScenarioSource(spec, place, seed).sample(index)
+    return source.sample(scenario_index)
 
 
 @check_arguments
 def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
-    """Simulate a batch.
+    """Simulate a batch of scenarios.
 
     Args:
-        scenario: A batch of scenarios.
-        simulator: One of `SIMULATORS`; the results of `engine` and `reference` are the same, bit
-            for bit.
+        scenario: The scenarios.
+        simulator: A name in `SIMULATORS`.
+
+    Returns:
+        Positions, speeds and more of each vehicle in each frame.
 
     Raises:
         ConfigError: A field of the scenario is out of its range, there is no such simulator, or it
@@ -112,35 +141,40 @@ def branch(
     interventions: Iterable[Intervention] = (),
     simulator: str = "engine",
 ) -> Trajectories:
-    """Simulate again, with something changed from a frame on.
+    """Simulate a batch again with changes from some frame on; random numbers stay the same.
+
+    Until the first change, the result equals the original simulation bit for bit.
 
     Args:
-        source: A batch of scenarios, or recorded simulations. The interventions of a branch come
-            before these.
-        frame: First frame that `decision` and `weather` can affect, before the horizon of the
-            longest simulation; up to it, all is as it was.
-        decision: Decision forced on every ego, at the first instant that allows it.
-        weather: Weather of every simulation from then on, as long as the batch.
-        interventions: Any number of other changes, at frames of their own.
-        simulator: One of `MODEL_SIMULATORS`.
+        source: A batch of scenarios, or simulated trajectories. If these are a branch themselves,
+            its changes are kept and the new ones are added.
+        frame: First frame that `decision` and `weather` can affect, 0 or more, before the last
+            frame of the longest simulation.
+        decision: Decision forced on every ego, such as to start an overtake; carried out at the
+            first instant at which it is possible.
+        weather: Weather of every simulation from `frame` on, shape (simulation,).
+        interventions: Any number of other changes, each with a frame of its own.
+        simulator: A name in `MODEL_SIMULATORS`.
 
     Returns:
-        The batch, with `branched` to say what it branches from. Labels take weather and drivers
-        as they are after the last change.
+        The changed simulations; `branch_origin` holds the original scenarios and all changes.
+        Labels judge by the weather and drivers after the last change.
 
     Raises:
-        ConfigError: A number is out of its range, the weather is not as long as the batch, no
-            simulation has the frame or vehicle, a policy drives the ego, or there is no such
-            simulator.
+        ConfigError: A number is out of its range, the weather has another shape, no simulation has
+            the frame or vehicle, a driver of the user controls the ego (its recorded actions would
+            not react to a change), or there is no such simulator.
     """
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
     interventions = tuple(interventions)
+    # Both the change and the scenario after it must be in range: a displacement may be valid and
+    # still move a vehicle off the road. The argument `weather` is checked like the others.
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
         check_batch(changed(scenario, intervention), "branch")
-    return branched(
+    return branch_batch(
         source, frame, decision=decision, weather=weather, interventions=interventions, run=run
     )
 
@@ -153,36 +187,49 @@ def label(
     law: str | Pack = PORTUGAL,
     policies: Sequence[str] | None = None,
 ) -> LabelledTrajectories:
-    """Label recorded simulations: events, law, classes and features.
+    """Find out what happened in each simulation and whether it was legal.
 
     Args:
-        trajectories: A batch from `simulate`, `branch` or any other source.
-        errors: Standard deviations of recorded positions and speeds; None for a recording without
-            errors. A rule is undecidable where its margin is less than two standard errors.
-        law: A pack of rules, or `pt`, `de` or `module:NAME`, as in `law.load_pack`.
-        policies: Names of its policies; None for those that data sets store.
+        trajectories: Simulated or imported trajectories.
+        errors: Standard deviations of the positions [m] and speeds [m/s] of a recording; None for
+            exact ones, as of simulations. A rule is undecidable where its margin (the distance to
+            its limit) is less than two standard errors.
+        law: The pack of rules of a law: `pt` (Portugal), `de` (Germany), `module:NAME` of a Python
+            module, or a `Pack`.
+        policies: Names of policies of the law (sets of rules that a legal overtake must keep); None
+            for the ones that data sets store: `paper`, `default` and `strict`.
 
     Returns:
-        Signals, events, findings, labels and features, one for each simulation.
+        Signals of the ego, events of its overtake, findings of each rule, labels (class and
+        legality under each policy) and features, for each simulation.
 
     Raises:
-        ConfigError: A field of the recording is out of its range, or there is no such law
-            or policy.
+        ConfigError: A field of the trajectories is out of its range, or there is no such law or
+            policy.
         SystemLimitError: The system grants too little memory or too few threads.
     """
-    check_memory(
-        BYTES_PER_LABELLED_FRAME * trajectories.stage.size, "label", "label fewer at a time"
-    )
+    num_frames = trajectories.stage.size  # Of all simulations: `stage` is (simulation, time).
+    check_memory(BYTES_PER_LABELLED_FRAME * num_frames, "label", "label fewer at a time")
     pack = load_pack(law)
-    return labelled(trajectories, pack=pack, policies=policies_for(pack, policies), errors=errors)
+    return label_batch(
+        trajectories, pack=pack, policies=policies_for(pack, policies), errors=errors
+    )
 
 
 def check_runnable(scenario: Scenario, where: str) -> None:
-    """Refuse scenarios of recordings that simulators cannot run, and batches larger than memory."""
-    interval, slots = scenario.frame_interval_ms, scenario.num_slots
+    """Refuse a scenario that the simulators cannot run, or whose trajectories exceed the memory.
+
+    Scenarios that were sampled can always be run; scenarios of imported recordings may have a frame
+    interval that is no multiple of the simulation step, or too many vehicles.
+
+    Args:
+        scenario: A batch of scenarios.
+        where: The public function, for error messages.
+    """
+    interval, num_slots = scenario.frame_interval_ms, scenario.num_slots  # A slot per vehicle.
     for field, is_wrong, expected, value in (
         ("frame_interval_ms", interval % STEP_MS != 0, f"a multiple of {STEP_MS}", interval),
-        ("vehicles", slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", slots),
+        ("vehicles", num_slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", num_slots),
     ):
         if is_wrong:
             raise ConfigError(
@@ -192,9 +239,9 @@ def check_runnable(scenario: Scenario, where: str) -> None:
                 got=value,
                 next_step="change the scenario",
             )
-    longest = float(scenario.horizon.max(initial=0.0))
-    frames = int(longest * 1000.0) // interval + 1
-    size = scenario.num_simulations * slots * frames * BYTES_PER_STATE
+    longest_s = float(scenario.horizon.max(initial=0.0))
+    num_frames = int(longest_s * 1000.0) // interval + 1  # From ms; both ends are recorded.
+    size = scenario.num_simulations * num_slots * num_frames * BYTES_PER_STATE
     check_memory(size, where, "simulate fewer at a time, or call generate_dataset")
 
 
@@ -208,27 +255,28 @@ def drive(
     action_repeat: int | None = None,
     simulator: str = "engine",
 ) -> Trajectories:
-    """Simulate a batch in which a driver of one's own drives every ego.
+    """Simulate a batch in which a driver of the user controls every ego.
 
-    The other vehicles keep the drivers of the model.
+    All other vehicles keep the human drivers of the model.
 
     Args:
         scenario: A batch of scenarios.
-        driver: A function from an `Observation` of all simulations to an array with an action for
-            each, or a `Driver`, which states the next three arguments itself.
-        observation: Observation of the function, required with one: `human` for what the model's
-            driver
-            believes, `truth` for the state of the world, or a `Sensor`.
-        action: Answer of a function: `accel_lane` (the default), `speed_lane`, `accel_steer`,
-            `trajectory` or `decision`; with the indicator as a part of it, `accel_move` or
-            `accel_steer_signal`.
-        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200; 1 by
-            default.
-        simulator: One of `MODEL_SIMULATORS`; the results are the same, bit for bit.
+        driver: A function that takes an `Observation` of all simulations and returns an array with
+            an action for each, shape (simulation, part); or a `Driver`, which holds such a function
+            together with the next three arguments, so these must then be None.
+        observation: Input of the function: `human` for the perception of a human, `truth` for the
+            exact state, or a `Sensor`. Required with a function.
+        action: Output of the function. `accel_lane` (None means this): acceleration and lane
+            change; `speed_lane`: desired speed and lane change; `accel_steer`: acceleration and
+            wheel angle; `trajectory`: points to drive through; `decision`: a `Move`, such as to
+            pull out. `accel_move` and `accel_steer_signal` also control the indicator.
+        action_repeat: Number of decisions, 20 a second, for which an action holds, 1 to 200; None
+            for 1.
+        simulator: A name in `MODEL_SIMULATORS`.
 
     Returns:
-        The batch, with the actions of the driver as `actions`; a simulation with these actions
-        gives the same batch.
+        The trajectories. Their `actions` hold all actions of the driver, with which the simulation
+        can be repeated without it.
 
     Raises:
         ConfigError: An argument cannot be used, or the scenario cannot be run.
@@ -241,13 +289,13 @@ def drive(
         "action": action,
         "action_repeat": action_repeat,
     }
-    stated = {name: value for name, value in settings.items() if value is not None}
-    if isinstance(driver, Driver) and stated:
+    set_settings = {name: value for name, value in settings.items() if value is not None}
+    if isinstance(driver, Driver) and set_settings:
         raise ConfigError(
-            what=", ".join(stated),
+            what=", ".join(set_settings),
             where="drive",
             expected="no value beside a Driver, which states it",
-            got=", ".join(map(str, stated.values())),
+            got=", ".join(map(str, set_settings.values())),
             next_step="leave it out, or give the function of the driver",
         )
     if not isinstance(driver, Driver):
@@ -259,21 +307,27 @@ def drive(
                 got=None,
                 next_step="state it, because results depend on it",
             )
-        driver = Driver(function=driver, **stated)
+        driver = Driver(function=driver, **set_settings)
     return driving.drive(scenario, driver, run, simulator)
 
 
 def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
-    """The simulator in which a driver of one's own drives every ego."""
+    """Make a simulator for data sets in which a driver of the user controls every ego.
+
+    Args:
+        driver: The driver.
+        simulator: A name in `MODEL_SIMULATORS`.
+    """
     base = get_simulator(simulator)
     run = simulator_module(simulator, MODEL_SIMULATORS).run
-    asks = partial(driving.drive, driver=driver, run=run, simulator=simulator)
-    # A driver may keep a state of its own, so one process calls it, one batch at a time.
-    return dataclasses.replace(base, simulate=asks, threads=1, shares_world=True)
+    simulate_with_driver = partial(driving.drive, driver=driver, run=run, simulator=simulator)
+    # A driver may keep a state between calls, so one process calls it, for one batch at a time.
+    # `shares_world` means: like a server that all processes share, it cannot run in several.
+    return dataclasses.replace(base, simulate=simulate_with_driver, threads=1, shares_world=True)
 
 
 def driver_record(driver: Driver) -> PolicyRecord:
-    """The record of a driver in a manifest."""
+    """The description of a driver for `dataset.json`, the manifest of a data set."""
     sensor = driver.observation
     return PolicyRecord(
         name=driver.display_name,

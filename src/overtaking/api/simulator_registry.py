@@ -1,4 +1,12 @@
-"""Simulators by name, and types of arguments that many public functions share."""
+"""The simulators by name, and types of arguments that several public functions share.
+
+A simulator is a module with a function from scenarios (road, weather, vehicles and drivers before
+the first instant) to trajectories (recorded motion). The modules are imported when a user first
+names them, because SUMO and CARLA need packages that may be missing.
+
+To add a simulator, add its name to `SIMULATORS` and its module to `_SIMULATOR_MODULES`. The module
+needs `simulate`, `version` and the constants that `get_simulator` reads.
+"""
 
 import importlib
 import os
@@ -19,20 +27,28 @@ from overtaking.sim.version import MODEL_VERSION
 from overtaking.world.step_parameters import step_parameters
 
 ProfileSource = str | Path | Mapping[str, Any] | Specification
-"""A profile of the package, a TOML file, what a manifest recorded, or a specification."""
+"""Source of a specification, the description from which scenarios are sampled.
+
+The name of a profile of the package, the path of a TOML file, the mapping that the manifest of a
+data set holds, or a specification itself.
+"""
 
 
 Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
-"""Key of all random numbers."""
+"""Seed of all random numbers; `check_arguments` checks the range."""
 
 
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
-"""A number of simulations that are not written down."""
+"""A number of simulations in memory: larger ones are typing errors. Data sets may have more."""
 
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
-"""The simulators: the compiled engine, its readable twin with the same results, SUMO, and CARLA
-with our drivers or with its own."""
+"""Names of the simulators.
+
+`engine` is this package's own model, compiled; `reference` the same model in readable Python, with
+the same results bit for bit. `sumo` has SUMO's drivers and motion, `carla` CARLA's motion with the
+drivers of this package, and `carla-traffic-manager` CARLA's motion and drivers.
+"""
 
 
 _SIMULATOR_MODULES = {
@@ -42,21 +58,33 @@ _SIMULATOR_MODULES = {
     "carla": "overtaking.simulators.carla.run",
     "carla-traffic-manager": "overtaking.simulators.carla.traffic",
 }
-"""The module of each simulator, loaded when a user first names it."""
+"""The module of each simulator."""
 
 
 MODEL_SIMULATORS = ("engine", "reference")
-"""The simulators of our own model, which can go on from the middle of a simulation."""
+"""The simulators of this package's own model.
+
+Only they can change a simulation in the middle, and let a driver of the user control the ego.
+"""
 
 
 SERVER_SIMULATORS = ("carla", "carla-traffic-manager")
-"""The simulators in which a server holds the world."""
+"""The simulators that run in one server, which all processes would share."""
 
 
 def get_simulator(name: str) -> Simulator:
-    """A simulator by its name."""
+    """The simulator of a name, with all that the generation of data sets needs to know of it.
+
+    Args:
+        name: A name in `SIMULATORS`.
+
+    Raises:
+        ConfigError: There is no such simulator.
+        MissingExtraError: The package of the simulator is not installed.
+    """
     module = simulator_module(name)
     if name in MODEL_SIMULATORS:
+        # Nothing is unknown, and the default sizes suit a fast simulator.
         return Simulator(
             name=name,
             version=MODEL_VERSION,
@@ -68,9 +96,9 @@ def get_simulator(name: str) -> Simulator:
         name=name,
         version=module.version(),
         simulate=module.simulate,
-        unknown=module.UNKNOWN,
-        chunk_size=module.CHUNK_SIZE,
-        shard_size=module.SHARD_SIZE,
+        unknown=module.UNKNOWN,  # Quantities that its trajectories lack.
+        chunk_size=module.CHUNK_SIZE,  # Simulations in one call of `simulate`.
+        shard_size=module.SHARD_SIZE,  # Simulations in one file of a data set.
         shares_world=name in SERVER_SIMULATORS,
     )
 
@@ -78,13 +106,28 @@ def get_simulator(name: str) -> Simulator:
 def replay_actions(
     scenario: Scenario, actions: Actions, *, simulator: str = "engine"
 ) -> Trajectories:
-    """Simulate a batch in which another driver did something; it is not needed again."""
+    """Repeat simulations in which a driver of the user controlled the ego, without the driver.
+
+    Args:
+        scenario: The scenarios of the original simulations.
+        actions: The recorded actions of the driver, one for each decision.
+        simulator: A name in `MODEL_SIMULATORS`.
+    """
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     return run(scenario, step_parameters(scenario), actions=actions)
 
 
 def simulator_module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
-    """The module of a simulator."""
+    """Import the module of a simulator.
+
+    Args:
+        name: Name of the simulator.
+        among: The names that the caller accepts.
+
+    Raises:
+        ConfigError: The name is not among them.
+        MissingExtraError: The package of the simulator is not installed.
+    """
     if name not in among:
         raise ConfigError.unknown_choice(
             what="simulator", where="simulate", choices=among, got=name

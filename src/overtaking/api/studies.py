@@ -1,4 +1,14 @@
-"""Studies: traffic compared with measurements, simulators with each other, ours with the paper."""
+"""Public functions that compare simulated traffic with measurements, a paper, or a simulator.
+
+*Profile*: a named setting of road, traffic, weather and drivers that simulations are drawn from,
+such as `motorway`; *specification*: the same as an object or as a TOML file of the user.
+*Scenario*: everything decided before the first instant of a simulation. *Ego*: the vehicle whose
+overtaking is studied. *Class*: the result of a simulation, such as `Success_L` (completed, legal);
+*policy*: the set of rules of law that decides between legal and illegal. *The paper*: the published
+study that the package reproduces (Pinto, Dutra and Fonseca 2023).
+
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,7 +20,7 @@ from overtaking.api.simulator_registry import SIMULATORS, Count, ProfileSource, 
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.labels.label import label as labelled
+from overtaking.labels.label import label as label_batch
 from overtaking.labels.law import choose_policy, default_policy
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check_arguments
@@ -26,8 +36,8 @@ if TYPE_CHECKING:
 
 
 def _check_simulator_names(simulators: Sequence[str]) -> Sequence[str]:
-    """Names of simulators to compare, refused if they are not two or more different ones."""
-    if len(set(simulators)) < 2 or len(set(simulators)) < len(simulators):
+    """Return the names; raise a `ConfigError` for fewer than two, or for one that repeats."""
+    if len(simulators) < 2 or len(set(simulators)) < len(simulators):
         raise ConfigError(
             what="simulators",
             where="compare",
@@ -49,32 +59,38 @@ def compare_simulators(
     road: str | Path | Road | None = None,
     progress: ProgressCallback | None = None,
 ) -> Comparison:
-    """Simulate the same scenarios on several simulators: how they end, and where they differ.
+    """Simulate the same scenarios on several simulators and compare what happens.
 
     Args:
-        profile: As in `sample`.
+        profile: Name of a profile, path of a TOML file, or a specification.
         num_simulations: Number of scenarios, 1 to 1,000,000.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        simulators: Two or more of `SIMULATORS`; the others are held against the first.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
-        progress: Called with the number of simulations that are done, and of all.
+        simulators: Two or more names in `SIMULATORS`; each is compared with the first.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        progress: Called with the number of scenarios that are done, and of all.
+
+    Returns:
+        For each scenario the class and outcome on each simulator, and where and when the motion
+        first differs by more than 2 m from the first simulator.
 
     Raises:
-        ConfigError: The specification or a number cannot be used, or there is no such simulator,
-            or it is compared with itself.
+        ConfigError: The specification or a number cannot be used, there is no such simulator, or a
+            simulator is named twice.
         MissingExtraError: A simulator is not installed.
     """
     spec = profiles.load_specification(profile, overrides)
-    place = resolve_road(road or spec.road)
-    compared = [get_simulator(name) for name in _check_simulator_names(simulators)]
-    step = min(simulator.chunk_size for simulator in compared)
+    used_road = resolve_road(road or spec.road)
+    used_simulators = [get_simulator(name) for name in _check_simulator_names(simulators)]
+    # All get the same batch, so the simulator that takes the fewest scenarios at a time decides.
+    chunk_size = min(simulator.chunk_size for simulator in used_simulators)
     parts: list[Comparison] = []
-    for first in range(0, num_simulations, step):
-        count = min(step, num_simulations - first)
-        batch = sample(spec, num_simulations=count, seed=seed, first_scenario=first, road=place)
-        runs = [simulator.simulate(batch) for simulator in compared]
-        recordings = [(run, labelled(run).labels) for run in runs]
+    for first in range(0, num_simulations, chunk_size):
+        count = min(chunk_size, num_simulations - first)
+        batch = sample(spec, num_simulations=count, seed=seed, first_scenario=first, road=used_road)
+        runs = [simulator.simulate(batch) for simulator in used_simulators]
+        recordings = [(run, label_batch(run).labels) for run in runs]
         policy = default_policy(batch.profile)
         parts.append(Comparison.of(simulators, recordings, policy=policy))
         if progress is not None:
@@ -90,26 +106,31 @@ def dataset_statistics(
     reading: str | None = None,
     weighted: bool = False,
 ) -> "Statistics":
-    """The paper's tables, class frequencies and waiting times of a data set.
+    """Compute class frequencies, the tables of the paper, and waiting times of a data set.
+
+    The waiting time is the time from the start of a simulation until the ego begins to overtake.
 
     Args:
-        dataset: The data set, or its folder.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
-            default of the profile.
-        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
-        weighted: Whether to count each simulation by its importance weight.
+        dataset: The data set, or its folder or URL.
+        policy: `paper`, `default` or `strict`; None for the default of the profile.
+        reading: How the features (the columns that describe a simulation) are measured. `paper`: at
+            the start of the overtake, or, without an overtake, as means over the simulation, as in
+            the paper. `matched`: at one instant in every class. None for `paper` with the policy
+            `paper`, else `matched`.
+        weighted: Whether each simulation counts by its weight, which restores natural shares where
+            rare cases were drawn more often.
 
     Raises:
         ConfigError: There is no such policy or reading.
         DatasetError: The data set is not complete, or damaged.
-        SchemaError: The weights cannot be used.
+        SchemaError: The weights are missing or invalid.
     """
-    from overtaking.analysis.stats.results import statistics as computed
+    from overtaking.analysis.stats.results import statistics as compute_statistics
 
     source = load_dataset(dataset)
     policy_name = choose_policy(policy, source.profile)
-    frame = source.features(policy_name, reading=reading)
-    return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
+    features = source.features(policy_name, reading=reading)
+    return compute_statistics(features, policy=policy_name, reading=reading, weighted=weighted)
 
 
 @check_arguments
@@ -126,29 +147,32 @@ def validate_profile(
     """Compare the traffic of a profile with published measurements.
 
     Args:
-        profile: As in `sample`.
+        profile: Name of a profile, path of a TOML file, or a specification.
         num_simulations: Number of simulations, 1 to 1,000,000.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         progress: Called with the number of simulations that are done, and of all.
-        recordings: A recording in CommonRoad's format, or a folder of recordings. Their drivers are
-            compared with drivers of the profile in traffic of the same density.
+        recordings: A recording of real traffic in CommonRoad's format, or a folder of recordings.
+            Their drivers are compared with drivers of the profile in traffic of the same density.
 
     Returns:
-        Each figure with its interval, target and verdict, and outcomes by weather; `plot` draws
-        it. `recordings.import_report` has the findings of the recordings, of which a
-        `RecordingWarning` names the first.
+        Each measured quantity with its 95 % interval, the published target and a verdict, and
+        outcomes by weather; `plot` draws it. `recordings.import_report` lists contradictions and
+        doubts in the recordings; a `RecordingWarning` states the first.
 
     Raises:
         ConfigError: The specification or a number cannot be used.
+        ImportFormatError: A recording cannot be read.
     """
     from overtaking.analysis.validation.run import validate as run
     from overtaking.data.import_report import warn_about
 
     spec = profiles.load_specification(profile, overrides)
-    where = None if recordings is None else Path(recordings)
-    validation = run(spec, resolve_road(road or spec.road), num_simulations, seed, progress, where)
+    used_road = resolve_road(road or spec.road)
+    path = None if recordings is None else Path(recordings)
+    validation = run(spec, used_road, num_simulations, seed, progress, path)
     if validation.recordings is not None:
         warn_about(validation.recordings.import_findings)
     return validation
@@ -163,22 +187,27 @@ def reproduce_study(
     overrides: Mapping[str, Any] | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Reproduction":
-    """Compare every number that a paper states with replicates of its data set.
+    """Compare every number in the text of the paper with simulations of its experiment.
+
+    Its data set is one sample of 276 simulations. Many sets of this size (replicates) show how much
+    each number varies by chance, and so which numbers of the paper the model does not explain.
 
     Args:
-        study: `pinto2023`.
+        study: `pinto2023`, the only study so far; it is also the name of the profile.
         num_replicates: Number of sets of 276 simulations, 1 to 1,000,000.
-        seed: Seed of all random numbers, none that the drivers were fitted with.
-        overrides: Dotted keys of the specification with other values; the parameters are then not
-            the frozen ones, and it says so.
+        seed: Seed of all random numbers. Seeds that the drivers of the profile were fitted with are
+            refused.
+        overrides: New values of keys of the specification. The result then states that its
+            parameters are not the published ones.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        Each number with its place among ours, what it is to us, and what the paper's label hides;
+        For each number of the paper its position among the replicates, and whether the profile was
+        fitted to it; also analyses of simulations that the paper counts in one class.
         `write_report` makes a page of it.
 
     Raises:
-        ConfigError: There is no such study, or a number cannot be used.
+        ConfigError: There is no such study, or a number or seed cannot be used.
     """
     from overtaking.analysis.reproduction.run import STUDIES
     from overtaking.analysis.reproduction.run import reproduce as run

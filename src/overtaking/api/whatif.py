@@ -1,4 +1,16 @@
-"""Counterfactuals, futures and sufficient changes of a simulation, and saved branches."""
+"""Public functions that change one simulation and simulate it again: `overtaking.whatif`.
+
+The *ego* is the vehicle whose overtaking is studied. A *branch* is a simulation with something
+changed from some time on and the same random numbers; a *twin* is a simulation with one branch of
+it. An *intervention* is one change, such as of a vehicle's speed. A *data set* is a folder of
+tables with many simulations; its *manifest* (`dataset.json`) records how it was made. *Class*: the
+result of a simulation, such as `Success_L` (completed, legal); *policy*: the set of rules of law
+that decides between legal and illegal.
+
+Only simulations of this package's engine with its own drivers can be changed, because SUMO, CARLA,
+recorded traffic and drivers of the user cannot repeat a simulation with one change.
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+"""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -22,11 +34,11 @@ if TYPE_CHECKING:
 
     Branches = Mapping[str, Trajectories] | Twin
 else:
-    Branches = Any  # The module of `Twin` is loaded when a twin is made.
+    Branches = Any  # `Twin` is slow to import, so its type is known to type checkers only.
 
 
 Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
-"""Futures at each instant of a fan."""
+"""Number of simulated futures at each instant; a thousand take 0.6 s of a processor core."""
 
 
 @check_arguments
@@ -42,40 +54,46 @@ def counterfactual(
     start_time: float = 0.0,
     effect: str = "direct",
 ) -> "Twin":
-    """Compare a simulation of a data set with the same simulation after a change.
+    """Compare a simulation with the same simulation after one or more changes.
 
     Args:
-        dataset: The data set, or its folder; of simulations, or of branches.
-        simulation_id: Number of the simulation.
-        without: Factors to remove from the weather, as in `Weather.without`: `wind`, `rain`, `fog`,
-            `night` or `glare`.
-        driving_style: Another driving style of the ego: `careful`, `average` or `reckless`.
+        dataset: The data set, or its folder or URL; it may be one that `save_branches` wrote.
+        simulation_id: Number of the simulation in the data set, from 0.
+        without: Factors to remove from the weather: `wind`, `rain`, `fog`, `night` or `glare`.
+        driving_style: Another driving style of the ego: `careful`, `average` or `reckless`; None
+            for its own.
         stay: Whether the ego never begins an overtake.
-        delay: Delay of the overtake, without regard to the gaps, 0 to 60 [s].
-        interventions: Any other changes.
-        start_time: Time from which `without`, `driving_style` and `stay` hold [s].
-        effect: `direct`: the simulation continues from its state at `start_time`. `total`: speeds
-            and distances at the start, which depend on weather and driver, are drawn again for the
-            changed weather or driver from the same random numbers.
+        delay: Time by which the ego begins its overtake later, whatever the gaps are then, 0 to
+            60 s; None for no delay.
+        interventions: Any other changes, each with the frame (recorded instant) from which it
+            holds.
+        start_time: Time in the simulation from which `without`, `driving_style` and `stay` hold
+            [s].
+        effect: `direct`: the simulation continues from its state at `start_time`. `total`: the
+            simulation starts anew, and speeds and distances at the start, which depend on weather
+            and driver, are drawn again with the same random numbers.
 
     Returns:
-        Both simulations with their labels, and the first frame in which they differ.
+        Both simulations with their labels, and the first frame in which their motion differs.
 
     Raises:
         ConfigError: A name is unknown, a time is out of its range, the ego begins no overtake that
-            can be delayed, or the simulations are not of this package's drivers.
+            could be delayed, or the simulation cannot be changed (see the top of this module).
         DatasetError: The data set holds recorded traffic, or is damaged.
+        NoSuchSimulationError: There is no such simulation.
     """
     from overtaking.analysis.whatif.twin import Wish, twin_of
 
-    wish = Wish(
+    changes = Wish(
         without=tuple(without),
         driving_style=driving_style,
         stays=stay,
         delay=delay,
         interventions=tuple(interventions),
     )
-    return twin_of(_scene(dataset, simulation_id), wish, start_time=start_time, effect=effect)
+    return twin_of(
+        _load_scene(dataset, simulation_id), changes, start_time=start_time, effect=effect
+    )
 
 
 @check_arguments
@@ -89,30 +107,35 @@ def outcome_fan(
     policy: str | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Fan":
-    """Outcomes of an overtake that begins at each instant of a simulation.
+    """Simulate what an overtake would have led to, had the ego begun it at other instants.
+
+    At each instant, many futures are simulated that differ in the random numbers after it.
 
     Args:
-        dataset: The data set, or its folder.
-        simulation_id: Number of the simulation.
-        condition_on: `truth`: the others as they are, which is hindsight; or `belief`: people and
-            unnoticed vehicles drawn anew, in agreement with what the ego notices when it begins.
-        futures: Futures at each instant; fewer where too few worlds agree.
+        dataset: The data set, or its folder or URL.
+        simulation_id: Number of the simulation in the data set, from 0.
+        condition_on: The common part of all futures. `truth`: the actual other vehicles and their
+            drivers, which the ego cannot know. `belief`: only what the ego has noticed; all else
+            (drivers, unnoticed vehicles) is drawn anew, in agreement with it. Only this one tells
+            whether a decision was good.
+        futures: Number of futures at each instant, 1 to 100,000. With `belief` there may be fewer,
+            where few drawn situations agree with what the ego noticed.
         interval: Time from one instant to the next, 0.05 to 100 [s].
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
-            default of the profile.
+        policy: `paper`, `default` or `strict`; None for the default of the profile.
         progress: Called with the number of instants that are done, and of all.
 
     Returns:
-        Shares of the classes with 95 % intervals, for each instant.
+        For each instant, the share of each class with its 95 % interval.
 
     Raises:
-        ConfigError: There is no such policy, or the data set is not one of simulations of our
-            drivers.
-        DatasetError: It is of recorded traffic, or damaged.
+        ConfigError: There is no such policy or condition, or the simulation cannot be changed (see
+            the top of this module).
+        DatasetError: The data set holds recorded traffic, or is damaged.
+        NoSuchSimulationError: There is no such simulation.
     """
     from overtaking.analysis.whatif.fan import fan_of
 
-    scene = _scene(dataset, simulation_id)
+    scene = _load_scene(dataset, simulation_id)
     return fan_of(
         scene,
         condition_on=condition_on,
@@ -132,42 +155,53 @@ def sufficient_changes(
     policy: str | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Enough":
-    """Changes of one quantity that would have made a simulation lawful or safe, each simulated.
+    """Find the smallest changes that would have made a simulation lawful or safe.
+
+    One quantity at a time is changed in steps, such as the ego's speed, a gap or the rain, and each
+    step is simulated.
 
     Args:
-        dataset: The data set, or its folder.
-        simulation_id: Number of the simulation.
-        goal: `lawful`: completed without a breach that the policy counts; `safe`: without collision
-            and on the road.
-        policy: Which rules decide: `paper`, `default` or `strict`; None for the
-            default of the profile.
+        dataset: The data set, or its folder or URL.
+        simulation_id: Number of the simulation in the data set, from 0.
+        goal: `lawful`: the overtake is completed and breaks no rule that the policy requires.
+            `safe`: no collision, and the ego stays on the road.
+        policy: `paper`, `default` or `strict`; None for the default of the profile.
         progress: Called with the number of quantities that are done, and of all.
 
+    Returns:
+        For each quantity, the smallest sufficient change, and the share of larger changes that are
+        sufficient as well; also the quantities without a sufficient change.
+
     Raises:
-        ConfigError: There is no such goal or policy, it is reached already, or the data set is not
-            one of simulations of our drivers.
-        DatasetError: It is of recorded traffic, or damaged.
+        ConfigError: There is no such goal or policy, the simulation has reached the goal, it is a
+            branch, or it cannot be changed (see the top of this module).
+        DatasetError: The data set holds recorded traffic, or is damaged.
+        NoSuchSimulationError: There is no such simulation.
     """
     from overtaking.analysis.whatif.enough import enough_of
 
-    return enough_of(_scene(dataset, simulation_id), goal=goal, policy=policy, progress=progress)
+    scene = _load_scene(dataset, simulation_id)
+    return enough_of(scene, goal=goal, policy=policy, progress=progress)
 
 
 @check_arguments
 def resimulate_branch(dataset: Dataset | str | Path, simulation_id: int) -> Trajectories:
-    """Simulate a saved branch again, from the list of changes in the manifest.
+    """Simulate a saved branch again, from the changes that the manifest lists.
 
     Args:
-        dataset: A data set of branches, or its folder.
-        simulation_id: Number of the branch in it.
+        dataset: A data set that `save_branches` wrote, or its folder or URL.
+        simulation_id: Number of the branch in it, from 0.
+
+    Returns:
+        The branch, a batch of one simulation.
 
     Raises:
-        DatasetError: It is no such data set, or the model has changed since.
+        DatasetError: It is no such data set, or the version of the model has changed.
         NoSuchSimulationError: There is no such simulation.
     """
-    from overtaking.data.branches import branch_again as again
+    from overtaking.data.branches import branch_again
 
-    return again(load_dataset(dataset), simulation_id)
+    return branch_again(load_dataset(dataset), simulation_id)
 
 
 @check_arguments
@@ -175,14 +209,17 @@ def save_branches(dataset: Dataset | str | Path, branches: "Branches", out: str 
     """Write simulations and branches of a data set as a data set of their own.
 
     Args:
-        dataset: The data set that they branch from, or its folder.
-        branches: Batches of one simulation each, by a title of a few words; or a `Twin`, of which
-            simulation 0 is the original and simulation 1 the changed one.
-        out: Folder for the new data set; it must not exist, or be empty.
+        dataset: The data set that they branch from, or its folder or URL.
+        branches: Title (a few words) to a batch of one simulation, numbered from 0 in this order;
+            or a `Twin`, whose original becomes simulation 0 and whose branch becomes simulation 1.
+        out: Folder for the new data set, on this machine; it must not exist, or be empty.
+
+    Returns:
+        The new data set.
 
     Raises:
-        ConfigError: A batch has several simulations, or the folder holds something.
-        DatasetError: The data set cannot be written; nothing is left behind.
+        ConfigError: A batch does not have exactly one simulation, or the folder is not empty.
+        DatasetError: The data set cannot be written; no files remain.
     """
     from overtaking.analysis.whatif.twin import Twin
     from overtaking.data.branches import write_branches
@@ -193,8 +230,11 @@ def save_branches(dataset: Dataset | str | Path, branches: "Branches", out: str 
 
 
 def _titled_branches(branches: Any) -> "list[Told]":
+    """The branches as the writer of data sets takes them, after a check of each value."""
     from overtaking.data.branches import Told
 
+    # The argument is not checked before (`Branches` is `Any` at run time). A value of another type
+    # stands for itself in the loop, where it is refused.
     is_mapping = isinstance(branches, Mapping) and len(branches) > 0
     for batch in branches.values() if is_mapping else [branches]:
         if not isinstance(batch, Trajectories) or batch.scenario.num_simulations != 1:
@@ -208,7 +248,8 @@ def _titled_branches(branches: Any) -> "list[Told]":
     return [Told(title=title, run=batch) for title, batch in branches.items()]
 
 
-def _scene(dataset: Dataset | str | Path, simulation_id: int) -> "Scene":
+def _load_scene(dataset: Dataset | str | Path, simulation_id: int) -> "Scene":
+    """Load one simulation; raises an error for one that cannot be changed."""
     from overtaking.analysis.whatif.scenes import scene_of
 
     return scene_of(load_dataset(dataset), simulation_id)
