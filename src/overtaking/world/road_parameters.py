@@ -1,4 +1,15 @@
-"""The road as the step sees it: lateral axis towards the overtaking side, tables of fixed size."""
+"""The road in a simulation step: borders of lanes, and tables of sight, lines, geometry and limits.
+
+In goes a `Road`, out come `RoadParameters`, which the reference simulator and the compiled engine
+read. Road coordinates are the station s along the road and the lateral position d. A `Road` counts
+d to the left; here d counts towards the overtaking side, so that left-hand traffic is the mirror
+image of right-hand traffic. *Against* the road means in the direction of oncoming traffic, whose
+*frame* is the frame of the road turned by half a circle: s becomes length - s, d becomes
+`edge_sum` - d.
+
+`Road.course` holds everything that changes along the road: segments of the reference line, grade,
+sight distances that a map states, speed limits, marks of the centre line.
+"""
 
 import math
 from collections.abc import Sequence
@@ -21,32 +32,40 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.sight_distance import visible_distance
 
 MAX_STATIONS = 64
-"""Largest number of stations at which sight, or the line between the directions, changes."""
+"""Columns of the tables of sight and of the line between the directions. Chosen: the engine has
+tables of this size."""
 
 _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
-"""Lines that vehicles on their first side must not cross."""
+"""Marks that a vehicle must not cross from the lane that the mark belongs to. The first word of a
+double line names the line nearer to that lane."""
 
 _FAR = 1e9
-"""Sight distance where a road does not limit it [m]."""
+"""Stands for infinity, with which tables cannot interpolate: a sight distance or radius that limits
+nothing; negative, a station before every road [m]."""
 
 
 class CourseTable(NamedTuple):
     """Geometry, sight and speed limits of a road at equally spaced stations.
 
-    Every row has shape (station,). The stations are `model.steering.station` apart. The table
-    is empty if the road is straight and level and has one speed limit. Rows that end in
-    `_against` hold for drivers against the direction of the road.
+    Every row has shape (station,). The stations begin at s = 0 and are `model.steering.station`
+    apart; the last one is at the end of the road or beyond it. The rows are empty if the road is
+    straight and level and has one speed limit. Rows that end in `_against` hold for drivers against
+    the road; they, too, are in the order of s.
 
     Attributes:
         curvature: Positive where the road bends towards the overtaking side [1/m].
-        sine_of_slope: Positive where the road rises along `s`.
-        radius_along: Radius by which drivers choose their speed, see `_course_table` [m].
+        sine_of_slope: Positive where the road rises along `s` [1].
+        radius_along: Radius by which drivers choose their speed: large where the next bends are
+            wide or far ahead, see `_course_table` [m].
         radius_against: The same for the other direction [m].
-        sight_along: Sight distance from a car [m].
+        sight_along: Length of road that a car driver sees; `_FAR` if the road does not limit it
+            [m].
         sight_against: The same for the other direction [m].
-        truck_sight_along: Sight distance from a truck, over crests longer than from a car [m].
+        truck_sight_along: Length of road that a truck driver sees, over crests more than a car
+            driver [m].
         truck_sight_against: The same for the other direction [m].
-        allowed_speed_along: Largest speed that the limits allow, see `_allowed_speeds` [m/s].
+        allowed_speed_along: Largest speed that the limits here and ahead allow, see
+            `_allowed_speeds` [m/s].
         allowed_speed_against: The same for the other direction [m/s].
     """
 
@@ -64,29 +83,33 @@ class CourseTable(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadParameters:
-    """The road as the step sees it, with the lateral axis towards the overtaking side.
+    """The road in the step, with the lateral axis towards the overtaking side.
 
     Attributes:
-        num_lanes: Number of driving lanes, including the opposing lane of a two-way road.
+        num_lanes: Number of lanes that vehicles use, including the opposing lane if
+            `has_oncoming_traffic`.
         num_own_lanes: Number of lanes of the road's own direction.
-        has_oncoming_traffic: Whether vehicles may come in the opposing lane.
+        has_oncoming_traffic: Whether vehicles may come in the opposing lane, see
+            `has_two_directions`.
         length: End of the road, from which oncoming vehicles count their stations [m].
         edge_sum: Sum of the lateral positions of both edges. An oncoming vehicle at d is at
             `edge_sum` - d in the frame of its own direction [m].
-        sight: Along the road and against it: stations [m], sight distance there [m], and its change
-            per metre; (2, 3, MAX_STATIONS).
-        solid_line: Stations [m], and from there on 1 if the line between the directions is solid
-            for traffic along the road, and 1 if it is solid for oncoming traffic;
-            (3, MAX_STATIONS).
-        course_table: Geometry, sight and limits by station; views on the rows of one array, which
-            the engine gets.
-        boundaries: Lane borders from the kerb side to the overtaking side, padded with the last,
-            shape (MAX_LANES + 1,) [m].
-        film_path: `road_surface.film_path_factor` of each lane, padded, shape (MAX_LANES,).
+        sight: Sight distances that the map states, first along the road, then against it. For each
+            direction three rows: stations [m], sight distance there [m], its change per metre from
+            there on [1]. Shape (2, 3, MAX_STATIONS); zeros without oncoming traffic.
+        solid_line: Three rows: stations [m]; 1 if from there on traffic along the road must not
+            cross the line between the directions, else 0; the same for oncoming traffic. Shape
+            (3, MAX_STATIONS); zeros without oncoming traffic.
+        course_table: Geometry, computed sight and limits by station. Its rows are views on one
+            array, which the engine receives.
+        boundaries: Lane borders from the kerb side to the overtaking side; behind the last border
+            copies of it. Shape (MAX_LANES + 1,) [m].
+        film_path: Factor of the film of water in each lane, which grows with the distance from the
+            crown of the road (`road_surface.film_path_factor`), shape (MAX_LANES,).
         overtaking_sign: +1 in right-hand traffic, -1 in left-hand traffic.
-        x0: World x of the road's origin [m].
-        y0: World y of the road's origin [m].
-        heading: Direction of travel [rad].
+        x0: World x of (s, d) = (0, 0), 0 for a road that bends [m].
+        y0: World y of the same point [m].
+        heading: Direction of travel, anticlockwise from world x, 0 for a road that bends [rad].
         cosine: Cosine of the heading.
         sine: Sine of the heading.
     """
@@ -116,17 +139,22 @@ class RoadParameters:
 
 @lru_cache(maxsize=16)
 def road_parameters(road: Road) -> RoadParameters:
-    """The road as the step sees it.
+    """Compute the parameters of a road.
 
-    Results are cached: all callers share the arrays and must not change them.
+    Results of the last 16 roads are cached: all callers share the arrays and must not change them.
+
+    Args:
+        road: The road.
+
+    Returns:
+        Its parameters, in float32.
     """
     overtaking_sign = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
     borders = overtaking_sign * as_f32(road.lane_boundaries)
     has_oncoming_traffic = has_two_directions(road)
     if has_oncoming_traffic:
         # The opposing lane is one more lane, as wide as lane 0. Turned by half a circle each lane
-        # becomes the other, so oncoming vehicles are simulated like all others, in a frame of their
-        # own.
+        # becomes the other, so the step treats oncoming vehicles like all others, in their frame.
         borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
     edge_sum = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
@@ -134,7 +162,8 @@ def road_parameters(road: Road) -> RoadParameters:
     crown = borders[road.num_lanes if has_oncoming_traffic else -1]
     empty_sight = np.zeros((2, 3, MAX_STATIONS), np.float32)
     empty_line = np.zeros((3, MAX_STATIONS), np.float32)
-    # On a road that bends the step has road coordinates only, so it needs no pose.
+    # A single pose describes a straight road only. For a road that bends, the recording converts
+    # road coordinates to the world, so the step needs no pose.
     pose = (0.0, 0.0, 0.0) if road.is_curved else (road.x0, road.y0, road.heading)
     x0, y0, heading = map(np.float32, pose)
     sine, cosine = sincos(heading)
@@ -161,17 +190,22 @@ def road_parameters(road: Road) -> RoadParameters:
 def has_two_directions(road: Road) -> bool:
     """Whether traffic of both directions can be simulated: one lane each, equally wide.
 
-    The tables of its course may have at most `MAX_STATIONS` - 1 stations. On all other roads
-    vehicles keep to the lanes of the road's own direction.
+    On all other roads vehicles keep to the lanes of the road's own direction; so they do if a map
+    states sight distances or marks of the centre line at `MAX_STATIONS` stations or more.
+
+    Args:
+        road: The road.
     """
     opposing_lane, course = road.overtaking_side_neighbour, road.course or RoadCourse()
+    tables = (course.sight, course.sight_against, road.overtaking_edge_marks)
+    # "<", not "<=": `_sight_table` adds a station.
+    fits_tables = max(map(len, tables)) < MAX_STATIONS
     return (
         road.is_two_way
         and road.num_lanes == 1
         and opposing_lane is not None
         and opposing_lane.width == road.lanes[0].width
-        and max(map(len, (course.sight, course.sight_against, road.overtaking_edge_marks)))
-        < MAX_STATIONS
+        and fits_tables
     )
 
 
@@ -180,13 +214,16 @@ def check_one_direction(scenario: Scenario, where: str) -> None:
 
     Args:
         scenario: A batch of scenarios.
-        where: Part of the package that simulates one direction only, for the message.
+        where: Part of the package, or kind of road, with traffic in one direction only; for the
+            message.
 
     Raises:
         ConfigError: A vehicle drives in the opposite direction.
     """
     road = scenario.road
-    if (scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)).any():
+    # In a scenario the opposing lane has the number after the road's own lanes.
+    is_oncoming = scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)
+    if is_oncoming.any():
         raise ConfigError(
             what=f"traffic on road {road.name}",
             where=where,
@@ -207,10 +244,14 @@ def bend_speed(
 
     Args:
         constants: Constants of the model.
-        road: A road that bends or rises.
-        max_lateral_accel: Largest lateral acceleration that drivers choose [m/s^2].
+        road: A road whose `course_table` is not empty.
+        max_lateral_accel: Largest lateral acceleration that drivers dare at the friction that they
+            assume, a shape that broadcasts with `s` [m/s^2].
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
-        is_oncoming: Whether they drive against the road.
+        is_oncoming: Whether they drive against the road, the same shape.
+
+    Returns:
+        Speeds of the same shape.
     """
     table = road.course_table
     rows = (table.radius_along, table.radius_against)
@@ -225,9 +266,12 @@ def allowed_speed(
 
     Args:
         constants: Constants of the model.
-        road: A road with a course.
+        road: A road whose `course_table` is not empty.
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
-        is_oncoming: Whether they drive against the road.
+        is_oncoming: Whether they drive against the road, the same shape.
+
+    Returns:
+        Speeds of the same shape.
     """
     table = road.course_table
     rows = (table.allowed_speed_along, table.allowed_speed_against)
@@ -235,11 +279,16 @@ def allowed_speed(
 
 
 def interpolate_course(row: F32, station: F32) -> F32:
-    """Interpolate a row of a `CourseTable`, constant beyond its ends.
+    """Interpolate a row of a `CourseTable` linearly; it is constant beyond its ends.
+
+    `np.interp` would compute in float64, and the engine has the same operations in float32.
 
     Args:
-        row: The row, shape (station,).
-        station: Positions as multiples of the station spacing, any shape.
+        row: The row, shape (station,), at least two stations.
+        station: Positions as multiples of the station spacing, any shape [1].
+
+    Returns:
+        Values of the shape of `station`, in the unit of the row.
     """
     last = np.float32(len(row) - 1)
     position = clamp(station, ZERO, last)
@@ -255,24 +304,25 @@ def _value_for_direction(
     s: F32,
     is_oncoming: Mask,
 ) -> F32:
-    """A pair of rows of the course, interpolated: the second row for oncoming vehicles."""
+    """Interpolate two rows of the course: the first, or the second for oncoming vehicles."""
     station = np.where(is_oncoming, road.length - s, s) * constants.per_station
     along, against = (interpolate_course(row, station) for row in rows)
     return np.where(is_oncoming, against, along)
 
 
 def _pad_borders(borders: F32) -> F32:
-    """Borders with the last one repeated: lanes that do not exist have no width."""
+    """Extend the borders to `MAX_LANES` + 1: lanes that do not exist have the width 0."""
     return np.concatenate([borders, np.full(MAX_LANES + 1 - len(borders), borders[-1], np.float32)])
 
 
 def _drainage_path(borders: F32, crown: np.float32) -> F32:
-    """Length of the water's path from the crown to the middle of each lane [m].
+    """Length of the water's path from the crown to the middle of each lane, (MAX_LANES,) [m].
 
-    The crown is the edge on the overtaking side, or the line between the directions of a two-way
-    road.
+    The crown is the highest line of the cross section: the edge on the overtaking side, or the line
+    between the directions of a two-way road.
     """
     centres = (borders[1:] + borders[:-1]) * HALF
+    # A lower limit, as a path of length 0 would be dry in any rain.
     return np.maximum(np.abs(crown - centres), constant("model.water.min_drainage_path"))
 
 
@@ -282,7 +332,7 @@ def _sight_table(road: Road) -> F32:
     tables = []
     for pairs in (course.sight, course.sight_against):
         sight = StationTable.from_pairs(pairs or ((0.0, _FAR),))
-        # Before the first station the sight distance is as at that station.
+        # An additional station before the road: up to the first one the sight distance is constant.
         rows = [
             np.append(-_FAR, sight.station),
             np.append(sight.value[0], sight.value),
@@ -295,6 +345,7 @@ def _sight_table(road: Road) -> F32:
 def _line_table(road: Road) -> F32:
     """The table `RoadParameters.solid_line`."""
     marks = road.overtaking_edge_marks
+    # The first mark begins at minus infinity.
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
     against = [float(mark.reverse in _SOLID) for _, mark in marks]
@@ -302,12 +353,15 @@ def _line_table(road: Road) -> F32:
 
 
 def _course_table(road: Road) -> CourseTable:
-    """Curvature, slope, speeds and sight by station.
+    """Curvature, slope, radii, sight and allowed speeds by station.
 
-    The curvature is the mean around a station, so that the turns of all stations add up to the turn
-    of the line. The radius by which drivers choose their speed is the smallest R + 2 (b / a) x over
-    all bends of radius R at a distance x ahead. At a speed that is the root of a times this radius,
-    a driver that brakes by b enters each bend with the lateral acceleration a.
+    The curvature of a station is the mean over one spacing around it, so that the turns of all
+    stations add up to the turn of the line.
+
+    Drivers choose their speed by the smallest R + 2 (b / a) x over all bends of radius R at a
+    distance x ahead, with the lateral acceleration a (`bend_accel`) and the deceleration b
+    (`bend_decel`). From the speed sqrt(a (R + 2 (b / a) x)) a driver that brakes by b enters the
+    bend at the speed sqrt(a R), that is with the lateral acceleration a.
     """
     if road.course is None or not (
         road.course.segments or road.course.grade or road.course.speed_limit_spans
@@ -320,45 +374,69 @@ def _course_table(road: Road) -> CourseTable:
     turn = turn - math.tau * np.rint(turn / math.tau)
     curvature = turn / spacing
     slope = road.grade_at(stations)
-    rise = 2.0 * float(
+    decel_over_accel = float(
         constant("model.steering.bend_decel") / constant("model.steering.bend_accel")
     )
     # A straight station counts as a bend of radius `_FAR`: the radius stays finite.
     radius = 1.0 / np.maximum(np.abs(curvature), 1.0 / _FAR)
-    along = np.minimum.accumulate((radius + rise * stations)[::-1])[::-1] - rise * stations
-    against = np.minimum.accumulate(radius - rise * stations) + rise * stations
-    rows = [road.overtaking_sign * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
-    allowed = [_allowed_speeds(road, stations, direction) for direction in (1, -1)]
-    rows += [*_sight_rows(road, len(stations)), *allowed]
+    # With x as a difference of two stations, the smallest sum is a running minimum: from the end
+    # of the road backwards for drivers along it, from its start for drivers against it.
+    gain = 2.0 * decel_over_accel * stations
+    radius_along = np.minimum.accumulate((radius + gain)[::-1])[::-1] - gain
+    radius_against = np.minimum.accumulate(radius - gain) + gain
+    allowed_along, allowed_against = (
+        _allowed_speeds(road, stations, direction) for direction in (1, -1)
+    )
+    # The order is the order of the fields of `CourseTable`.
+    rows = [
+        road.overtaking_sign * curvature,
+        slope / np.sqrt(1.0 + slope * slope),
+        radius_along,
+        radius_against,
+        *_sight_rows(road, len(stations)),
+        allowed_along,
+        allowed_against,
+    ]
     return CourseTable._make(np.array(rows, np.float32))
 
 
 def _allowed_speeds(road: Road, stations: F64, direction: int) -> F64:
     """Largest speed from which a driver slows down in time for every limit ahead [m/s].
 
-    At a distance x before a limit l that is the root of l^2 + 2 b x, with the deceleration b. Each
-    stretch is extended by one station at either end, because `interpolate_course` is linear between
-    stations: a vehicle inside the stretch, between two stations, must find the limit at both.
+    At a distance x before the stretch of a limit l it is sqrt(l^2 + 2 b x), with the deceleration
+    b (`bend_decel`). Each stretch is extended by one spacing at either end, because
+    `interpolate_course` is linear between stations: a vehicle in the stretch, between two stations,
+    must find the limit at both.
 
     Args:
         road: The road.
-        stations: Shape (station,) [m].
+        stations: Stations in ascending order, shape (station,) [m].
         direction: +1 along the road, -1 against it.
+
+    Returns:
+        Shape (station,).
     """
     spacing = float(constant("model.steering.station"))
     decel = float(constant("model.steering.bend_decel"))
     allowed = np.full(stations.shape, road.speed_limit)
     for limit in road.course.speed_limits_for(direction) if road.course else ():
-        to_start, past_stop = limit.start - spacing - stations, stations - limit.stop - spacing
-        # A vehicle against the road reaches the stretch at its end.
-        ahead, behind = (to_start, past_stop) if direction > 0 else (past_stop, to_start)
-        speed = np.sqrt(limit.speed * limit.speed + 2.0 * decel * np.maximum(ahead, 0.0))
-        allowed = np.where(behind < 0.0, np.minimum(allowed, speed), allowed)
+        before_start = limit.start - spacing - stations
+        past_stop = stations - limit.stop - spacing
+        # A vehicle against the road reaches the stretch at its `stop` and leaves it at its `start`.
+        distance_ahead, distance_behind = (
+            (before_start, past_stop) if direction > 0 else (past_stop, before_start)
+        )
+        speed = np.sqrt(limit.speed * limit.speed + 2.0 * decel * np.maximum(distance_ahead, 0.0))
+        allowed = np.where(distance_behind < 0.0, np.minimum(allowed, speed), allowed)
     return allowed
 
 
 def _sight_rows(road: Road, num_stations: int) -> list[F64]:
-    """Sight distance along and against the road, then the same from a truck [m]."""
+    """Four rows of sight distances: from a car along and against the road, then from a truck [m].
+
+    `visible_distance` returns None where it has no distances to compute: the map states them, which
+    `RoadParameters.sight` holds, or the road has neither bends nor grades.
+    """
     directions = [visible_distance(road, direction) for direction in (1, -1)]
     unlimited = np.full(num_stations, _FAR)
     return [
@@ -369,7 +447,7 @@ def _sight_rows(road: Road, num_stations: int) -> list[F64]:
 
 
 def _pad_stations(rows: Sequence[ArrayLike]) -> F32:
-    """Rows of `MAX_STATIONS` numbers, the last station repeated."""
+    """Extend rows of equal length to `MAX_STATIONS` numbers by copies of their last number."""
     table = np.array([np.asarray(row, np.float64) for row in rows])
     padding = np.repeat(table[:, -1:], MAX_STATIONS - table.shape[1], axis=1)
     return np.concatenate([table, padding], axis=1).astype(np.float32)

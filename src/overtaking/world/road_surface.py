@@ -1,4 +1,14 @@
-"""Film of water on the road, and friction of tyres."""
+"""Film of water on the road, friction of tyres, and stopping distances.
+
+In go CARLA's weather percentages, positions, speeds and tyres; out come films of water in mm and
+friction coefficients. The lanes have a *film* that rain feeds and that runs off from the crown of
+the road, and puddles on top of it, which are a periodic pattern along each wheel path.
+
+Numbers of the model come from `knowledge/data/weather.toml` (`constant`) and, where the simulation
+step needs them, from `ModelConstants`. All functions are element by element: arguments are float32
+arrays whose shapes broadcast. They use `core.float32_math`, whose results have the same bits on
+every machine.
+"""
 
 from functools import cache
 
@@ -15,13 +25,15 @@ PERCENT = np.float32(0.01)
 _FULL = np.float32(100.0)
 """The largest value of CARLA's weather parameters [%]."""
 
-# The phases of neighbouring wheel paths differ by the golden ratio, whose multiples fill a period
-# evenly, and by its square. The field of puddles is part of the step: the engine has them too.
+# Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: 0.618 is the
+# golden ratio, whose multiples fill a period evenly, and 0.382 its square. So neighbouring wheel
+# paths have puddles at different places. The engine has the same two numbers.
 _PHASE_STEP_1 = np.float32(0.618_034)
 _PHASE_STEP_2 = np.float32(0.381_966)
 
 _MAX_DISTANCE = np.float32(1e6)
-"""Distance beyond which sight does not limit the speed; its square still fits float32 [m]."""
+"""Longer distances, also infinity, count as this in `stoppable_speed` [m]. Chosen: a vehicle stops
+within it from any speed."""
 
 
 def rain_rate(rain: F32) -> F32:
@@ -43,14 +55,15 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 
     Args:
         rate: Rain rate, any shape [mm/h].
-        puddles: CARLA's precipitation deposits, 0 to 100, same shape [%].
+        puddles: CARLA's precipitation deposits, 0 to 100, same shape [%]. From 25 % on the whole
+            road counts as wet.
     """
     is_wet = (rate > 0) | (puddles >= constant("weather.film.wet_deposits_percent"))
     return np.where(is_wet, constant("weather.film.wet_film_mm"), ZERO)
 
 
 def puddle_depth(puddles: F32) -> F32:
-    """Depth of a puddle above the film [mm].
+    """Full depth of a puddle above the film, 0 below half of the deposits [mm].
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -61,7 +74,7 @@ def puddle_depth(puddles: F32) -> F32:
 
 
 def puddle_cover(puddles: F32) -> F32:
-    """Share of the road under puddles, 0 to 1.
+    """Share of the road under puddles, 0 to 0.5, proportional to the deposits [1].
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -70,23 +83,26 @@ def puddle_cover(puddles: F32) -> F32:
 
 
 def film_rain_factor(rate: F32) -> F32:
-    """Factor A(R) of the film above the texture: film = A(R) B(L) - MTD [mm].
+    """Factor A(R) of the film above the texture of the road, film = A(R) B(L) - MTD [mm].
+
+    R is the rain rate, L the length of the drainage path in m and MTD the mean texture depth in mm.
+    A = 0.01485 MTD^0.11 R^0.59 / S^0.42 with the cross slope S, and B = L^0.43.
 
     Args:
-        rate: Rain rate, any shape [mm/h].
+        rate: Rain rate R, any shape [mm/h].
 
     Source:
         Gallaway et al. 1979, metric form.
     """
-    scale, slope = _texture_and_slope_factors()
+    texture_factor, slope_factor = _texture_and_slope_factors()
     rain = power(np.asarray(rate, np.float32), constant("weather.film.rate_exponent"))
-    film = scale * rain / slope
+    film = texture_factor * rain / slope_factor
     return np.where(rate > 0, film, ZERO)
 
 
 @cache
 def _texture_and_slope_factors() -> tuple[F32, F32]:
-    """Coefficient times the factor of the texture, and the factor of the cross slope."""
+    """0.01485 MTD^0.11 and S^0.42 of `film_rain_factor`: both are the same for all roads."""
     texture = power(
         constant("weather.film.texture_depth_mm"), constant("weather.film.texture_exponent")
     )
@@ -95,10 +111,10 @@ def _texture_and_slope_factors() -> tuple[F32, F32]:
 
 
 def film_path_factor(path: F32) -> F32:
-    """Factor B(L) of the drainage path: the lanes far from the crown are wetter.
+    """Factor B(L) of the film, see `film_rain_factor`: lanes far from the crown are wetter [1].
 
     Args:
-        path: Length that the water has run, positive, any shape [m].
+        path: Length L that the water has run from the crown, positive, any shape [m].
 
     Source:
         Gallaway et al. 1979, metric form.
@@ -110,10 +126,10 @@ def lane_film(min_film: F32, rain_factor: F32, path_factor: F32, texture: F32) -
     """Film on a lane outside puddles [mm].
 
     Args:
-        min_film: Thinnest film of the road, see `min_wet_film`, any shape [mm].
-        rain_factor: See `film_rain_factor`.
-        path_factor: See `film_path_factor`.
-        texture: Depth of the road's texture [mm].
+        min_film: Thinnest film of the road, result of `min_wet_film`, any shape [mm].
+        rain_factor: Factor A, result of `film_rain_factor` [mm].
+        path_factor: Factor B, result of `film_path_factor` [1].
+        texture: Mean depth of the road's texture, MTD [mm].
 
     Source:
         Gallaway et al. 1979, metric form.
@@ -122,73 +138,88 @@ def lane_film(min_film: F32, rain_factor: F32, path_factor: F32, texture: F32) -
 
 
 def floor(x: F32) -> F32:
-    """Largest whole number not above `x`, |x| < 2**22."""
+    """Largest whole number not above `x`, for |x| < 2**22, with the operations of the engine."""
     nearest = np.rint(x)
     return np.where(nearest > x, nearest - ONE, nearest)
 
 
 def triangle_wave(x: F32) -> F32:
-    """A wave of period 1 between 0 and 1, uniformly distributed over a period."""
+    """Triangle wave of period 1: falls linearly from 1 at 0 to 0 at 0.5 and rises again."""
     return np.abs(TWO * (x - floor(x)) - ONE)
 
 
 def puddle_depth_share(
     constants: ModelConstants, s: F32, path: F32, phase_1: F32, phase_2: F32, threshold: F32
 ) -> F32:
-    """Depth of the puddle at a point, 0 to 1 of its full depth.
+    """Depth of the puddle at a point, as a share of its full depth, 0 outside puddles to 1.
 
-    Two triangle waves of incommensurate length add up to a field whose share below a threshold t is
-    t**2 / 2 for t <= 1: the share of the wheel path that is under water.
+    Puddles are where the sum of two triangle waves along the wheel path is below a threshold t. The
+    wave lengths, 23 m and 37 m, have no common divisor, so the sum is distributed like the sum of
+    two independent uniform numbers: a share t^2 / 2 of the path lies below a threshold t <= 1.
 
     Args:
         constants: Constants of the model.
         s: Position along the road, any shape [m].
-        path: Number of the wheel path, two to a lane.
-        phase_1: Random phase of the simulation, in [0, 1).
+        path: Number of the wheel path, counted across the road, two to a lane.
+        phase_1: Random phase of the first wave in this simulation, in [0, 1).
         phase_2: Random phase of the second wave, in [0, 1).
-        threshold: sqrt(2 x covered share).
+        threshold: sqrt(2 c) for the share c of the road under puddles, see `puddle_cover` [1].
     """
-    wave = triangle_wave(s * constants.inverse_puddle_wave_1 + phase_1 + _PHASE_STEP_1 * path)
-    wave = wave + triangle_wave(
-        s * constants.inverse_puddle_wave_2 + phase_2 + _PHASE_STEP_2 * path
-    )
-    return clamp((threshold - wave) * constants.puddle_slope, ZERO, ONE)
+    wave_1 = triangle_wave(s * constants.inverse_puddle_wave_1 + phase_1 + _PHASE_STEP_1 * path)
+    wave_2 = triangle_wave(s * constants.inverse_puddle_wave_2 + phase_2 + _PHASE_STEP_2 * path)
+    return clamp((threshold - (wave_1 + wave_2)) * constants.puddle_slope, ZERO, ONE)
 
 
 def peak_friction(constants: ModelConstants, speed: F32, film: F32, wear: F32, truck: F32) -> F32:
-    """Peak friction coefficient of a tyre; arguments as in the two functions below."""
+    """Peak friction coefficient of a tyre at a speed on a film of water [1].
+
+    Args:
+        constants: Constants of the model.
+        speed: Speed of the vehicle, any shape [m/s].
+        film: Depth of the water [mm].
+        wear: Tread wear, from 0 (new) to 1 (worn).
+        truck: 1 for truck tyres, 0 for others.
+    """
     columns = friction_at_speed(constants, speed, wear, truck)
     return friction_at_film(constants, columns, film)
 
 
 def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F32) -> list[F32]:
-    """Friction at the four knots of the film, for a speed, a tread and a type of tyre.
+    """Peak friction at the four films of the table of friction, for a speed and a tyre [1].
+
+    The first half of `peak_friction`: callers that need several films at one speed call it once,
+    and then `friction_at_film` for each film.
+
+    The table has rows for 50, 90 and 130 km/h and columns for 0, 0.2, 1 and 2 mm of water, once for
+    new and once for worn tyres. Truck tyres have a lower friction than it on a dry road. On more
+    than 0.2 mm they lose less friction with speed, as their high pressure delays hydroplaning.
 
     Args:
         constants: Constants of the model.
         speed: Speed of the vehicle, any shape [m/s].
         wear: Tread wear, from 0 (new) to 1 (worn).
-        truck: 1 for truck tyres, whose friction is lower on a dry road, and which lose less of it
-            with speed on a wet one; else 0.
+        truck: 1 for truck tyres, 0 for others.
 
     Returns:
-        One array for each knot of the film.
+        One array for each of the four films.
 
     Source:
-        Bosch Automotive Handbook, friction of tyres; linear between its knots, clamped outside.
+        Bosch Automotive Handbook, friction of tyres. Linear between the points of the table,
+        constant beyond its ends.
     """
     v0, v1, v2 = constants.friction_speeds
+    # Shares of the ways from the first to the second speed and from the second to the third.
     low = clamp((speed - v0) / (v1 - v0), ZERO, ONE)
     high = clamp((speed - v1) / (v2 - v1), ZERO, ONE)
     new, worn = constants.friction_new, constants.friction_worn
     columns = []
-    for knot in range(4):
-        rows = [new[i][knot] + wear * (worn[i][knot] - new[i][knot]) for i in range(3)]
+    for film in range(4):
+        rows = [new[i][film] + wear * (worn[i][film] - new[i][film]) for i in range(3)]
         change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1])
-        if knot == 0:  # Dry.
+        if film == 0:  # Dry.
             dry_factor = ONE + truck * (constants.truck_dry_factor - ONE)
             columns.append(dry_factor * (rows[0] + change))
-        elif knot == 1:  # At the thinnest film neither factor of trucks applies.
+        elif film == 1:  # 0.2 mm: truck tyres like car tyres.
             columns.append(rows[0] + change)
         else:
             loss_factor = ONE + truck * (constants.truck_loss_factor - ONE)
@@ -197,30 +228,31 @@ def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F
 
 
 def friction_at_film(constants: ModelConstants, columns: list[F32], film: F32) -> F32:
-    """Friction on a film of water, never below the floor of the table.
+    """Peak friction on a film of water, at least `ModelConstants.friction_floor` [1].
 
     Args:
         constants: Constants of the model.
-        columns: The friction at the knots of the film, see `friction_at_speed`.
-        film: Depth of the water [mm].
+        columns: The friction at the four films of the table, result of `friction_at_speed`.
+        film: Depth of the water, linear between the films of the table [mm].
     """
     h0, h1, h2, h3 = constants.friction_films
-    a = clamp((film - h0) / (h1 - h0), ZERO, ONE)
-    b = clamp((film - h1) / (h2 - h1), ZERO, ONE)
-    d = clamp((film - h2) / (h3 - h2), ZERO, ONE)
-    value = columns[0] + a * (columns[1] - columns[0])
-    value = value + b * (columns[2] - columns[1])
-    value = value + d * (columns[3] - columns[2])
-    return maximum(value, constants.friction_floor)
+    # Shares of the ways from each film of the table to the next.
+    share_1 = clamp((film - h0) / (h1 - h0), ZERO, ONE)
+    share_2 = clamp((film - h1) / (h2 - h1), ZERO, ONE)
+    share_3 = clamp((film - h2) / (h3 - h2), ZERO, ONE)
+    friction = columns[0] + share_1 * (columns[1] - columns[0])
+    friction = friction + share_2 * (columns[2] - columns[1])
+    friction = friction + share_3 * (columns[3] - columns[2])
+    return maximum(friction, constants.friction_floor)
 
 
 def stopping_distance(speed: F32, reaction_time: F32, decel: F32) -> F32:
     """Distance to a stop: v t + v^2 / (2 b) [m].
 
     Args:
-        speed: Any shape [m/s].
-        reaction_time: Time before the brakes act [s].
-        decel: Deceleration, positive [m/s^2].
+        speed: Speed v, any shape [m/s].
+        reaction_time: Time t before the brakes act [s].
+        decel: Deceleration b, positive [m/s^2].
     """
     return speed * reaction_time + speed * speed / (TWO * decel)
 
@@ -228,10 +260,12 @@ def stopping_distance(speed: F32, reaction_time: F32, decel: F32) -> F32:
 def stoppable_speed(distance: F32, reaction_time: F32, decel: F32) -> F32:
     """Speed from which a vehicle stops within a distance, the inverse of `stopping_distance` [m/s].
 
+    The positive solution v of v t + v^2 / (2 b) = distance.
+
     Args:
-        distance: Any shape, may be infinite [m].
-        reaction_time: Time before the brakes act [s].
-        decel: Deceleration, positive [m/s^2].
+        distance: Any shape, 0 or more, may be infinite [m].
+        reaction_time: Time t before the brakes act [s].
+        decel: Deceleration b, positive [m/s^2].
     """
     bt = decel * reaction_time
     return np.sqrt(bt * bt + TWO * decel * minimum(distance, _MAX_DISTANCE)) - bt

@@ -1,11 +1,19 @@
 """How far a road is visible round bends and over crests.
 
-Where a course states no sight distance, it follows from the line and the grade of the road. Inside
-a bend something stands beside the lanes, at a clearance from the middle of the nearest lane, and a
-driver sees as far as a straight line passes it: on a circle of radius R with the clearance m, that
-is 2 R acos(1 - m / R). Over a crest a driver sees all that the road itself does not cover: on a
+In goes a `Road`; out come sight distances at its *stations*, which are points at equal spacing
+along the road. The simulation step reads them as tables (`road_parameters`), and rules of the law
+compare them with limits.
+
+A map may state the sight distances of its road (`RoadCourse.sight`). Where it does not, they follow
+from the reference line and the grade of the road. In a bend, an obstacle called *wall* stands on
+the inner side, at a clearance from the middle of the nearest lane, and a driver sees the lane as
+far as a straight line passes the wall: on a circle of radius R with the clearance m, that is
+2 R acos(1 - m / R). Over a crest a driver sees all that the road itself does not cover: on a
 vertical circle of radius R, from an eye at height a to an object of height b, that is
-sqrt(2 R) (sqrt(a) + sqrt(b)).
+sqrt(2 R) (sqrt(a) + sqrt(b)). For roads of any shape, the functions below test the points ahead of
+each station one by one.
+
+`direction` is +1 for drivers along the road, in the order of the stations, and -1 against it.
 
 Source:
     AASHTO (2018), chapter 3: sight distance on horizontal curves, and crest vertical curves.
@@ -26,25 +34,30 @@ from overtaking.model.road import Road
 from overtaking.model.road_course import RoadCourse, RoadZone, ZoneKind
 
 _EYES_PER_BLOCK = 512
-"""Stations whose view is computed at a time; it bounds the memory of a long road."""
+"""Stations whose view is computed at a time. Chosen: an array of a block has 2 MB, however long the
+road is."""
 
 _MIN_AHEAD = 1e-3
-"""A point nearer than this in the direction of travel has no bearing [m]."""
+"""A point less far ahead than this, or behind, has no bearing: the division would fail [m]."""
 
 _FAR = 1e9
-"""Bearing of a part of the wall that hides nothing [1]."""
+"""Bearing of a part of the wall that hides no point of the path [1]."""
 
 _NOT_AHEAD_MARGIN = -1.0
-"""Margin of a point of the path that is not ahead: negative, so the point counts as hidden [1]."""
+"""Margin of a point of the path that is not ahead, as after a bend by more than a right angle:
+negative, so that the point counts as hidden [1]."""
 
 
 class VisibleDistance(NamedTuple):
     """Visible length of road at stations `station_spacing()` apart, at most `max_sight()`.
 
+    All arrays have shape (station,), in the order of the road for both directions. A driver sees
+    the smaller of the distances past bends and over crests.
+
     Attributes:
-        past_bends: Past the obstacles inside of bends, shape (station,) [m].
-        over_crests: Over crests, from the eye of a car's driver, shape (station,) [m].
-        over_crests_from_truck: Over crests, from the eye of a truck's driver, (station,) [m].
+        past_bends: Past the walls on the inner side of bends [m].
+        over_crests: Over crests, from the eye of a car's driver [m].
+        over_crests_from_truck: Over crests, from the higher eye of a truck's driver [m].
     """
 
     past_bends: F64
@@ -53,12 +66,15 @@ class VisibleDistance(NamedTuple):
 
 
 class Path(NamedTuple):
-    """Positions of drivers' eyes, in the order of travel.
+    """The middle of a lane as points in the plane, in the order of travel.
+
+    Each point is the eye of a driver, and a point that drivers behind it may see.
 
     Attributes:
-        points: The points, equally far apart along the road.
-        cosine: Cosine of the direction of travel at each, shape (point,).
-        sine: Sine of it, shape (point,).
+        points: World coordinates x and y, each of shape (point,), one station apart along the road
+            [m].
+        cosine: Cosine of the direction of travel at each point, shape (point,).
+        sine: Sine of the direction of travel, shape (point,).
     """
 
     points: Points
@@ -67,12 +83,12 @@ class Path(NamedTuple):
 
 
 def max_sight() -> float:
-    """Largest computed sight distance: drivers look no farther for oncoming vehicles [m]."""
+    """Largest computed sight distance: the model's drivers look no farther ahead [m]."""
     return float(constant("model.oncoming.range"))
 
 
 def station_spacing() -> float:
-    """Distance between the stations at which the road is evaluated [m]."""
+    """Distance between two neighbouring stations [m]."""
     return float(constant("model.steering.station"))
 
 
@@ -81,33 +97,36 @@ def sight_at(road: Road, s: ArrayLike, direction: int = 1) -> F64:
 
     Args:
         road: The road.
-        s: Station of the driver, any shape [m].
+        s: Position of the driver along the road, any shape [m].
         direction: +1 along the road, -1 against it.
 
     Returns:
-        Distances of the same shape, infinite where the road does not limit sight [m].
+        Distances of the same shape, stated by the map or computed; infinite where the road does not
+        limit sight [m].
     """
     visible = visible_distance(road, direction)
     if visible is None:
         return (road.course or RoadCourse()).sight_at(s, direction)
     distance = np.minimum(visible.past_bends, visible.over_crests)
     distance = np.interp(np.asarray(s, np.float64), _stations(road), distance)
+    # A computed distance of `max_sight()` means that the road hides no point within it.
     return np.where(distance < max_sight(), distance, np.inf)
 
 
 def all_zones_for(road: Road, direction: int) -> tuple[RoadZone, ...]:
-    """The stated zones of a road, and the zones of short sight that follow from its geometry.
+    """Zones of a road that rules of the law refer to: stated zones and zones of short sight.
 
-    Where sight follows from the geometry, a bend is a zone if its visibility is reduced in the
-    sense of Article 19 of the Highway Code. A crest is a zone if sight is shorter than the distance
-    that a passing zone needs at the speed limit there.
+    A map states zones such as junctions, crests and bends. Where sight follows from the geometry,
+    the stretches of short sight are zones, too: bends with less than 50 m of sight, "reduced
+    visibility" in Article 19 of the Portuguese Highway Code, and crests with less sight than
+    markings demand for passing at the speed limit there.
 
     Args:
         road: The road.
         direction: Direction of travel, +1 along the road, -1 against it.
 
     Returns:
-        The zones that apply to this direction.
+        The zones that apply to this direction, first the stated ones.
     """
     stated = road.course.zones_for(direction) if road.course else ()
     return (*stated, *_zones_of_short_sight(road, direction))
@@ -117,13 +136,15 @@ def all_zones_for(road: Road, direction: int) -> tuple[RoadZone, ...]:
 def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
     """Sight distances that follow from the geometry of a road.
 
+    The results are cached, as they take time: callers must not change the arrays.
+
     Args:
         road: The road.
-        direction: +1 along the road, -1 against it. In both cases the stations are in the order of
-            the road.
+        direction: +1 along the road, -1 against it.
 
     Returns:
-        The distances by station; None where the course states sight or nothing limits it.
+        The distances by station; None if the map states sight distances, or if the road is straight
+        and level and so limits no sight.
     """
     course = road.course
     if course is None or not (course.segments or course.grade):
@@ -132,6 +153,7 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
         return None
     facts = sight_facts()
     past_bends = over_crests = from_truck = np.full(len(_stations(road)), max_sight())
+    # Segments are the pieces of the reference line of a road that bends.
     if course.segments:
         past_bends = _sight_round_bends(road, direction, facts.clearance)
     if course.grade:
@@ -144,16 +166,16 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
 
 @lru_cache(maxsize=16)
 def _zones_of_short_sight(road: Road, direction: int) -> tuple[RoadZone, ...]:
-    """The bends and crests of a road whose sight is too short, see `all_zones_for`."""
+    """The bends and crests of a road with short sight, as `all_zones_for` describes them."""
     visible = visible_distance(road, direction)
     if visible is None:
         return ()
     facts = sight_facts()
     limits = road.speed_limit_at(_stations(road), direction)
     passing_sight = np.interp(limits, facts.passing_zone_speeds, facts.passing_zone_sight)
-    reduced_visibility = float(constant("law.sight.least"))
+    min_visibility = float(constant("law.sight.least"))
     masks = (
-        (ZoneKind.BEND, visible.past_bends < reduced_visibility),
+        (ZoneKind.BEND, visible.past_bends < min_visibility),
         (ZoneKind.CREST, visible.over_crests < passing_sight),
     )
     return tuple(
@@ -164,18 +186,28 @@ def _zones_of_short_sight(road: Road, direction: int) -> tuple[RoadZone, ...]:
 
 
 def _spans_where(road: Road, is_inside: Mask) -> Iterator[tuple[float, float]]:
-    """First and last station of each stretch whose stations are all marked [m]."""
+    """First and last position of each stretch of two and more stations in a mask [m].
+
+    Args:
+        road: The road.
+        is_inside: Whether each station belongs to a stretch, shape (station,).
+    """
+    # Where the mask changes: the first station of a stretch and the one behind it, in turns.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], is_inside, [False]])))
     # The last station may lie up to one spacing beyond the end of the road.
     stations = np.minimum(_stations(road), road.length)
     for first, stop in edges.reshape(-1, 2):
         last = stop - 1
+        # A zone has a length above 0, so a single station is no zone.
         if stations[first] < stations[last]:
             yield float(stations[first]), float(stations[last])
 
 
 def _stations(road: Road) -> F64:
-    """The stations of `RoadParameters.course_table` [m]."""
+    """The stations from 0 to the end of the road or one spacing beyond, shape (station,) [m].
+
+    `RoadParameters.course_table` has the same ones.
+    """
     count = int(np.ceil(road.length / station_spacing())) + 1
     return np.arange(count, dtype=np.float64) * station_spacing()
 
@@ -183,10 +215,12 @@ def _stations(road: Road) -> F64:
 def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
     """Stations in the order of travel, continued by the largest sight distance.
 
-    Beyond its ends the road continues straight.
+    So every driver has the same number of points ahead. Beyond its ends the road continues
+    straight.
 
     Returns:
-        The stations [m], and how many of them are beyond the end.
+        The stations, descending and below 0 at their end if `direction` is -1 [m], and the number
+        of those beyond the end.
     """
     num_ahead = round(max_sight() / station_spacing())
     stations = _stations(road)
@@ -196,26 +230,30 @@ def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
 
 
 def _sight_round_bends(road: Road, direction: int, clearance: float) -> F64:
-    """Sight past obstacles beside the outermost lanes, in the order of the road, (station,) [m].
+    """Sight past walls beside the outermost lanes, in the order of the road, (station,) [m].
+
+    Left and right of the road stands a wall all along it. The one on the inner side of a bend
+    limits the sight; the other one hides no point.
 
     Args:
-        road: A road with a line.
+        road: A road with a curved reference line.
         direction: +1 along the road, -1 against it.
-        clearance: Distance between the middle of the outermost lane and the obstacles [m].
+        clearance: Distance between the middle of the outermost lane and the wall beside it [m].
     """
     stations, num_ahead = _stations_ahead(road, direction)
     cosine, sine = cos_sin(road.heading_at(stations))
     distances = []
     for side, d in zip((1.0, -1.0), _outer_centres(road), strict=True):
+        # A driver in the lane nearest to the wall sees least.
         path = Path(road.to_world(stations, d), direction * cosine, direction * sine)
         wall = road.to_world(stations, d + side * clearance)
-        # For a driver against the direction of the road, its left side is to the right.
+        # `side` is +1 to the left of the road, which is to the right of a driver against it.
         distances.append(_sight_past_wall(path, wall, side * direction, num_ahead))
     return _in_order_of_road(np.minimum(*distances), direction)
 
 
 def _outer_centres(road: Road) -> tuple[float, float]:
-    """Middle of the leftmost and of the rightmost driving lane, of either direction [m]."""
+    """Lateral positions of the leftmost and rightmost lane centre, of both directions [m]."""
     centres = list(road.lane_centres)
     if road.is_two_way and (opposing_lane := road.overtaking_side_neighbour):
         centres.append(road.lane_boundaries[-1] + 0.5 * road.overtaking_sign * opposing_lane.width)
@@ -225,18 +263,20 @@ def _outer_centres(road: Road) -> tuple[float, float]:
 def _sight_past_wall(path: Path, wall: Points, side: float, num_ahead: int) -> F64:
     """How far a driver sees along a path past a wall beside it, shape (station,) [m].
 
-    A point of the path is visible if no part of the wall before it has a smaller bearing, measured
-    towards the wall.
+    Bearings are positive towards the wall. A point of the path is visible if no point of the wall
+    up to there has a smaller bearing; otherwise the line of sight crosses the wall.
 
     Args:
         path: The path, with `num_ahead` points beyond the last station.
         wall: The point of the wall beside each point of the path.
-        side: +1 if the wall is to the left, -1 if it is to the right.
-        num_ahead: Number of points ahead that a driver can see at most.
+        side: +1 if the wall is to the left of the driver, -1 if it is to the right.
+        num_ahead: Number of points ahead that are tested for each driver.
+
+    Returns:
+        In the order of travel.
     """
     num_stations = len(path.points.x) - num_ahead
     distances = []
-    # Process the eyes in blocks: each eye needs several hundred bearings.
     for eye, ahead in _eye_blocks(num_stations, num_ahead):
         target_bearing = side * _bearing(path, eye, path.points, ahead)
         wall_bearing = side * _bearing(path, eye, wall, ahead)
@@ -250,7 +290,7 @@ def _sight_past_wall(path: Path, wall: Points, side: float, num_ahead: int) -> F
 
 
 def _bearing(path: Path, eye: IndexArray, points: Points, index: IndexArray) -> F64:
-    """Tangent of the angle to points, left positive; infinite for points that are not ahead.
+    """Tangent of the angle from the direction of travel to points, positive to the left [1].
 
     The tangent orders directions as the angle does, without an arctangent for each pair.
 
@@ -259,6 +299,9 @@ def _bearing(path: Path, eye: IndexArray, points: Points, index: IndexArray) -> 
         eye: Indices of the eyes, shape (eye, 1).
         points: The points whose bearing is computed.
         index: Indices of these points, shape (eye, point).
+
+    Returns:
+        Shape (eye, point); infinite for points that are not ahead.
     """
     east = points.x[index] - path.points.x[eye]
     north = points.y[index] - path.points.y[eye]
@@ -272,7 +315,8 @@ def _bearing(path: Path, eye: IndexArray, points: Points, index: IndexArray) -> 
 def _sight_over_crests(road: Road, direction: int, eye_height: float, object_height: float) -> F64:
     """Sight over the crests of a road, in the order of the road, shape (station,) [m].
 
-    An object is visible if its top is at least as steep above the eye as all the road before it.
+    An object is visible if the line from the eye to its top is at least as steep as the lines to
+    all points of the road up to there.
 
     Args:
         road: A road with a grade.
@@ -293,7 +337,7 @@ def _sight_over_crests(road: Road, direction: int, eye_height: float, object_hei
 
 
 def _eye_blocks(num_stations: int, num_ahead: int) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Indices of a block of eyes, (eye, 1), and of the points ahead of each, (eye, point)."""
+    """Indices of the eyes of a block, shape (eye, 1), and of the points ahead, (eye, point)."""
     for first in range(0, num_stations, _EYES_PER_BLOCK):
         eye = np.arange(first, min(first + _EYES_PER_BLOCK, num_stations))[:, None]
         yield eye, eye + np.arange(1, num_ahead + 1)
@@ -303,24 +347,27 @@ def _distance_to_first_hidden(margin: F64) -> F64:
     """Distance at which a margin first falls below zero, linear between points, (eye,) [m].
 
     Args:
-        margin: Shape (eye, point ahead); the first point is one spacing ahead.
+        margin: Shape (eye, point); negative for a hidden point. Point k is k + 1 spacings ahead.
+
+    Returns:
+        At least one spacing, as a driver always sees the road in front of the vehicle, and
+        `max_sight()` if no point is hidden.
     """
     is_hidden = margin < 0.0
     has_hidden = is_hidden.any(axis=1)
     eye = np.arange(len(margin))
-    first = np.argmax(is_hidden, axis=1)  # 0 also without a hidden point, see the last line.
-    # No point comes before the first one: it stands in for itself, and `share` leaves it out.
+    # `argmax` gives the first hidden point, and 0 if there is no hidden point.
+    first = np.argmax(is_hidden, axis=1)
     last_visible, first_hidden = margin[eye, np.maximum(first - 1, 0)], margin[eye, first]
-    # Without a hidden point the fall has no meaning; 1 keeps the division finite.
+    # Share of the spacing between both points at which the margin is 0; 0 and unused where point 0
+    # is hidden or no point is. There `fall` is 0 or without meaning: 1 keeps the division finite.
     fall = np.where(has_hidden, last_visible - first_hidden, 1.0)
-    # Where the first point is hidden, the fall is 0: divide by 1, and take a share of 0.
     share = np.where(first > 0, last_visible / np.where(fall > 0.0, fall, 1.0), 0.0)
-    distance = (first + share) * station_spacing()
-    # At least one spacing: a driver always sees the road in front of the vehicle.
-    distance = np.clip(distance, station_spacing(), max_sight())
+    # The last visible point is `first` spacings ahead.
+    distance = np.clip((first + share) * station_spacing(), station_spacing(), max_sight())
     return np.where(has_hidden, distance, max_sight())
 
 
 def _in_order_of_road(distance: F64, direction: int) -> F64:
-    """Distances in the order of the road, from the order of travel."""
+    """Sort distances in the order of travel into the order of the road."""
     return distance if direction > 0 else distance[::-1]

@@ -1,8 +1,13 @@
 """Surrogate measures of safety for a follower behind a leader: times, distances, decelerations.
 
-`gap` is from bumper to bumper and negative while the two overlap; `closing_speed` is positive while
-the gap shrinks. Every function takes arrays that broadcast and returns float32. The time of an
-event that never happens is infinite.
+`gap` is the distance from bumper to bumper, negative while the two overlap along the road;
+`closing_speed` is the follower's speed minus the leader's, positive while the gap shrinks. Speeds
+are 0 or more. Arguments are float32 arrays or numbers whose shapes broadcast; every function works
+element by element and returns float32 of the common shape. The time of an event that never happens
+is infinite. Features and rules of the law (`labels`) use these functions.
+
+Where `np.where` rejects a quotient, its denominator is replaced by 1 first, so that NumPy does not
+warn of a division by 0.
 """
 
 import numpy as np
@@ -12,8 +17,9 @@ from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, as_f32
 
 _NEVER = np.float32(np.inf)
 
-_MIN_SPEED = np.float32(1e-20)
-"""Slower vehicles count as standing: a gap divided by less would overflow float32 [m/s]."""
+_MIN_DIVISOR = np.float32(1e-20)
+"""Speeds [m/s] up to this count as 0. A gap divided by less would overflow float32, which ends at
+3e38. It is also the smallest divisor in `mttc` and `looming`."""
 
 
 def time_gap(gap: F32Like, speed: F32Like) -> F32:
@@ -24,9 +30,9 @@ def time_gap(gap: F32Like, speed: F32Like) -> F32:
         speed: Speed of the follower [m/s].
 
     Returns:
-        gap / speed; 0 where the two overlap, infinite at a standstill.
+        gap / speed; 0 where the two overlap, else infinite at a standstill.
     """
-    is_moving = speed > _MIN_SPEED
+    is_moving = speed > _MIN_DIVISOR
     time = np.maximum(gap, ZERO) / np.where(is_moving, speed, ONE)
     return np.where(is_moving | (gap <= 0), time, _NEVER)
 
@@ -38,6 +44,9 @@ def time_headway(gap: F32Like, leader_length: F32Like, speed: F32Like) -> F32:
         gap: [m].
         leader_length: Length of the leader [m].
         speed: Speed of the follower [m/s].
+
+    Returns:
+        (gap + leader_length) / speed, infinite at a standstill.
     """
     return time_gap(gap + leader_length, speed)
 
@@ -50,12 +59,12 @@ def ttc(gap: F32Like, closing_speed: F32Like) -> F32:
         closing_speed: [m/s].
 
     Returns:
-        gap / closing_speed; 0 where the two overlap, infinite if the gap does not shrink.
+        gap / closing_speed; 0 where the two overlap, else infinite if the gap does not shrink.
 
     Source:
         Hayward (1972), Near-miss determination through use of a scale of danger.
     """
-    is_closing = closing_speed > _MIN_SPEED
+    is_closing = closing_speed > _MIN_DIVISOR
     time = np.maximum(gap, ZERO) / np.where(is_closing, closing_speed, ONE)
     return np.where(is_closing | (gap <= 0), time, _NEVER)
 
@@ -64,8 +73,8 @@ def mttc(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F32:
     """Time to collision at constant accelerations, MTTC [s].
 
     The first t > 0 with closing_accel t^2 / 2 + closing_speed t = gap; 0 where the two overlap,
-    infinite if the equation has no such solution. A braking vehicle continues backwards after its
-    standstill, as in the source.
+    infinite if the equation has no such solution. As in the source, a braking vehicle does not
+    stop at its standstill, but continues backwards.
 
     Args:
         gap: [m].
@@ -78,18 +87,19 @@ def mttc(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F32:
     distance = np.maximum(gap, ZERO)
     square = closing_speed * closing_speed + TWO * closing_accel * distance
     root = np.sqrt(np.maximum(square, ZERO))
-    # Of the two forms of the solution, take the one that adds two numbers of the same sign: the
+    # The solution has two forms, 2 gap / (v + root) and (root - v) / a, with the closing speed v
+    # and the closing acceleration a. Take the form that adds two numbers of the same sign: the
     # other subtracts nearly equal numbers and loses digits.
     is_opening = closing_speed < 0
     denominator = np.where(is_opening, closing_accel, closing_speed + root)
     numerator = np.where(is_opening, root - closing_speed, TWO * distance)
-    has_solution = (square >= 0) & (denominator > _MIN_SPEED)
+    has_solution = (square >= 0) & (denominator > _MIN_DIVISOR)
     time = numerator / np.where(has_solution, denominator, ONE)
     return np.where(gap <= 0, ZERO, np.where(has_solution, time, _NEVER))
 
 
 def drac(gap: F32Like, closing_speed: F32Like) -> F32:
-    """Deceleration that just avoids a collision with a steady leader, DRAC [m/s^2].
+    """Deceleration that just avoids a collision with a leader of constant speed, DRAC [m/s^2].
 
     Args:
         gap: [m].
@@ -97,10 +107,11 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
 
     Returns:
         closing_speed^2 / (2 gap); 0 if the gap does not shrink, infinite where it shrinks while the
-        two overlap.
+        two overlap. Values above AASHTO's comfortable deceleration, 3.4 m/s^2, usually count as
+        critical.
 
     Source:
-        Cooper and Ferguson (1976), via AASHTO's comfortable 3.4 m/s^2 as a usual threshold.
+        Cooper and Ferguson (1976).
     """
     approach = np.maximum(closing_speed, ZERO)
     has_gap = gap > 0
@@ -109,13 +120,14 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
 
 
 def is_ttc_critical(time_to_collision: F32Like, threshold: F32Like) -> Mask:
-    """Whether a time to collision counts as exposure: above 0, at most the threshold.
+    """Whether a time to collision is critical: above 0 and at most the threshold.
 
-    The duration of the frames for which this is true is the time exposed, TET.
+    The total duration of the critical frames is the time exposed time-to-collision, TET. A time of
+    0 is a collision, no exposure to the risk of it.
 
     Args:
-        time_to_collision: [s].
-        threshold: [s].
+        time_to_collision: Result of `ttc`, may be infinite [s].
+        threshold: Positive [s].
 
     Source:
         Minderhoud and Bovy (2001), Extended time-to-collision measures for road traffic safety
@@ -127,36 +139,38 @@ def is_ttc_critical(time_to_collision: F32Like, threshold: F32Like) -> Mask:
 def ttc_shortfall(time_to_collision: F32Like, threshold: F32Like) -> F32:
     """Threshold minus a critical time to collision, 0 if the time is not critical [s].
 
-    The integral over time is the time integrated, TIT.
+    Its integral over time is the time integrated time-to-collision, TIT [s^2].
 
     Args:
-        time_to_collision: [s].
-        threshold: [s].
+        time_to_collision: Result of `ttc`, may be infinite [s].
+        threshold: Positive [s].
 
     Source:
         Minderhoud and Bovy (2001), as `is_ttc_critical`.
     """
     is_critical = is_ttc_critical(time_to_collision, threshold)
-    return np.where(is_critical, threshold - np.where(is_critical, time_to_collision, ZERO), ZERO)
+    critical_time = np.where(is_critical, time_to_collision, ZERO)
+    return np.where(is_critical, threshold - critical_time, ZERO)
 
 
 def looming(gap: F32Like, closing_speed: F32Like, width: F32Like) -> F32:
     """Speed at which the visual angle of the leader's rear grows [rad/s].
 
-    The derivative of the angle 2 atan(width / (2 gap)), negative while the angle shrinks, and 0
-    where the two overlap: the follower then sees no rear.
+    The derivative of the angle 2 atan(width / (2 gap)) is
+    width closing_speed / (gap^2 + width^2 / 4). It is negative while the angle shrinks. The result
+    is 0 where the two overlap, as the follower then sees no rear.
 
     Args:
         gap: Distance between the follower's eye and the leader's rear [m].
         closing_speed: [m/s].
-        width: Width of the rear [m].
+        width: Width of the rear, 0 or more [m].
 
     Source:
         Hoffmann and Mortimer (1996), Scaling of relative velocity between vehicles.
     """
     distance = np.maximum(gap, ZERO)
     square = distance * distance + HALF * HALF * width * width
-    return np.where(gap > 0, width * closing_speed / np.maximum(square, _MIN_SPEED), ZERO)
+    return np.where(gap > 0, width * closing_speed / np.maximum(square, _MIN_DIVISOR), ZERO)
 
 
 def assumed_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity: F32Like) -> F32:
@@ -165,8 +179,8 @@ def assumed_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity:
     Args:
         friction: Friction coefficient mu of tyres and road [1].
         share: Share of the friction that the driver uses [1].
-        limit: Largest deceleration [m/s^2].
-        gravity: [m/s^2].
+        limit: Largest deceleration that the brakes or the driver allow, positive [m/s^2].
+        gravity: Acceleration of gravity g [m/s^2].
     """
     return np.minimum(share * gravity * friction, limit)
 
@@ -181,32 +195,31 @@ def safe_distance(
 ) -> F32:
     """Gap at which a follower can still stop behind a leader that brakes suddenly [m].
 
-    follower_speed t + follower_speed^2 / (2 b_follower) - leader_speed^2 / (2 b_leader), never
-    negative. The formula compares the two positions at standstill, so it is exact for equal
+    follower_speed t + follower_speed^2 / (2 b_follower) - leader_speed^2 / (2 b_leader), or 0 if
+    that is negative. The formula compares the two positions at standstill, so it is exact for equal
     decelerations. A follower that brakes harder than its leader could touch it before both stand.
 
     Args:
         follower_speed: [m/s].
         leader_speed: [m/s].
-        reaction_time: Time before the follower brakes [s].
-        follower_decel: Positive [m/s^2].
-        leader_decel: Positive [m/s^2].
+        reaction_time: Time t before the follower brakes [s].
+        follower_decel: Deceleration b_follower, positive [m/s^2].
+        leader_decel: Deceleration b_leader, positive [m/s^2].
 
     Source:
         Maierhofer et al. (2020), Formalization of interstate traffic rules in temporal logic;
         Rizaldi et al. (2016), A formally verified checker of the safe distance traffic rules.
     """
-    return np.maximum(
-        -picud(
-            ZERO,
-            follower_speed,
-            leader_speed,
-            reaction_time=reaction_time,
-            follower_decel=follower_decel,
-            leader_decel=leader_decel,
-        ),
+    # Vehicles that start bumper to bumper lack exactly the safe distance when they have stopped.
+    gap_after_stop = picud(
         ZERO,
+        follower_speed,
+        leader_speed,
+        reaction_time=reaction_time,
+        follower_decel=follower_decel,
+        leader_decel=leader_decel,
     )
+    return np.maximum(-gap_after_stop, ZERO)
 
 
 def picud(
@@ -220,7 +233,15 @@ def picud(
 ) -> F32:
     """Gap between two vehicles that have stopped after sudden braking, PICUD [m].
 
-    It is the margin to `safe_distance` and has the same arguments. A negative gap is unsafe.
+    Where `safe_distance` is positive, this is the gap minus it. A negative result is unsafe.
+
+    Args:
+        gap: Gap when the leader begins to brake [m].
+        follower_speed: [m/s].
+        leader_speed: [m/s].
+        reaction_time: Time before the follower brakes [s].
+        follower_decel: Positive [m/s^2].
+        leader_decel: Positive [m/s^2].
 
     Source:
         Uno, Iida, Itsubo, Yasuhara (2002), A microscopic analysis of traffic conflict caused by
@@ -239,20 +260,23 @@ def rss_safe_gap(
     follower_decel: F32Like,
     leader_decel: F32Like,
 ) -> F32:
-    """Safe gap of responsibility-sensitive safety, same direction [m].
+    """Safe gap of responsibility-sensitive safety (RSS) in the same direction [m].
+
+    Unlike `safe_distance` it assumes that the follower accelerates during its reaction time.
 
     Args:
         follower_speed: [m/s].
         leader_speed: [m/s].
         reaction_time: Time during which the follower may still accelerate [s].
-        accel: Acceleration of the follower during that time [m/s^2].
-        follower_decel: Deceleration that the follower reaches in any case [m/s^2].
-        leader_decel: Largest deceleration of the leader [m/s^2].
+        accel: Acceleration of the follower during that time, 0 or more [m/s^2].
+        follower_decel: Weakest braking of the follower after that time, positive [m/s^2].
+        leader_decel: Strongest braking of the leader, positive [m/s^2].
 
     Source:
         Shalev-Shwartz, Shammah, Shashua (2017), arXiv:1708.06374, Lemma 2.
     """
-    reached = follower_speed + reaction_time * accel
-    reaction = (follower_speed + HALF * accel * reaction_time) * reaction_time
-    stop = reached * reached / (TWO * follower_decel)
-    return np.maximum(reaction + stop - leader_speed * leader_speed / (TWO * leader_decel), ZERO)
+    speed_reached = follower_speed + reaction_time * accel
+    reaction_distance = (follower_speed + HALF * accel * reaction_time) * reaction_time
+    braking_distance = speed_reached * speed_reached / (TWO * follower_decel)
+    leader_distance = leader_speed * leader_speed / (TWO * leader_decel)
+    return np.maximum(reaction_distance + braking_distance - leader_distance, ZERO)
