@@ -1,4 +1,12 @@
-"""Array types with their dtypes; memory of large arrays is reused."""
+"""Array types with their dtypes, and a pool that reuses the memory of large arrays.
+
+All packages annotate their arrays with the types, such as `F32`. `model.batch` reads the dtype of a
+field from its type at run time.
+
+The pool is for arrays that the engine fills; the engine is the compiled simulator in
+`crates/overtaking-core`. It computes many simulations at a time, a batch, whose arrays take 80 to
+160 MB. The system clears each page of new memory first, which took a seventh of the engine's time.
+"""
 
 import contextlib
 import math
@@ -12,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 F32 = Annotated[NDArray[np.floating[Any]], np.dtype(np.float32)]
-"""A float32 array. Type checkers see an array of any float: in NumPy's own types the width is lost
-after one operation, so that they would report errors in correct code."""
+"""A float32 array. Type checkers see an array of floats of any width: in the annotations of NumPy,
+an operation on float32 arrays returns any width, and checkers would reject correct code."""
 F64 = Annotated[NDArray[np.float64], np.dtype(np.float64)]
 I16 = Annotated[NDArray[np.int16], np.dtype(np.int16)]
 I32 = Annotated[NDArray[np.int32], np.dtype(np.int32)]
@@ -28,17 +36,20 @@ F32Like = F32 | np.floating[Any]
 """A float32 array or number."""
 
 MIN_POOLED_BYTES = 1 << 20
-"""Arrays of fewer bytes come from NumPy, which reuses small blocks itself."""
+"""Smaller arrays are ordinary NumPy arrays: NumPy and the C library reuse small blocks."""
 
 MAX_POOLED_BYTES = 256 << 20
-"""Unused memory in the pool, at most: a large batch and its results."""
+"""Largest amount of unused memory that the pool keeps: about one large batch and its results."""
 
-_PAGE_BYTES = 2 << 20  # Size of a huge page of Linux, on x86 and on ARM.
-_LINE_BYTES = 64  # Size of a cache line; each array of a group begins at one.
+# Linux maps memory in pages of 4 KiB or, on request, in huge pages of this size (x86 and ARM). With
+# small pages, the engine works on more pages than the CPU keeps addresses of.
+_HUGE_PAGE_BYTES = 2 << 20
+
+_CACHE_LINE_BYTES = 64
 
 
 class ArrayLayout(NamedTuple):
-    """One of several arrays in a common block of memory."""
+    """Name, shape and dtype of one array in a group of arrays with a common block of memory."""
 
     name: str
     shape: tuple[int, ...]
@@ -46,21 +57,24 @@ class ArrayLayout(NamedTuple):
 
 
 class _PoolKey(NamedTuple):
-    """Memory is reused for the same purpose and size; the purpose None stands for any content."""
+    """Memory serves a new array only if its purpose and its size are equal.
+
+    Arrays whose initial values do not matter have the purpose None.
+    """
 
     purpose: Hashable
-    num_bytes: int
+    num_bytes: int  # Whole huge pages.
 
 
 _pool: dict[_PoolKey, list[mmap.mmap]] = {}
-"""Unused memory. Only `append` and `pop` change the lists: both are atomic, so that threads and
-finalisers need no lock."""
+"""Unused blocks of memory. Only `append` and `pop`, which are atomic, change the lists: Python may
+call a finaliser in the middle of these functions, where a lock would wait for itself."""
 
 
 def empty_array(size: int, dtype: Any) -> NDArray[Any]:
-    """Allocate an array with arbitrary content, as `numpy.empty` does.
+    """Allocate an array with arbitrary values, as `numpy.empty` does.
 
-    Its memory returns to the pool with the last reference to the array or to a view of it.
+    Its memory returns to the pool after the last reference to the array and to its views is gone.
 
     Args:
         size: Number of elements.
@@ -76,12 +90,13 @@ def empty_array(size: int, dtype: Any) -> NDArray[Any]:
 
 
 def reused_bytes(purpose: Hashable, size: int) -> NDArray[np.uint8]:
-    """Allocate bytes that are zero, or hold the values of an earlier array.
+    """Allocate bytes that are zero, or that hold the values of an earlier array.
 
-    A caller that stores in the array how much of it is filled need not clear the rest.
+    If callers store in the bytes how far they have filled them, the next caller clears only the
+    part that was filled, not the whole.
 
     Args:
-        purpose: The memory of an earlier array is reused for the same purpose and size only.
+        purpose: Key of the caller: it receives only values of earlier arrays with the same key.
         size: Number of bytes.
 
     Returns:
@@ -91,22 +106,30 @@ def reused_bytes(purpose: Hashable, size: int) -> NDArray[np.uint8]:
 
 
 def _pooled_bytes(size: int, purpose: Hashable) -> NDArray[np.uint8]:
-    """Bytes at the beginning of a huge page, which return to the pool after the last reference."""
-    num_pages = -(-size // _PAGE_BYTES)
-    key = _PoolKey(purpose, num_pages * _PAGE_BYTES)
+    """Allocate bytes that begin at a huge page, and that return to the pool after their use."""
+    num_pages = -(-size // _HUGE_PAGE_BYTES)  # Rounded up.
+    key = _PoolKey(purpose, num_pages * _HUGE_PAGE_BYTES)
     memory = _take_from_pool(key)
     block = np.frombuffer(memory, np.uint8)
-    begin = -block.ctypes.data % _PAGE_BYTES
+    begin = -block.ctypes.data % _HUGE_PAGE_BYTES
+    # Every view keeps a reference to `block`, so the finaliser runs after the last view is gone. At
+    # the exit of Python it must not run: then arrays can still be in use.
     weakref.finalize(block, _return_to_pool, memory, key).atexit = False
     return block[begin : begin + size]
 
 
 def _take_from_pool(key: _PoolKey) -> mmap.mmap:
-    """Memory from the pool or from the system, with one page more for the alignment."""
+    """Take memory with this key from the pool; if the pool lacks it, from the system.
+
+    The memory is one huge page larger than the key states, because the system aligns it to small
+    pages only.
+    """
     with contextlib.suppress(KeyError, IndexError):
         return _pool[key].pop()
-    flags = {} if not hasattr(mmap, "MAP_PRIVATE") else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANON}
-    memory = mmap.mmap(-1, key.num_bytes + _PAGE_BYTES, **flags)
+    # Python's default is shared memory: Linux does not put it on huge pages, and a forked child
+    # process would write into the arrays of its parent. Windows knows no such flags.
+    flags = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANON} if hasattr(mmap, "MAP_PRIVATE") else {}
+    memory = mmap.mmap(-1, key.num_bytes + _HUGE_PAGE_BYTES, **flags)
     if hasattr(mmap, "MADV_HUGEPAGE"):
         with contextlib.suppress(OSError):  # A kernel without huge pages uses small ones.
             memory.madvise(mmap.MADV_HUGEPAGE)
@@ -114,6 +137,7 @@ def _take_from_pool(key: _PoolKey) -> mmap.mmap:
 
 
 def _return_to_pool(memory: mmap.mmap, key: _PoolKey) -> None:
+    """Put memory into the pool, or leave it to the system if the pool is full."""
     pooled = tuple(_pool.items())  # A copy: another thread may add a key.
     pooled_bytes = sum(pooled_key.num_bytes * len(blocks) for pooled_key, blocks in pooled)
     if pooled_bytes + key.num_bytes <= MAX_POOLED_BYTES:
@@ -121,23 +145,24 @@ def _return_to_pool(memory: mmap.mmap, key: _PoolKey) -> None:
 
 
 class Buffers:
-    """Output arrays of a caller that no longer needs the results of its last call.
+    """Arrays that a caller hands to the engine again and again, to fill them with new results.
 
-    Functions without a `Buffers` object reuse memory as well, but only after the last reference to
-    the earlier arrays.
+    Each call overwrites the results of the call before. A caller that still needs those uses a new
+    object for each call; the pool then reuses memory once the earlier results are deleted.
     """
 
     def __init__(self) -> None:
-        """Start without memory."""
+        """Start without arrays; the first call for a name allocates its memory."""
         self._memory: dict[str, NDArray[Any]] = {}
         self._layouts: dict[str, tuple[ArrayLayout, ...]] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """An array with arbitrary content, valid until the next call with the same name.
+        """An array with arbitrary values, valid until the next call with the same name.
 
         Args:
-            name: Name of the array; all calls with one name need the same dtype.
-            shape: Its shape.
+            name: Name of the array. All calls with this name must pass the same dtype, because they
+                share the memory of the largest array so far.
+            shape: Shape of the array.
             dtype: Type of its elements.
         """
         size = int(np.prod(shape, dtype=np.int64))
@@ -147,27 +172,34 @@ class Buffers:
         return memory[:size].reshape(shape)
 
     def arrays(self, name: str, layouts: tuple[ArrayLayout, ...]) -> dict[str, NDArray[Any]]:
-        """Arrays of zeros or, after a call with equal layouts, with the values from then.
+        """A group of arrays that are zero, or that hold the values of an earlier group.
 
-        They are valid until the next call with the same name.
+        The earlier group has equal layouts; it may come from another `Buffers` object that was
+        deleted. The arrays are valid until the next call with the same name. `reused_bytes` tells
+        how a caller makes use of the earlier values.
 
         Args:
-            name: Name of the group of arrays.
-            layouts: The arrays.
+            name: Name of the group.
+            layouts: The arrays, at least one. They follow each other in one block of memory.
 
         Returns:
-            The arrays by their names.
+            The arrays by the names in their layouts.
         """
         sizes = [math.prod(layout.shape) * np.dtype(layout.dtype).itemsize for layout in layouts]
-        ends = list(accumulate(-(-size // _LINE_BYTES) * _LINE_BYTES for size in sizes))
+        # Each array begins at a cache line, so that no two arrays share one.
+        begins = [
+            0,
+            *accumulate(-(-size // _CACHE_LINE_BYTES) * _CACHE_LINE_BYTES for size in sizes),
+        ]
+        total_bytes = begins.pop()
         if self._layouts.get(name) != layouts:
-            self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, ends[-1])
-        memory, begins = self._memory[name], [0, *ends]
+            self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, total_bytes)
+        memory = self._memory[name]
         return {
-            # Empty slices can share an address with another array, and the engine refuses to write
-            # to two arrays at one address.
+            # Without elements, an array would begin at the address of the next one, and the engine
+            # refuses two output arrays at one address.
             layout.name: memory[begin : begin + size].view(layout.dtype).reshape(layout.shape)
             if size
             else np.empty(layout.shape, layout.dtype)
-            for layout, begin, size in zip(layouts, begins, sizes, strict=False)
+            for layout, begin, size in zip(layouts, begins, sizes, strict=True)
         }

@@ -1,4 +1,9 @@
-"""Equality by content for objects that hold arrays, tables and NaN."""
+"""Equality by content for objects that hold arrays, tables and NaN.
+
+Results of public functions are dataclasses with NumPy arrays and DataFrames of pandas. The `==`
+that `dataclass` writes fails for them, because `==` of two arrays is an array, and it finds two NaN
+different. A result inherits `==` and `hash` from `ContentEquality` instead.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -6,21 +11,26 @@ from typing import Any
 
 import numpy as np
 
-_NUMBERS_WITH_NAN = "fcmM"
-"""Kinds of NumPy dtypes with NaN or NaT: float, complex, timedelta, datetime."""
+_DTYPE_KINDS_WITH_NAN = "fcmM"
+"""Values of `dtype.kind` for float, complex, timedelta and datetime. NaT (not a time) is the NaN of
+the last two. `numpy.array_equal` raises an error if it is to look for NaN in text."""
 
 
 class ContentEquality:
-    """Base of dataclasses that compare by `is_same_content`.
+    """Base class of dataclasses whose `==` compares with `is_same_content`.
 
-    An object is hashable if the values of all its fields are hashable. Arrays, tables, lists and
-    dicts are not.
+    As with any dataclass, a field that is declared with `field(compare=False)` does not count. An
+    object is hashable if the values of its fields are hashable. Arrays, tables, lists and dicts are
+    not.
     """
 
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        """Copy the methods into each subclass, because `dataclass` replaces inherited ones."""
+        """Copy `__eq__` and `__hash__` into each subclass.
+
+        The decorator `dataclass` replaces inherited methods, but not methods of the class itself.
+        """
         super().__init_subclass__()
         for name in ("__eq__", "__hash__"):
             if name not in vars(cls):
@@ -42,8 +52,9 @@ class ContentEquality:
 def is_same_content(first: Any, second: Any) -> bool:
     """Whether two values have the same content; NaN equals NaN.
 
-    Dataclasses are compared field by field, not by their own `==`. Arrays and tables must have the
-    same types and shapes.
+    Dataclasses need the same class and are compared field by field, not by their own `==`. Arrays
+    and tables need the same dtypes and shapes. The order of keys in a mapping does not count. A
+    list never equals a tuple, but a named tuple equals a tuple of the same values.
 
     Args:
         first: A value of any type.
@@ -54,22 +65,23 @@ def is_same_content(first: Any, second: Any) -> bool:
     if _is_dataclass_object(first):
         return type(first) is type(second) and all(
             is_same_content(getattr(first, name), getattr(second, name))
-            for name in _compared_fields(first)
+            for name in _compared_field_names(first)
         )
     if isinstance(first, np.ndarray):
         return isinstance(second, np.ndarray) and _is_same_array(first, second)
     if isinstance(first, Mapping):
         return isinstance(second, Mapping) and _is_same_mapping(first, second)
     if isinstance(first, list | tuple):
-        kind = list if isinstance(first, list) else tuple
         return (
-            isinstance(second, kind)
+            isinstance(second, list if isinstance(first, list) else tuple)
             and len(first) == len(second)
             and all(map(is_same_content, first, second))
         )
-    # Tables of pandas, which this layer must not import, compare their content with `equals`.
+    # DataFrames, Series and Arrow tables compare their content with the method `equals`. A check
+    # of their classes would load pandas and pyarrow, also in calls that need neither.
     if hasattr(first, "equals"):
         return type(first) is type(second) and bool(first.equals(second))
+    # The first value is a scalar; `==` with an array or a table would not be True or False.
     if isinstance(second, np.ndarray) or hasattr(second, "equals"):
         return False
     return _is_same_scalar(first, second)
@@ -78,18 +90,18 @@ def is_same_content(first: Any, second: Any) -> bool:
 def _is_same_scalar(first: Any, second: Any) -> bool:
     try:
         return bool(first == second) or (_is_nan(first) and _is_nan(second))
-    except TypeError:  # Comparisons with the NA of pandas have no truth value.
+    except TypeError:  # `==` with the missing value `pandas.NA` is neither true nor false.
         return False
 
 
 def _is_same_array(first: np.ndarray[Any, Any], second: np.ndarray[Any, Any]) -> bool:
     if first.dtype != second.dtype or first.shape != second.shape:
         return False
-    if first.dtype.names is not None:
+    if first.dtype.names is not None:  # A structured array: compare its columns.
         return all(_is_same_array(first[name], second[name]) for name in first.dtype.names)
-    if first.dtype.kind == "O":
+    if first.dtype.kind == "O":  # Its elements are any Python objects.
         return is_same_content(first.tolist(), second.tolist())
-    return np.array_equal(first, second, equal_nan=first.dtype.kind in _NUMBERS_WITH_NAN)
+    return np.array_equal(first, second, equal_nan=first.dtype.kind in _DTYPE_KINDS_WITH_NAN)
 
 
 def _is_same_mapping(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> bool:
@@ -99,27 +111,29 @@ def _is_same_mapping(first: Mapping[Any, Any], second: Mapping[Any, Any]) -> boo
 
 
 def _hash_content(value: Any) -> int:
+    """A hash that is equal for two values of which `is_same_content` is true."""
     if _is_dataclass_object(value):
-        hashes = [_hash_content(getattr(value, name)) for name in _compared_fields(value)]
+        hashes = [_hash_content(getattr(value, name)) for name in _compared_field_names(value)]
         return hash((type(value), *hashes))
     if isinstance(value, tuple):
         return hash(tuple(map(_hash_content, value)))
-    number = hash(value)
-    # Python hashes a NaN by its identity, but here all NaNs are equal and need the same hash.
-    return 0 if _is_nan(value) else number
+    python_hash = hash(value)  # Also for NaN: a value that cannot be hashed must raise TypeError.
+    # Python hashes a NaN by its identity, but here all NaN are equal and need the same hash.
+    return 0 if _is_nan(value) else python_hash
 
 
 def _is_nan(value: Any) -> bool:
-    """Whether a value is NaN or NaT: only these differ from themselves."""
+    """Whether a value is NaN or NaT, the only values that differ from themselves."""
     try:
         return bool(value != value)
-    except TypeError:  # The NA of pandas.
+    except TypeError:  # `pandas.NA`, as in `_is_same_scalar`.
         return False
 
 
 def _is_dataclass_object(value: object) -> bool:
+    """Whether a value is an object of a dataclass; `is_dataclass` accepts the class as well."""
     return dataclasses.is_dataclass(value) and not isinstance(value, type)
 
 
-def _compared_fields(value: Any) -> list[str]:
+def _compared_field_names(value: Any) -> list[str]:
     return [field.name for field in dataclasses.fields(value) if field.compare]

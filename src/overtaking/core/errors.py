@@ -1,4 +1,13 @@
-"""Error classes, their one message format, checks of names and numbers, extras."""
+"""Error classes with one message format, checks of arguments, and the packages of extras.
+
+All errors that this package raises on purpose derive from `OvertakingError`. Their messages have
+one line: `where: what: expected ..., got ...; next_step`. The `check_...` functions raise such an
+error if an argument is invalid.
+
+An extra is a named set of optional packages, such as `sql` for DuckDB. `pyproject.toml` declares
+the extras, and groups of several extras, such as `all`; this module reads both from the metadata of
+the installed package.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +15,6 @@ import operator
 import re
 import shlex
 import sys
-from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import cache
@@ -22,18 +30,21 @@ if TYPE_CHECKING:
 
 
 MAX_MESSAGE_PART = 160
-"""Largest number of characters of one part of a message."""
+"""Largest number of characters of one part of a message. Chosen: two lines of a terminal."""
 
 
 def printable(part: object, length: int = MAX_MESSAGE_PART) -> str:
-    """A part of a message on one line, without control characters, which a terminal would obey.
+    """Write a part of a message on one line that UTF-8 can hold.
+
+    The character � replaces each control character, because a terminal would obey it.
 
     Args:
         part: A text, or another value, of which the message shows the `repr`.
-        length: Largest number of characters; dots replace the end of a longer text.
+        length: Largest number of characters; "..." replaces the end of a longer text.
     """
     text = as_utf8(part) if isinstance(part, str) else repr(part)
-    # Cut first: `got` may be an array or a whole file.
+    # Cut before the loop over characters, because a part may be an array or a whole file. The
+    # character beyond `length` shows that the text was longer.
     text = " ".join(text.split())[: length + 1]
     text = "".join(character if character.isprintable() else "�" for character in text)
     return text if len(text) <= length else text[: length - 3] + "..."
@@ -50,15 +61,16 @@ def _format_message(
 class OvertakingError(Exception):
     """Base class of all errors that this package raises on purpose.
 
-    Args:
-        message: A complete message, in place of the five parts. Pickling restores an error so.
-        what: The invalid thing, such as a column, a key or an option.
-        where: The file, section or call in which it was found.
-        expected: Description of a valid value.
-        got: The value found.
-        next_step: Advice for the user, as an imperative.
+    The constructor takes either a message or its five parts.
 
-    The parts make the one-line message `where: what: expected ..., got ...; next_step`.
+    Args:
+        message: A complete message. `pickle` passes it when it restores an error of another
+            process.
+        what: The invalid thing, such as a column, a key or an option.
+        where: The file, section or call that contains it.
+        expected: Description of a valid value.
+        got: The invalid value, or a description of it.
+        next_step: Advice for the user, as an imperative.
     """
 
     @overload
@@ -119,7 +131,7 @@ class OvertakingError(Exception):
 
 
 class ConfigError(OvertakingError, ValueError):
-    """An invalid profile, specification, option or argument."""
+    """An invalid option, argument or specification (a description of the traffic to simulate)."""
 
 
 class NoSuchSimulationError(ConfigError, IndexError):
@@ -147,17 +159,17 @@ class SchemaError(OvertakingError, ValueError):
 
 
 class DriverError(OvertakingError, RuntimeError):
-    """A driver of the user that raises an exception, or returns something other than an action."""
+    """A user's function that drives the ego vehicle raises an exception or returns no action."""
 
 
 class ImportFormatError(OvertakingError, ValueError):
-    """A file of another program that violates its format."""
+    """A file of another program, such as a map or a recording, that violates its format."""
 
 
 class RecordingWarning(UserWarning):
-    """The examination of a recording has found implausible or missing values.
+    """A recording of real traffic has implausible or missing values, but is imported.
 
-    The recording is imported. `import_report` lists each finding and the reaction of the reader.
+    `import_report` of the imported data lists these values, and how the reader repaired each.
     """
 
 
@@ -170,11 +182,11 @@ class LockedError(DatasetError):
 
 
 class SystemLimitError(OvertakingError, RuntimeError):
-    """Memory, threads, processes or open files that the operating system does not grant."""
+    """The operating system does not grant more memory, threads, processes or open files."""
 
 
 class MissingExtraError(OvertakingError, ImportError):
-    """A missing optional dependency."""
+    """An optional package is missing or too old."""
 
     @classmethod
     def for_extra(
@@ -187,19 +199,23 @@ class MissingExtraError(OvertakingError, ImportError):
             what: The package, and its purpose.
             where: The function or command that needs the package.
             got: Installed version, or the reason why the import failed.
-            otherwise: An alternative without the extra, as an imperative.
+            otherwise: An alternative without the extra, as an imperative; may be empty.
         """
         head = f"{where}: {what}: expected the extra [{extra}], got {printable(got)}"
-        instead = f"; or {otherwise}" if otherwise else ""
-        return cls(f"{head}; run: {install_command(extra)}{instead}")
+        alternative = f"; or {otherwise}" if otherwise else ""
+        # A complete message: as a part of one, a long command would be cut.
+        return cls(f"{head}; run: {install_command(extra)}{alternative}")
 
 
 class KnowledgeError(OvertakingError, ValueError):
-    """A knowledge file with an unknown or missing entry, or with one without a unit or a source."""
+    """A constant of the model is missing, unknown, or lacks its unit or its source.
+
+    The constants are in the TOML files of `overtaking/knowledge/data`.
+    """
 
 
 class InfeasibleError(OvertakingError, ValueError):
-    """A scenario or a request that no vehicle can satisfy."""
+    """A valid request for traffic that does not fit on the road, or that vehicles cannot reach."""
 
 
 def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
@@ -207,10 +223,10 @@ def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str
 
     Args:
         extra: Name of the extra, such as `sql`.
-        modules: Modules of the extra that the call imports.
+        modules: Names of the modules of the extra that the call imports.
         what: The package, and its purpose.
         where: The function or command that needs the package.
-        otherwise: An alternative without the extra, as an imperative.
+        otherwise: An alternative without the extra, as an imperative; may be empty.
 
     Raises:
         MissingExtraError: One of the modules is missing.
@@ -239,7 +255,10 @@ def check_choice(choice: str, choices: Iterable[str], *, what: str, where: str) 
 
 
 def nearest_first(name: str, names: Iterable[str]) -> list[str]:
-    """Sort names by their similarity to a name, the most similar one first."""
+    """Sort valid names by their similarity to a name that a user wrote, the most similar first.
+
+    Upper and lower case do not count.
+    """
 
     def similarity(candidate: str) -> float:
         return SequenceMatcher(a=name.lower(), b=candidate.lower()).ratio()
@@ -250,15 +269,15 @@ def nearest_first(name: str, names: Iterable[str]) -> list[str]:
 def check_in_range(
     value: float, low: float, high: float = inf, *, what: str, where: str, unit: str = ""
 ) -> None:
-    """Refuse a number outside its range.
+    """Refuse a number outside its range; see `check_whole_number` for an argument that is a count.
 
     Args:
         value: The number.
         low: Smallest valid number.
-        high: Largest valid number.
+        high: Largest valid number; infinity for a range without an upper limit.
         what: The option or argument.
         where: The command or function.
-        unit: Unit of the number, for the message.
+        unit: Unit of the number, for the message; empty for a number without a unit.
 
     Raises:
         ConfigError: The number is smaller or larger, or NaN.
@@ -277,14 +296,15 @@ def check_in_range(
 def whole_number(value: Any) -> int | None:
     """Convert an integer of any library to Python's type.
 
-    NumPy's integers overflow where Python's do not, and JSON cannot write them.
+    Integers of NumPy overflow in arithmetic, and JSON cannot write them.
 
     Args:
         value: An integer of Python, NumPy or another library. Booleans do not count as integers.
 
     Returns:
-        The integer; None for any other value.
+        The integer; None for any other value, also for a float such as 7.0.
     """
+    # The dtype of a boolean is "bool" in NumPy and "torch.bool" in PyTorch.
     is_boolean = isinstance(value, bool) or str(getattr(value, "dtype", "")).endswith("bool")
     try:
         return None if is_boolean else operator.index(value)
@@ -315,15 +335,15 @@ def check_whole_number(value: Any, low: int, high: int, *, what: str, where: str
 
 
 def convert_integers(record: Any, *names: str) -> None:
-    """Replace integers of other libraries in a frozen dataclass by Python's.
+    """Convert integers of other libraries in fields of a frozen dataclass to Python's type.
 
     Args:
-        record: The dataclass, in its `__post_init__`.
-        names: Names of the fields. A field without an integer keeps its value.
+        record: The object, which calls this function in its `__post_init__`.
+        names: Names of the fields. A field with another value, such as None, keeps it.
     """
     for name in names:
         if (number := whole_number(getattr(record, name))) is not None:
-            object.__setattr__(record, name, number)
+            object.__setattr__(record, name, number)  # `setattr` fails on a frozen dataclass.
 
 
 DISTRIBUTION = "overtaking"
@@ -332,12 +352,12 @@ DISTRIBUTION = "overtaking"
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A package that `overtaking` requires.
+    """A package that `overtaking` or one of its extras requires.
 
     Attributes:
-        package: Name of the package.
+        package: Name of the package, such as `duckdb`.
         specifier: Name and supported versions, such as `duckdb>=1.1`.
-        extra: The extra that requires it; empty if it is always required.
+        extra: Name of the extra that requires it; empty if `overtaking` itself does.
     """
 
     package: str
@@ -345,13 +365,17 @@ class Requirement:
     extra: str
 
     def is_newer_than(self, version: str) -> bool:
-        """Whether the lowest supported version is newer than an installed version."""
-        bound = re.search(r"[>=]=\s*([\w.]+)", self.specifier)
-        return bound is not None and _release(version) < _release(bound[1])
+        """Whether the lowest supported version is newer than an installed version.
+
+        Args:
+            version: The installed version, such as "1.0.3".
+        """
+        lowest = re.search(r"[>=]=\s*([\w.]+)", self.specifier)  # The version after >= or ==.
+        return lowest is not None and _release_numbers(version) < _release_numbers(lowest[1])
 
 
-def _release(version: str) -> tuple[int, ...]:
-    """The numbers of a release for comparison, without zeros at the end: 3.10 equals 3.10.0."""
+def _release_numbers(version: str) -> tuple[int, ...]:
+    """The numbers of a version for comparison: (3, 10) for "3.10", "3.10.0" and "3.10.0rc1"."""
     numbers = re.match(r"[\d.]*", version)
     parts = [int(part) for part in (numbers[0] if numbers else "").split(".") if part]
     while parts and parts[-1] == 0:
@@ -361,15 +385,16 @@ def _release(version: str) -> tuple[int, ...]:
 
 @cache
 def requirements() -> tuple[Requirement, ...]:
-    """The requirements in the metadata of the installed package."""
+    """The requirements in the metadata of the installed package, in their order there."""
     from importlib import metadata
 
     packages: list[Requirement] = []
+    # A line is `numpy>=2.0`, or `duckdb>=1.1; extra == "sql"` for a package of an extra.
     for line in metadata.requires(DISTRIBUTION) or []:
         specifier, _, marker = line.partition(";")
         extra = re.search(r"\bextra\s*==\s*['\"]([\w-]+)['\"]", marker)
         package = re.split(r"[^\w.-]", specifier.strip(), maxsplit=1)[0]
-        if package != DISTRIBUTION:  # Groups such as `all` require extras of the package.
+        if package != DISTRIBUTION:  # The line of a group of extras, see `extra_groups`.
             name = extra[1] if extra else ""
             packages.append(Requirement(package, specifier.strip(), name))
     return tuple(packages)
@@ -377,7 +402,7 @@ def requirements() -> tuple[Requirement, ...]:
 
 @cache
 def extra_requirements() -> dict[str, tuple[str, ...]]:
-    """The requirements of each extra, such as `duckdb>=1.1` of `sql`."""
+    """The specifiers of each extra, such as `duckdb>=1.1`, by the name of the extra."""
     by_extra: dict[str, tuple[str, ...]] = {}
     for requirement in requirements():
         if extra := requirement.extra:
@@ -387,10 +412,11 @@ def extra_requirements() -> dict[str, tuple[str, ...]]:
 
 @cache
 def extra_groups() -> dict[str, tuple[str, ...]]:
-    """The extras in each group, such as `all` or `common`, in alphabetical order."""
+    """The names of the extras in each group, in alphabetical order, by the name of the group."""
     from importlib import metadata
 
     groups: dict[str, tuple[str, ...]] = {}
+    # The line of a group is `overtaking[plots,sql]; extra == "common"`.
     for line in metadata.requires(DISTRIBUTION) or []:
         match = re.match(rf"{DISTRIBUTION}\[([\w,\s-]+)\].*\bextra\s*==\s*['\"]([\w-]+)['\"]", line)
         if match is not None:
@@ -399,22 +425,30 @@ def extra_groups() -> dict[str, tuple[str, ...]]:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs an extra, or a group of extras, for the running interpreter.
+    """The shell command that installs an extra, or a group of extras.
 
     It names the packages of the extra, not `overtaking[extra]`: a package index does not have this
     package if it was installed from a clone.
 
     Args:
         extra: Name of an extra or a group.
+
+    Raises:
+        KeyError: The name is neither an extra nor a group.
     """
     names = extra_groups().get(extra, (extra,))
     return pip_command(*(specifier for name in names for specifier in extra_requirements()[name]))
 
 
 def pip_command(*specifiers: str) -> str:
-    """The command that installs packages for the running interpreter."""
+    """The shell command that installs packages for the Python interpreter that runs this code.
+
+    Args:
+        specifiers: Names of the packages with their versions, such as `duckdb>=1.1`.
+    """
     working_folder, interpreter = Path.cwd(), Path(sys.executable)
-    # A relative path is shorter, but needs a slash: a shell searches a bare name in PATH.
+    # Shorten the path if the interpreter is in a subfolder. In the working folder itself, only its
+    # bare name would be left, which a shell searches in PATH.
     if working_folder in interpreter.parent.parents:
         interpreter = interpreter.relative_to(working_folder)
     return shlex.join([str(interpreter), "-m", "pip", "install", *specifiers])
