@@ -1,4 +1,9 @@
-"""Bounded reading; atomic writing of files and folders."""
+"""Reading of files up to a size, and writing that leaves complete files and folders only.
+
+All packages that read or write files use these functions. Files under a fixed name, such as a
+report, go through `atomic_file` or `write_atomically`; folders with many files, such as data sets,
+through `atomic_folder`, and the files in them through `write_new_file`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,6 @@ import shutil
 import stat
 import tomllib
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
@@ -26,33 +30,32 @@ if TYPE_CHECKING:
 
 
 MISSING_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
-"""Errors of paths at which there is no file."""
+"""Errors at the opening of a path that is not a file."""
 
 
 def unreadable_error(
     error: BaseException, where: str, kind: type[OvertakingError]
 ) -> OvertakingError | None:
-    """The error for a file that the system does not let this process read.
+    """Translate an exception of a reader if the system did not let this process read the file.
 
-    Such a file may be intact: the message never advises to write it again.
+    Such a file may be intact, so the message advises to try again, not to write the file again.
 
     Args:
-        error: Exception of the reader. Arrow sets `errno` only if the system refuses the file.
+        error: Exception of the reader.
         where: The file.
-        kind: Class of the error, unless the system lacks memory, threads or open files.
+        kind: Class of the error if permissions or the disk are the cause. If the system lacks
+            memory, threads or open files, the error is a `SystemLimitError`.
 
     Returns:
-        The error; None if the file is missing or its content is the cause.
+        The error to raise instead; None if the file is missing or if its content is the cause.
     """
-    if asks_beyond_machine(error):
+    if asks_beyond_machine(error):  # A damaged file states a size that no machine can allocate.
         return None
-    if (refusal := refusal_of(error, where)) is not None:
+    if (refusal := refusal_of(error, where)) is not None:  # Memory, threads or open files.
         return refusal
-    if (
-        not isinstance(error, OSError)
-        or error.errno is None
-        or isinstance(error, MISSING_FILE_ERRORS)
-    ):
+    # Arrow raises an OSError also for a damaged file, but then without `errno`.
+    is_refused_by_system = isinstance(error, OSError) and error.errno is not None
+    if not is_refused_by_system or isinstance(error, MISSING_FILE_ERRORS):
         return None
     return kind(
         what="file",
@@ -66,19 +69,19 @@ def unreadable_error(
 def check_output_path(path: str | Path) -> None:
     """Refuse an output path that is not UTF-8, before anything is written.
 
-    Arrow and other libraries write to names in UTF-8 only.
+    Linux permits any bytes in a name, but Arrow and other libraries write to names in UTF-8 only.
 
     Args:
-        path: The path, or the URL of a store.
+        path: The path, or the URL of a store of files, such as `s3://bucket/folder`.
 
     Raises:
-        ConfigError: A part of the absolute path has other bytes.
+        ConfigError: The absolute path contains bytes that are not UTF-8.
     """
     absolute = str(path)
     if "://" not in absolute:
         with suppress(OSError):  # The working directory no longer exists.
             absolute = os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links.
-    if as_utf8(absolute) != absolute:
+    if as_utf8(absolute) != absolute:  # It replaces bytes that are not UTF-8 by the text `\xe9`.
         raise ConfigError(
             what="output",
             where=absolute,
@@ -91,15 +94,18 @@ def check_output_path(path: str | Path) -> None:
 def check_regular_file(path: Path) -> Path:
     """Refuse pipes and devices, because reading them might never end.
 
+    A folder passes: opening it raises an error that says more.
+
     Args:
         path: Path of a file or a folder.
 
     Returns:
-        The path.
+        The same path.
 
     Raises:
-        FileNotFoundError: The path does not exist, or is a pipe or a device.
-        OSError: The system does not tell its type.
+        FileNotFoundError: The path does not exist, or is a pipe or a device, which callers report
+            like a missing file.
+        OSError: The system does not tell the type of the path.
     """
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
@@ -108,7 +114,7 @@ def check_regular_file(path: Path) -> Path:
 
 
 def open_regular_file(path: Path) -> BufferedReader:
-    """Open a file for reading.
+    """Open a file for reading bytes, after `check_regular_file`.
 
     Raises:
         OSError: The file cannot be opened, or is a pipe or a device.
@@ -117,62 +123,65 @@ def open_regular_file(path: Path) -> BufferedReader:
 
 
 def read_bounded(file: BufferedIOBase, max_bytes: int) -> bytes:
-    """Read an open file of limited size.
+    """Read the rest of an open file if it is not too large.
 
     Args:
-        file: The file. It is open already, because a store has files without a path.
+        file: The file, at its beginning. It is open because a file in a remote store has no path.
         max_bytes: Largest size of the file [bytes].
 
     Raises:
-        OSError: The file is larger, or cannot be read.
+        OSError: The file is larger than `max_bytes`, or cannot be read.
     """
-    data = file.read(max_bytes + 1)
+    data = file.read(max_bytes + 1)  # The last byte shows that the file is too large.
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"a file of more than {max_bytes} bytes")
     return data
 
 
 def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
-    """Read a TOML file with or without a byte order mark.
-
-    Some editors on Windows write that mark at the beginning of UTF-8 files; TOML forbids it.
+    """Read a TOML file of limited size.
 
     Args:
         path: The file.
         max_bytes: Largest size of the file [bytes].
 
     Raises:
-        OSError: The file is larger, or cannot be read.
+        OSError: The file is larger than `max_bytes`, or cannot be read.
         ValueError: The content is not TOML in UTF-8.
         RecursionError: Its values are nested too deeply.
     """
     with open_regular_file(path) as file:
+        # TOML forbids a byte order mark, but editors on Windows write one; "utf-8-sig" skips it.
         return tomllib.loads(read_bounded(file, max_bytes).decode("utf-8-sig"))
 
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Generator[Path]:
-    """Replace a file only if the block succeeds: no reader ever sees a part of it.
+    """Replace a file only if the block of `with` succeeds, so that no reader sees a part of it.
 
     Args:
-        path: The file; its folder exists.
+        path: The file to write or replace; its folder exists.
 
     Yields:
-        A path in the same folder, with the same suffix, for the block to write to.
+        Path of a temporary file, which the block writes. It is in the same folder, because a rename
+        to another disk is a copy, and has the same suffix, from which libraries infer the format.
 
     Raises:
-        OSError: The file cannot be written. It names `path`, not the path of the block.
+        OSError: The file cannot be written. The error names `path`, not the temporary file.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     partial = path.with_name(f".{path.stem}.{uuid4().hex[:8]}.partial{path.suffix}")
     try:
         yield partial
-        with partial.open("rb+") as file:  # Windows flushes only files that are open for writing.
+        # First force the content to the disk: after a power failure, the new name must not belong
+        # to an empty file. Windows flushes only files that are open for writing.
+        with partial.open("rb+") as file:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
-        if error.filename in (None, str(partial)):  # Not a file that the block reads.
+        # An error about another file, such as an input that the block reads, stays as it is.
+        if error.filename in (None, str(partial)):
             raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise
     finally:
@@ -180,11 +189,11 @@ def atomic_file(path: Path) -> Generator[Path]:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file, or leave an earlier file of this name as it is.
+    """Write a file whole, or leave an earlier file of this name as it is; see `atomic_file`.
 
     Args:
         path: The file; its folder exists.
-        content: Its bytes.
+        content: The bytes of the file.
 
     Raises:
         OSError: The file cannot be written.
@@ -195,16 +204,16 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 @contextlib.contextmanager
 def atomic_folder(out: Path) -> Generator[Path]:
-    """Make a folder that appears under its name only if the block succeeds.
+    """Make a folder that appears under its name only if the block of `with` succeeds.
 
     Args:
-        out: The folder. It does not exist, or is empty.
+        out: The folder to make. It does not exist, or is empty.
 
     Yields:
-        A folder beside `out` for the block to write to.
+        A temporary folder beside `out`, which the block fills. It is deleted if the block fails.
 
     Raises:
-        ConfigError: The name is taken.
+        ConfigError: `out` is a file, a link, or a folder with files.
         OSError: The folder cannot be made or renamed.
     """
     check_folder_is_free(out)
@@ -218,7 +227,7 @@ def atomic_folder(out: Path) -> Generator[Path]:
         folder.rename(out)
         fsync_folder(out.parent)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)  # After success the folder has its final name.
 
 
 def check_folder_is_free(out: Path) -> None:
@@ -247,12 +256,14 @@ def describe_place(path: Path) -> str:
 
 
 def write_new_file(path: Path, text: str) -> None:
-    """Write a text to a new file and force it to the disk.
+    """Write a text to a new file in UTF-8 and force it to the disk.
+
+    A temporary name, as in `atomic_file`, is not necessary: callers write in a folder of
+    `atomic_folder`, or hold a lock on the folder.
 
     Args:
-        path: The file. It is in a folder that `atomic_folder` or a lock protects, so that it needs
-            no temporary name.
-        text: Its content.
+        path: The file; its folder exists.
+        text: The content of the file. On every system, its lines end as in the text.
 
     Raises:
         FileExistsError: The file exists.
@@ -265,8 +276,11 @@ def write_new_file(path: Path, text: str) -> None:
 
 
 def fsync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk; on Windows do nothing."""
-    if os.name == "nt":  # Windows cannot open folders.
+    """Force the names of the files in a folder to the disk, after a file was made or renamed.
+
+    Without it, a power failure can undo the new name although the file is on the disk.
+    """
+    if os.name == "nt":  # Windows cannot open folders, so it keeps this risk.
         return
     handle = os.open(folder, os.O_RDONLY)
     try:

@@ -1,11 +1,19 @@
-"""Elementary functions in float32 that have the same bits on every machine.
+"""Elementary functions in float32 whose results have the same bits on every machine.
 
-NumPy's and libm's last bits depend on the CPU and the version, so the simulator uses these instead:
-only additions, multiplications, divisions, comparisons and integer shifts of float32, written once
-here and once in `crates/overtaking-core/src/elementary.rs`, with the same operations in the same
-order. The argument reductions and minimax polynomials come from the Cephes library, single
-precision (Moshier, *Methods and Programs for Mathematical Functions*, 1989). Tests bound the error
-against mpmath.
+The last bits of `numpy.exp` and its kind depend on the CPU and on the version, so the simulator
+uses the functions of this module. They consist of operations that IEEE 754 rounds in one way only:
+`+ - * /`, comparisons, and shifts of bits. The compiled simulator (the engine) has the same
+functions in `crates/overtaking-core/src/elementary.rs`, with the same operations in the same order.
+Change both together.
+
+Arguments are float32 arrays or numbers of any shapes that broadcast; the results are float32 arrays
+of the common shape.
+
+Each function first maps its argument to a small interval around 0, and there evaluates a polynomial
+whose largest error is as small as possible. Intervals and coefficients come from the single
+precision of the Cephes library (Moshier, *Methods and Programs for Mathematical Functions*, 1989).
+The docstrings state the largest errors in units in the last place (ulp) or as absolute values;
+tests compare with mpmath.
 """
 
 from typing import Any
@@ -23,41 +31,59 @@ PI = np.float32(3.141_592_7)
 TAU = np.float32(6.283_185_5)
 
 _LOG2_E = np.float32(1.442_695_04)
-_LN2_HIGH = np.float32(0.693_359_375)
-_LN2_LOW = np.float32(-2.121_944_4e-4)
 _SQRT_HALF = np.float32(0.707_106_77)
 _TWO_OVER_PI = np.float32(0.636_619_77)
+
+# ln 2 and pi / 2 as sums of several parts. The high parts have so few bits that their products with
+# an integer k are exact: `x - k * high - k * low` loses no digits where `x - k * ln2` would.
+_LN2_HIGH = np.float32(0.693_359_375)
+_LN2_LOW = np.float32(-2.121_944_4e-4)
 _HALF_PI_HIGH = np.float32(1.570_312_5)
 _HALF_PI_MIDDLE = np.float32(4.837_512_969_970_703e-4)
 _HALF_PI_LOW = np.float32(7.549_789_95e-8)
+
 _PI_OVER_4 = np.float32(0.785_398_2)
 _TAN_3PI_8 = np.float32(2.414_213_7)
 _TAN_PI_8 = np.float32(0.414_213_57)
 
+_SMALLEST_NORMAL = np.float32(1.175_494_4e-38)
+"""2**-126, the smallest positive float32 with the full number of digits."""
+
 
 def as_f32(value: Any) -> F32:
-    """`value` as a float32 array, rounding once to nearest even."""
+    """Convert a value to a float32 array; each number is rounded to the nearest one (ties to even).
+
+    Args:
+        value: Numbers of any type and shape; a float32 array is returned without a copy.
+    """
     return np.asarray(value, dtype=np.float32)
 
 
+# Not `numpy.minimum`: its result for a pair of -0.0 and 0.0, or for NaN, differs from the engine's.
+
+
 def minimum(a: F32Like, b: F32Like) -> F32:
-    """The smaller of two values; `b` where they are equal, as in the engine."""
+    """The smaller of two values; `b` where they are equal or one of them is NaN."""
     return np.where(a < b, a, b)
 
 
 def maximum(a: F32Like, b: F32Like) -> F32:
-    """The larger of two values; `b` where they are equal, as in the engine."""
+    """The larger of two values; `b` where they are equal or one of them is NaN."""
     return np.where(a > b, a, b)
 
 
 def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
-    """`value` limited to [low, high]."""
+    """`value` limited to [low, high]; `low` where it is NaN."""
     return minimum(maximum(value, low), high)
 
 
 def exp(x: F32Like) -> F32:
-    """E to the power `x`, relative error below 2 ulp; `x` is clamped to [-87, 88]."""
+    """E to the power `x`, error below 2 ulp; an `x` beyond [-87, 88] counts as that limit.
+
+    The limits keep 2**k below within the normal numbers of float32.
+    """
     x = clamp(as_f32(x), np.float32(-87.0), np.float32(88.0))
+    # exp(x) = 2**k * exp(r) with |r| <= ln(2) / 2.
     k = np.rint(x * _LOG2_E)
     r = x - k * _LN2_HIGH - k * _LN2_LOW
     p = np.float32(1.987_569_1e-4) * r + np.float32(1.398_199_9e-3)
@@ -65,19 +91,27 @@ def exp(x: F32Like) -> F32:
     p = p * r + np.float32(4.166_579_6e-2)
     p = p * r + np.float32(1.666_666_5e-1)
     p = p * r + HALF
-    value = p * (r * r) + r + ONE
-    return value * ((k.astype(np.int32) + 127) << 23).view(np.float32)
+    exp_r = p * (r * r) + r + ONE
+    # The exponent of a float32, plus 127, begins at bit 23: the shifted integer has the bits of 2**k.
+    return exp_r * ((k.astype(np.int32) + 127) << 23).view(np.float32)
 
 
 def log(x: F32Like) -> F32:
-    """Natural logarithm, error below 2 ulp or 1e-7; anything below 1.2e-38 counts as that."""
-    x = maximum(as_f32(x), np.float32(1.175_494_4e-38))
+    """Natural logarithm, error below 2 ulp or 1e-7.
+
+    An `x` below 2**-126 (1.2e-38), also a negative one, and NaN count as 2**-126: the result is
+    never infinite.
+    """
+    x = maximum(as_f32(x), _SMALLEST_NORMAL)
+    # x = fraction * 2**exponent with the fraction in [0.5, 1), from the bits of x: the exponent plus
+    # 126 begins at bit 23, and 0x3F00_0000 has the bits of 0.5.
     bits = x.view(np.int32)
     exponent = ((bits >> 23) - 126).astype(np.float32)
-    m = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
-    low = m < _SQRT_HALF
-    e = np.where(low, exponent - ONE, exponent)
-    m = np.where(low, m + m, m) - ONE
+    fraction = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
+    # Move the fraction to [sqrt(0.5), sqrt(2)): log(x) = log(1 + m) + e * ln(2), with m around 0.
+    is_below = fraction < _SQRT_HALF
+    e = np.where(is_below, exponent - ONE, exponent)
+    m = np.where(is_below, fraction + fraction, fraction) - ONE
     z = m * m
     p = np.float32(7.037_683_6e-2) * m + np.float32(-1.151_461e-1)
     p = p * m + np.float32(1.167_699_9e-1)
@@ -92,13 +126,18 @@ def log(x: F32Like) -> F32:
 
 
 def power(base: F32Like, exponent: F32Like) -> F32:
-    """`base ** exponent` for a positive base: exp(exponent * log(base))."""
+    """`base ** exponent` for a positive base, computed as exp(exponent * log(base)).
+
+    The rounding of that product limits the accuracy: some 2 + 2 (1 + |exponent * log(base)|) ulp.
+    """
     return exp(as_f32(exponent) * log(base))
 
 
 def sincos(x: F32Like) -> tuple[F32, F32]:
-    """Sine and cosine, absolute error below 1e-7 for |x| <= 1000."""
+    """Sine and cosine of an angle [rad], absolute error below 1e-7 for |x| <= 1000."""
     x = as_f32(x)
+    # x = k * pi / 2 + r with |r| <= pi / 4: `s` and `c` are the sine and cosine of r, and the
+    # quadrant, k modulo 4, decides which of them is the sine of x, and the signs.
     k = np.rint(x * _TWO_OVER_PI)
     r = x - k * _HALF_PI_HIGH - k * _HALF_PI_MIDDLE - k * _HALF_PI_LOW
     quadrant = k.astype(np.int32) & 3
@@ -109,24 +148,28 @@ def sincos(x: F32Like) -> tuple[F32, F32]:
     c = np.float32(2.443_315_7e-5) * z + np.float32(-1.388_731_6e-3)
     c = c * z + np.float32(4.166_664_6e-2)
     c = c * (z * z) - HALF * z + ONE
-    odd = (quadrant & 1) == 1
-    sine = np.where(odd, c, s)
-    cosine = np.where(odd, s, c)
+    is_odd = (quadrant & 1) == 1
+    sine = np.where(is_odd, c, s)
+    cosine = np.where(is_odd, s, c)
     sine = np.where(quadrant >= 2, -sine, sine)
     cosine = np.where((quadrant == 1) | (quadrant == 2), -cosine, cosine)
     return sine, cosine
 
 
 def atan(x: F32Like) -> F32:
-    """Inverse tangent, error below 3 ulp."""
+    """Inverse tangent [rad], in [-pi / 2, pi / 2], error below 3 ulp."""
     x = as_f32(x)
     magnitude = np.abs(x)
-    far = magnitude > _TAN_3PI_8
-    middle = (magnitude > _TAN_PI_8) & ~far
-    divisor = np.where(far, magnitude, magnitude + ONE)
-    numerator = np.where(far, np.float32(-1.0), magnitude - ONE)
-    r = np.where(far | middle, numerator / np.where(divisor == 0, ONE, divisor), magnitude)
-    base = np.where(far, HALF_PI, np.where(middle, _PI_OVER_4, ZERO))
+    # atan(magnitude) = base + atan(r) with |r| <= tan(pi / 8), in three ranges of the magnitude:
+    #   up to tan(pi / 8)    base = 0       r = magnitude
+    #   up to tan(3 pi / 8)  base = pi / 4  r = (magnitude - 1) / (magnitude + 1)
+    #   beyond               base = pi / 2  r = -1 / magnitude
+    is_far = magnitude > _TAN_3PI_8
+    is_middle = (magnitude > _TAN_PI_8) & ~is_far
+    numerator = np.where(is_far, np.float32(-1.0), magnitude - ONE)
+    divisor = np.where(is_far, magnitude, magnitude + ONE)
+    r = np.where(is_far | is_middle, numerator / divisor, magnitude)
+    base = np.where(is_far, HALF_PI, np.where(is_middle, _PI_OVER_4, ZERO))
     z = r * r
     p = np.float32(8.053_744_5e-2) * z + np.float32(-1.387_768_6e-1)
     p = p * z + np.float32(1.997_771_1e-1)
