@@ -92,7 +92,7 @@ def exp(x: F32Like) -> F32:
     p = p * r + np.float32(1.666_666_5e-1)
     p = p * r + HALF
     exp_r = p * (r * r) + r + ONE
-    # The exponent of a float32, plus 127, begins at bit 23: the shifted integer has the bits of 2**k.
+    # A float32 has its exponent, plus 127, from bit 23 on: the shifted number has the bits of 2**k.
     return exp_r * ((k.astype(np.int32) + 127) << 23).view(np.float32)
 
 
@@ -103,8 +103,8 @@ def log(x: F32Like) -> F32:
     never infinite.
     """
     x = maximum(as_f32(x), _SMALLEST_NORMAL)
-    # x = fraction * 2**exponent with the fraction in [0.5, 1), from the bits of x: the exponent plus
-    # 126 begins at bit 23, and 0x3F00_0000 has the bits of 0.5.
+    # x = fraction * 2**exponent with the fraction in [0.5, 1). Both come from the bits of x: the
+    # exponent, plus 126, begins at bit 23; 0x3F00_0000 are the bits of 0.5.
     bits = x.view(np.int32)
     exponent = ((bits >> 23) - 126).astype(np.float32)
     fraction = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
