@@ -17,8 +17,8 @@ from overtaking.core.arrays import F32, U32, U64, F32Like
 from overtaking.core.errors import ConfigError
 
 
-# Without compiled draws the sampling of a scenario takes 6 µs more, 2.7 % of the time to make a data
-# set of the profile `pinto2023`.
+# Without compiled draws the sampling of a scenario takes 6 µs more: 2.7 % of the time to make a
+# data set of the profile `pinto2023`.
 class PhiloxStream(random_numbers.PhiloxStream):
     """Successive numbers of a stream, as `random_numbers.PhiloxStream`."""
 
