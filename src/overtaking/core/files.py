@@ -53,9 +53,9 @@ def unreadable_error(
         return None
     if (refusal := refusal_of(error, where)) is not None:  # Memory, threads or open files.
         return refusal
-    # Arrow raises an OSError also for a damaged file, but then without `errno`.
-    is_refused_by_system = isinstance(error, OSError) and error.errno is not None
-    if not is_refused_by_system or isinstance(error, MISSING_FILE_ERRORS):
+    if not isinstance(error, OSError) or isinstance(error, MISSING_FILE_ERRORS):
+        return None
+    if error.errno is None:  # Arrow found the file damaged: then its OSError has no `errno`.
         return None
     return kind(
         what="file",
