@@ -1,6 +1,20 @@
 """Recorded states of a batch of simulations, as integers of fixed resolutions.
 
-All later code reads these integers, so that labels from memory and from a file agree.
+`Trajectories` is the result of a simulation or of reading a recording of real traffic. Signals,
+events, verdicts, tables and films are computed from it. They all read the recorded integers, not
+the floats of the simulation, so that labels from memory and from a file agree.
+
+Terms:
+    slot: number of a vehicle within its simulation; the ego, the vehicle under study, has 0.
+    frame: a recorded instant, `Scenario.frame_interval_ms` apart; all arrays end with the longest
+        simulation of the batch.
+    decision: an instant, 20 times a second, at which drivers look and decide.
+    percept: the ego driver's belief about a neighbour at a decision, beside the true values.
+    step (of an integer): the amount that the integer 1 stands for, such as 1 mm.
+
+`FieldSpec` declares description, unit, range and table column of a field. `missing` is the value
+that stands for "none", `null_unless` names the field without which a column is null, and `needs`
+names the properties (`UNKNOWNS`) without which it is null.
 """
 
 import dataclasses
@@ -34,56 +48,61 @@ from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, BranchOrigin, Scenario
 
 NO_VEHICLE = np.uint8(255)
-"""Slot number where there is no vehicle to name; a null in every table."""
+"""Slot that stands for no vehicle; a null in every table."""
 
 UNKNOWNS = (
     "weather",  # Weather and light.
-    "drivers",  # Everything in `DriverTraits`.
+    "drivers",  # All of `DriverTraits`.
     "bodies",  # All of `VehicleSpecs` except length, width and kind.
-    "kinds",  # Types of the vehicles.
+    "kinds",  # Kinds of the vehicles, such as car or truck.
     "marks",  # Lines between the lanes.
     "speed_limit",
-    "road_kind",
-    "indicators",
-    "lamps",
+    "road_kind",  # Motorway, rural road or street.
+    "indicators",  # Direction indicators.
+    "lamps",  # All lights except the indicators.
     "wheel_angle",
     "yaw_rate",
-    "impulse",
-    "stage",
-    "percepts",
+    "impulse",  # Impulse and speed of approach of collisions.
+    "stage",  # `Stage` of the ego.
+    "percepts",  # All of `Percepts`.
 )
-"""Properties that a recording may leave open. Rules that need them are then undecidable."""
+"""Properties that a recording may leave unknown. Arrays then hold placeholders, tables hold nulls,
+and rules of the law that need the property give the verdict "undecidable"."""
 
 BEYOND_KERB_EDGE = 255
 """Lane index of a vehicle beyond the edge of the road on the kerb side."""
 
 LANE_CHANGE_SPEED = 0.15
-"""Lateral speed from which a vehicle changes lanes instead of keeping its lane [m/s].
+"""Lateral speed above which a vehicle changes lanes instead of wandering in its lane [m/s].
 
-Candidates in recordings and the stages of SUMO's drivers use it; labels read the same number from
-`event_detection.toml`, because their float32 arithmetic is part of recorded results."""
+The search for overtakes in recordings and the stages of SUMO's drivers use it. Labels use the same
+number as float32, from `event_detection.toml` (`least_speed`), which states its source; a float64
+there would change recorded labels."""
 
-POSITION_RESOLUTION = 1e-3
-_MAX_RECORDED = 2.0e9  # Steps that fit into the recorded integers, as the step clamps them.
-SPEED_RESOLUTION = 1e-3
-ANGLE_RESOLUTION = 1e-4
-ACCEL_RESOLUTION = 1e-3
+POSITION_RESOLUTION = 1e-3  # [m]
+SPEED_RESOLUTION = 1e-3  # [m/s]
+ANGLE_RESOLUTION = 1e-4  # [rad]
+ACCEL_RESOLUTION = 1e-3  # [m/s^2]
+
+_MAX_POSITION_STEPS = 2.0e9
+"""Positions are clipped to this many millimetres, 2,000 km, as in the engines. The largest int32,
+2**31 - 1, is no float32: it would round up and overflow."""
 
 
 class Stage(IntEnum):
-    """Stage of the ego's overtake, the state of its state machine."""
+    """Stage of the ego's overtake, as its driver intends it."""
 
-    FOLLOW = 0
-    PULL_OUT = 1
-    PASS = 2
-    RETURN = 3
-    DONE = 4
-    ABORT = 5
-    CRASHED = 6
+    FOLLOW = 0  # No overtake: the ego drives freely or follows, and may wait for a gap.
+    PULL_OUT = 1  # It changes to the lane on the left.
+    PASS = 2  # It drives past the target.
+    RETURN = 3  # It changes back ahead of the target.
+    DONE = 4  # The overtake is completed.
+    ABORT = 5  # It gives up and changes back behind the target.
+    CRASHED = 6  # It has collided, left the road or spun, and no longer drives.
 
 
 OVERTAKING_STAGES = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
-"""The stages of an overtake that has begun and not ended."""
+"""The stages in which an overtake has begun and has not ended."""
 
 
 class Lights(IntFlag):
@@ -98,20 +117,20 @@ class Lights(IntFlag):
 
 
 class ManoeuvreKind(IntEnum):
-    """Kind of the decision that a percept was recorded for."""
+    """Decision of the ego's driver that a percept was recorded for."""
 
-    PULL_OUT = 0
-    RETURN = 1
-    CANCEL = 2
+    PULL_OUT = 0  # Change to the left, to overtake.
+    RETURN = 1  # Change back to the right.
+    CANCEL = 2  # Reverse a lane change: give up the overtake, or stay left during a return.
 
 
 class PerceivedVehicle(IntEnum):
-    """The vehicles that a percept is about, the order of its last axis."""
+    """The neighbours at a decision, in the order of the last axis of `Percepts`."""
 
     LEADER = 0
     """The vehicle ahead in the ego's lane."""
     NEW_LEADER = 1
-    """The vehicle ahead in the lane that the ego enters."""
+    """The vehicle ahead in the lane that the ego enters; in an opposing lane the oncoming one."""
     NEW_FOLLOWER = 2
     """The vehicle behind in the lane that the ego enters."""
 
@@ -119,10 +138,14 @@ class PerceivedVehicle(IntEnum):
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class States(Batch):
-    """Recorded states; shape (simulation, vehicle, time), the frames of one vehicle adjacent.
+    """Recorded states, as integers; shape (simulation, vehicle, time).
 
-    A new state is a field here and a formula in `sim.reference.recording` and in `words.rs`.
-    Memory, hash, tables and pages follow, in the order of the fields.
+    Where `Trajectories.state_mask` is false, they are undefined. `wheel_angle` is the angle of the
+    steered front wheels. `lane` and `lights` declare no column, because tables compute columns of
+    other forms from them.
+
+    To add a state, add a field here, and its formula in `sim.reference.recording` and in the file
+    `words.rs` of the engine. Memory, hash, tables and pages follow, in the order of the fields.
     """
 
     AXES = ("simulation", "vehicle", "time")
@@ -138,7 +161,11 @@ class States(Batch):
     wheel_angle: Annotated[
         I16,
         FieldSpec(
-            "Front wheels, positive to the left", "0.1 mrad", -31_416, 31_416, needs=["wheel_angle"]
+            "Front wheels, positive to the left",
+            "0.1 mrad",
+            -31_416,
+            31_416,
+            needs=["wheel_angle"],
         ),
     ]
     accel_lon: Annotated[I16, FieldSpec("Acceleration forwards, contacts excluded", "mm/s^2")]
@@ -163,33 +190,44 @@ class States(Batch):
 STATE_DTYPES = {
     name: field.dtype.type for name, field in batch_fields(States).items() if field.dtype
 }
-"""Type of the numbers of each field of `States`, in their order."""
+"""Integer type of each field of `States`, in their order."""
 
 STATE_RESOLUTION = {
     name: 1.0 / units.INTEGER_UNITS[field.spec.unit][1]
     for name, field in batch_fields(States).items()
     if field.spec.unit in units.INTEGER_UNITS
 }
-"""Size of a step of each number in `States` [SI units]."""
+"""Step of each field of `States` that has a unit [SI unit of the field]."""
 
 NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
-"""Quantities that are differentiated from measured ones. Their noise in a recording may exceed the
-range of the recorded integers, although no vehicle reaches it; such values are clipped."""
+"""Fields of `States` that readers of recordings compute as derivatives of measured positions and
+headings. Noise may exceed the range of their int16 (33 m/s^2, 3.3 rad/s), although no vehicle
+reaches it. Such values are clipped; out of range in another field, the recording is refused."""
 
 
 def largest_state(name: str) -> float:
-    """Largest magnitude of a field of `States`, one of `STATE_RESOLUTION` [SI units]."""
+    """Largest magnitude that a field of `States` can record.
+
+    Args:
+        name: The field, a key of `STATE_RESOLUTION`.
+
+    Returns:
+        The magnitude [SI unit of the field].
+    """
     _, high = batch_fields(States)[name].spec.limits
     return min(float(np.iinfo(STATE_DTYPES[name]).max), high) * STATE_RESOLUTION[name]
 
 
 def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
-    """The recorded integers of a field of `States`, rounded half to even.
+    """The recorded integers of a field of `States`, rounded half to even as in the engines.
 
     Args:
-        name: The field, one of `STATE_RESOLUTION`.
-        steps: Its values divided by the size of a step, any shape [steps].
+        name: The field, a key of `STATE_RESOLUTION`.
+        steps: Its values divided by its resolution, any shape.
         where: Name of the recording or simulation, for the message.
+
+    Returns:
+        Integers of the type in `STATE_DTYPES`, same shape.
 
     Raises:
         SchemaError: A value is too large for the integers or NaN, in a field that is not among
@@ -219,6 +257,7 @@ BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_DTYPES.values())
 _contact = partial(
     FieldSpec, column=ColumnName(prefix="contact_"), null_unless=".partner", needs=["impulse"]
 )
+"""Declaration of a property of the first collision of a vehicle."""
 
 
 @with_field_docs
@@ -249,6 +288,8 @@ class Contacts(Batch):
     closing_speed: Annotated[I32, _contact("Speed of approach along the contact normal", "mm/s")]
 
 
+# Declarations of the fields of `Percepts`: of the decision, of a neighbour as the driver perceives
+# it, and of the same neighbour as it is.
 _decision = partial(FieldSpec, axes=("simulation", "decision"))
 _belief = partial(FieldSpec, null_unless=".is_detected")
 _truth = partial(FieldSpec, null_unless=".slot")
@@ -257,10 +298,11 @@ _truth = partial(FieldSpec, null_unless=".slot")
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percepts(Batch):
-    """Beliefs of the ego's driver at each decision.
+    """Beliefs of the ego's driver, beside the truth, at each decision to change lanes or to cancel.
 
-    Arrays have shape (simulation, decision), or a last axis of the vehicles in `PerceivedVehicle`.
-    Without a neighbour its slot is `NO_VEHICLE`.
+    Arrays that describe the decision have shape (simulation, decision); arrays that describe the
+    neighbours have a third axis, `PerceivedVehicle`. Rows are in the order of time; rows after the
+    last decision have `valid` False. Without a neighbour in a role, its slot is `NO_VEHICLE`.
     """
 
     AXES = ("simulation", "decision", len(PerceivedVehicle))
@@ -298,32 +340,40 @@ class Percepts(Batch):
 
     @classmethod
     def empty(cls, num_simulations: int, num_rows: int) -> "Percepts":
-        """Rows without a recorded decision."""
-        pair = (num_simulations, num_rows)
-        triple = (*pair, len(PerceivedVehicle))
+        """Percepts without any recorded decision.
+
+        Args:
+            num_simulations: Number of simulations.
+            num_rows: Length of the axis of decisions.
+        """
+        decisions = (num_simulations, num_rows)
+        neighbours = (*decisions, len(PerceivedVehicle))
         return cls(
-            valid=np.zeros(pair, bool),
-            kind=np.zeros(pair, np.uint8),
-            time=np.zeros(pair, np.int32),
-            slot=np.full(triple, NO_VEHICLE),
-            is_detected=np.zeros(triple, bool),
-            gap=np.zeros(triple, np.int32),
-            closing_speed=np.zeros(triple, np.int32),
-            true_gap=np.zeros(triple, np.int32),
-            true_closing_speed=np.zeros(triple, np.int32),
+            valid=np.zeros(decisions, bool),
+            kind=np.zeros(decisions, np.uint8),
+            time=np.zeros(decisions, np.int32),
+            slot=np.full(neighbours, NO_VEHICLE),
+            is_detected=np.zeros(neighbours, bool),
+            gap=np.zeros(neighbours, np.int32),
+            closing_speed=np.zeros(neighbours, np.int32),
+            true_gap=np.zeros(neighbours, np.int32),
+            true_closing_speed=np.zeros(neighbours, np.int32),
         )
 
 
 def rotate_headings(road: Road, states: States, sign: float) -> NDArray[np.int16]:
-    """Headings with the direction of the road added or subtracted, same shape [0.1 mrad].
+    """Headings of all states with the direction of the road at their stations added or subtracted.
 
     Args:
         road: The road.
-        states: Stations and headings.
-        sign: +1 to add it, -1 to subtract it.
+        states: States, of which stations and headings are read.
+        sign: +1 to get headings in the world from angles to the road; -1 for the inverse.
+
+    Returns:
+        Headings from -pi to pi, shape (simulation, vehicle, time) [0.1 mrad].
     """
     headings = np.empty_like(states.heading)
-    for row, s in enumerate(states.s):
+    for row, s in enumerate(states.s):  # Row by row, to hold float64 for one simulation at a time.
         direction = road.heading_at(s * POSITION_RESOLUTION)
         angle = states.heading[row] * ANGLE_RESOLUTION + sign * direction
         angle = angle - math.tau * np.rint(angle / math.tau)
@@ -332,25 +382,31 @@ def rotate_headings(road: Road, states: States, sign: float) -> NDArray[np.int16
 
 
 def with_world_coordinates(road: Road, states: States, is_present: NDArray[np.bool_]) -> States:
-    """The same states with world positions and headings, on a road with bends.
+    """The states with world coordinates, also on a curved road.
 
-    Positions follow from the recorded millimetres by float64 arithmetic in a fixed order, so that
-    both engines give the same bits.
+    The engines record world positions and headings for straight roads only. On a curved road their
+    `x` and `y` have no meaning, and their `heading` is the angle to the road. This function
+    computes all three from the recorded integers, in float64 and a fixed order of operations, so
+    that the compiled and the reference engine give the same bits.
 
     Args:
         road: The road.
-        states: Recorded states, with headings relative to the road.
-        is_present: Which states belong to a vehicle, same shape.
+        states: States as an engine records them.
+        is_present: Whether a state belongs to a vehicle, shape (simulation, vehicle, time).
+
+    Returns:
+        The states with world coordinates, 0 where `is_present` is False; on a straight road the
+        argument itself.
     """
     if not road.is_curved:
         return states
     x, y = np.zeros_like(states.s), np.zeros_like(states.s)
-    # One simulation at a time: its points fit into the caches, the points of a batch do not.
+    # One simulation at a time, because its points fit into the processor's caches.
     for row, mask in enumerate(is_present):
         s, d = (values[row][mask] * POSITION_RESOLUTION for values in (states.s, states.d))
         for coordinate, metres in zip((x, y), road.to_world(s, d), strict=True):
             coordinate[row][mask] = np.rint(metres / POSITION_RESOLUTION).clip(
-                -_MAX_RECORDED, _MAX_RECORDED
+                -_MAX_POSITION_STEPS, _MAX_POSITION_STEPS
             )
     heading = np.where(is_present, rotate_headings(road, states, 1.0), np.int16(0))
     return dataclasses.replace(states, x=x, y=y, heading=heading)
@@ -360,26 +416,30 @@ def with_world_coordinates(road: Road, states: States, is_present: NDArray[np.bo
 class Trajectories(IdentityBatch):
     """A batch of recorded simulations with everything needed to label them.
 
+    A recording of real traffic is stored as if it had been simulated, a simulation per overtake.
+
     Attributes:
-        scenario: The simulated scenarios.
-        num_frames: Recorded frames of each simulation, shape (simulation,).
-        states: Padded to the longest simulation of the batch.
-        stage: `Stage` of the ego, (simulation, time).
-        collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before,
-            (simulation, time).
+        scenario: The simulated scenarios, with road, vehicles, drivers and weather.
+        num_frames: Number of recorded frames of each simulation, shape (simulation,).
+        states: States of all vehicles, padded to the longest simulation of the batch.
+        stage: `Stage` of the ego, shape (simulation, time).
+        collided_with: Slot of the first vehicle that the ego has collided with, `NO_VEHICLE` before
+            the collision, shape (simulation, time).
         contacts: First collision of each vehicle.
         percepts: Beliefs of the ego's driver at its decisions.
-        trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
-        unknown: Properties that the recording does not state, names of `UNKNOWNS`; their values
+        trace_hash: 128-bit hash over the recorded integers, as 32-bit words, shape (simulation, 4).
+            Equal simulations have equal hashes on every machine.
+        unknown: Properties that the recording does not state, names in `UNKNOWNS`; their values
             are placeholders. Empty for simulations of this package.
-        is_recorded: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
-            where every vehicle was recorded from the first frame to the last.
-        is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None if all
-            kinds are known, or none of them because "kinds" is among `unknown`.
-        actions: Actions of a driver of the user's; None where the model driver drove the ego.
-        branch_origin: Origin and interventions of branches; None for other simulations.
-        import_findings: Rows of `import_report`. They describe the source, so comparisons and
-            hashes ignore them.
+        is_recorded: Whether a vehicle was recorded in a frame, shape (simulation, vehicle, time);
+            None if every vehicle was recorded from the first frame to the last.
+        is_kind_known: Whether the kind of each vehicle is known, shape (simulation, vehicle); None
+            if all kinds are known, or if no kind is, because "kinds" is in `unknown`.
+        actions: Actions of a user's own driver; None if the model driver drove the ego.
+        branch_origin: Origin and interventions of branches (`model.scenario`); None for other
+            simulations.
+        import_findings: Rows of `import_report`. Comparisons and hashes ignore them, because they
+            describe the source and not the traffic.
     """
 
     scenario: Scenario
@@ -420,26 +480,25 @@ class Trajectories(IdentityBatch):
 
     @classmethod
     def from_table(cls, table: Any, **options: Any) -> "Trajectories":
-        """The overtakes in a table of states, of any columns, units and rate.
-
-        The arguments `columns`, `road`, `driving_side`, `speed_limit`, `attempts_only`, `vehicles`
-        and `strict` are those of `overtaking.api.file_formats.trajectories_from_table`.
+        """Find the overtakes in a table of vehicle states with any columns, units and rate.
 
         Args:
-            table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
-            options: The other arguments.
+            table: One row per vehicle and instant: a pandas or Arrow table, or a mapping from
+                column names to columns.
+            options: The keywords `columns`, `road`, `driving_side`, `speed_limit`, `attempts_only`,
+                `vehicles` and `strict` of `overtaking.api.file_formats.trajectories_from_table`.
 
         Raises:
             ConfigError: The map of columns or the road cannot be used.
             ImportFormatError: The table cannot be used; the message names row and column.
         """
-        # By name, as the root does: a noun imports no reader (docs/adr/0040).
+        # Imported at the call: this module is below the readers of files and must not load them.
         return import_module("overtaking.api.file_formats").trajectories_from_table(
             table, **options
         )
 
     def to_pandas(self, row: int = 0) -> Any:
-        """The states of one simulation in SI units: a pandas DataFrame.
+        """The states of one simulation in SI units, as a pandas DataFrame.
 
         Args:
             row: Position of the simulation in the batch, from 0.
@@ -450,38 +509,44 @@ class Trajectories(IdentityBatch):
         Raises:
             NoSuchSimulationError: The batch has no such row.
         """
-        # By name, because this package loads no table library.
+        # Imported at the call, because `overtaking.model` loads no table library.
         return import_module("overtaking.data.tables.data_frames").states_frame(self, row)
 
     @property
     def import_report(self) -> Any:
-        """The findings of the examination of the recordings: a pandas DataFrame, one row each.
+        """Faults that the import found in the recordings: a pandas DataFrame, one row each.
 
         Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
-        (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"
-        or "reported") and `detail`. Empty for simulations of this package.
+        (in the time of the file; NaN for the whole file), `rows` (number of rows concerned),
+        `consequence` ("corrected", "left out" or "reported") and `detail`. Empty for simulations of
+        this package.
         """
-        # By name, because this package loads no table library.
+        # Imported at the call, because `overtaking.model` loads no table library.
         return import_module("overtaking.data.import_report").report_frame(self.import_findings)
 
     @property
     def headings_and_origin(self) -> tuple[NDArray[np.int16], float]:
-        """Recorded headings, and the direction that they are measured from [0.1 mrad, rad].
+        """Two values whose difference is the angle from the road to each vehicle.
 
-        The angle to the road is the difference of both: on a straight road they are the heading as
-        it is and the direction of the road, on one that bends the angle itself and 0.
+        A straight road has one direction, so the recorded integers stay as they are, and a caller
+        needs no copy of them.
+
+        Returns:
+            Headings, shape (simulation, vehicle, time) [0.1 mrad], and the direction to subtract
+            [rad]: on a straight road the recorded headings and the direction of the road, on a
+            curved road the angles to the road and 0.
         """
         if not self.road.is_curved:
             return self.states.heading, self.road.heading
         return rotate_headings(self.road, self.states, -1.0), 0.0
 
     def summary(self) -> Mapping[str, object]:
-        """The summary of the scenario, with the number of frames and their interval [ms]."""
+        """Origin and size of the batch, frames and their interval [ms], for its representation."""
         frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
         return {**self.scenario.summary(), **frames}
 
     def constraints(self) -> Iterable[Constraint]:
-        """Each simulation has a frame or more, and `unknown` has known names."""
+        """Conditions for `model.checks`: each simulation has frames, `unknown` has valid names."""
         frames = self.num_frames
         is_invalid = (frames < 1) | (frames > self.stage.shape[1])
         expected = f"1 to {self.stage.shape[1]}, as stage has"
@@ -495,8 +560,8 @@ class Trajectories(IdentityBatch):
     @property
     def state_mask(self) -> NDArray[np.bool_]:
         """Whether a vehicle has a recorded state in a frame, shape (simulation, vehicle, time)."""
-        rows = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
-        return rows if self.is_recorded is None else rows & self.is_recorded
+        is_in_batch = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
+        return is_in_batch if self.is_recorded is None else is_in_batch & self.is_recorded
 
     @property
     def known_kinds(self) -> Mask:
@@ -508,7 +573,10 @@ class Trajectories(IdentityBatch):
 
     @property
     def is_excerpt(self) -> bool:
-        """Whether the traffic had been going on before the first frame, as in recordings."""
+        """Whether the traffic began before the first frame, as in recordings of real traffic.
+
+        An unknown stage of the ego marks them: every simulator records the stage.
+        """
         return "stage" in self.unknown
 
     @property
@@ -518,7 +586,7 @@ class Trajectories(IdentityBatch):
 
     @property
     def frame_mask(self) -> NDArray[np.bool_]:
-        """Which frames were recorded, shape (simulation, time)."""
+        """Whether a simulation lasts to a frame, shape (simulation, time)."""
         return np.arange(self.stage.shape[1])[None, :] < self.num_frames[:, None]
 
     @property

@@ -1,7 +1,11 @@
 """One simulation in SI units and road coordinates: its vehicles, frame by frame.
 
-`Trajectories` holds integers of fixed resolutions for a batch. Exporters, films and figures show
-one simulation to people or to other programs, and read it from here.
+`Trajectories` holds a batch of simulations as integers of fixed resolutions, such as millimetres.
+`VehicleTracks.from_trajectories` converts one of them. Exporters, films and figures read it.
+
+Terms: the ego is the vehicle under study, the target the vehicle that it overtakes. A slot is the
+number of a vehicle within its simulation (the ego has 0); slots may be empty. A row of
+`VehicleTracks` is a filled slot. A frame is a recorded instant.
 """
 
 import dataclasses
@@ -25,7 +29,7 @@ from overtaking.model.trajectories import (
 from overtaking.model.vehicles import EGO_SLOT
 
 EGO_ROW = 0
-"""Row of the ego in every array of `VehicleTracks`."""
+"""Row of the ego in every array of `VehicleTracks`: slot 0 is always filled."""
 
 _INDICATORS = Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT
 _MS_PER_S = 1000.0
@@ -36,27 +40,28 @@ class VehicleTracks(ContentEquality):
     """The vehicles of one simulation over time.
 
     Arrays have shape (vehicle, frame) unless stated otherwise; the first vehicle is the ego. In
-    frames in which `is_recorded` is false, the states of a vehicle are undefined.
+    frames in which `is_recorded` is false, the states of a vehicle are undefined. Floats are
+    float64, which holds each recorded integer exactly.
 
     Attributes:
         simulation_id: Number of the simulation in its data set, or its row in a batch.
-        slots: Slot of each vehicle, in ascending order.
+        slots: Slot of each vehicle, in ascending order, shape (vehicle,).
         time: Time of each frame since the start of the recording, shape (frame,) [s].
-        s: Station of the centre [m].
-        d: Lateral position of the centre, positive to the left [m].
+        s: Station of the centre: distance along the road from its start [m].
+        d: Position of the centre across the road, growing to the left of `s` [m].
         heading: Direction in which the body points, anticlockwise from world x [rad].
-        road_angle: Angle from the direction of the road to that of the body, anticlockwise; about
-            pi, of either sign, for an oncoming vehicle [rad].
+        road_angle: Angle from the direction of the road to `heading`, anticlockwise; about pi, of
+            either sign, for an oncoming vehicle [rad].
         speed: Speed, never negative [m/s].
-        accel: Acceleration forwards, contacts excluded [m/s^2].
+        accel: Acceleration forwards, without the jumps of speed in collisions [m/s^2].
         yaw_rate: Rate of turning, anticlockwise [rad/s].
         is_recorded: Whether the vehicle was recorded in the frame.
-        lights: `Lights` bits; a bit is 0 if the recording does not state that lamp.
-        kind: `VehicleKind`, shape (vehicle,).
-        length: Shape (vehicle,) [m].
-        width: Shape (vehicle,) [m].
-        height: Shape (vehicle,) [m].
-        target: Row of the vehicle to overtake; None if the ego has none.
+        lights: Lamps that are on, bits of `Lights`; 0 for lamps that the recording does not state.
+        kind: Car, van, truck and so on, `VehicleKind`, shape (vehicle,).
+        length: Length of the body, shape (vehicle,) [m].
+        width: Width of the body, shape (vehicle,) [m].
+        height: Height of the body, shape (vehicle,) [m].
+        target: Row of the target; None for an ego without a target.
     """
 
     simulation_id: int
@@ -90,11 +95,14 @@ class VehicleTracks(ContentEquality):
 
         Args:
             trajectories: A batch of recorded simulations.
-            row: The row of the simulation in the batch.
+            row: Position of the simulation in the batch, from 0.
             events: Events of the same batch, which name the target. Without them the target is the
                 vehicle that the ego last decided to overtake, or else the nearest one ahead in its
                 lane in the first frame.
             simulation_id: Number of the simulation in its data set; `row` by default.
+
+        Raises:
+            NoSuchSimulationError: The batch has no such row.
         """
         simulation = trajectories.select(slice(row, row + 1))
         vehicles = simulation.scenario.vehicles
@@ -125,6 +133,7 @@ class VehicleTracks(ContentEquality):
             length=vehicles.length[0, slots].astype(np.float64),
             width=vehicles.width[0, slots].astype(np.float64),
             height=vehicles.height[0, slots].astype(np.float64),
+            # Without the ego's slot: it cannot be its own target.
             target=int(np.searchsorted(slots, target_slot)) if target_slot in slots[1:] else None,
         )
 
@@ -137,18 +146,18 @@ class VehicleTracks(ContentEquality):
         return self.slots.index(slot)
 
     def at_frames(self, frames: IndexArray) -> Self:
-        """The same vehicles in some of the frames.
+        """The same vehicles in a selection of the frames.
 
         Args:
             frames: Indices of the frames, in any order, shape (frame,).
         """
-        arrays: dict[str, Any] = {
+        values: dict[str, Any] = {
             field.name: getattr(self, field.name) for field in dataclasses.fields(self)
         }
         selected = {
-            name: values[:, frames]
-            for name, values in arrays.items()
-            if isinstance(values, np.ndarray) and values.ndim == 2
+            name: array[:, frames]
+            for name, array in values.items()
+            if isinstance(array, np.ndarray) and array.ndim == 2  # Shape (vehicle, frame).
         }
         return dataclasses.replace(self, time=self.time[frames], **selected)
 
@@ -156,32 +165,34 @@ class VehicleTracks(ContentEquality):
         """Gap between the bumpers of the ego and its target.
 
         Returns:
-            Positive while the target is ahead, 0 alongside, negative once it is behind, shape
-            (frame,) [m]; undefined in frames without the target. None if the ego has no target.
+            Positive while the target is ahead, 0 while the two overlap along the road, negative
+            once the target is behind, shape (frame,) [m]; undefined where the target was not
+            recorded. None if the ego has no target.
         """
         if self.target is None:
             return None
         target_lead = self.s[self.target] - self.s[EGO_ROW]
-        touching = 0.5 * (self.length[EGO_ROW] + self.length[self.target])
-        return np.sign(target_lead) * np.maximum(np.abs(target_lead) - touching, 0.0)
+        distance_at_contact = 0.5 * (self.length[EGO_ROW] + self.length[self.target])
+        return np.sign(target_lead) * np.maximum(np.abs(target_lead) - distance_at_contact, 0.0)
 
     def s_from_moving_mark(self, speed: float) -> F64:
-        """Stations relative to a mark that moves along the road, as space-time diagrams show them.
+        """Stations relative to a point that moves along the road at a constant speed.
 
-        The mark starts at the target in the first frame; without a target it starts at the ego.
+        Space-time diagrams use it, because vehicles of similar speeds are then easy to tell apart.
+        The point starts at the target in the first frame; without a target it starts at the ego.
 
         Args:
-            speed: Speed of the mark [m/s].
+            speed: Speed of the point [m/s].
 
         Returns:
             Positive for vehicles that are farther along the road, shape (vehicle, frame) [m].
         """
-        first_row = EGO_ROW if self.target is None else self.target
-        return self.s - (self.s[first_row, 0] + speed * self.time)
+        start_row = EGO_ROW if self.target is None else self.target
+        return self.s - (self.s[start_row, 0] + speed * self.time)
 
 
 def _stated_lights(trajectories: Trajectories) -> np.uint8:
-    """Bits of the lamps that a recording states."""
+    """Bits of the lamps that a recording states: indicators, all other lamps, both or none."""
     stated = ~Lights(0)
     if "indicators" in trajectories.unknown:
         stated &= ~_INDICATORS
@@ -191,7 +202,15 @@ def _stated_lights(trajectories: Trajectories) -> np.uint8:
 
 
 def _likely_target(simulation: Trajectories) -> int:
-    """Slot of the vehicle to overtake in a batch of one without events; `NO_VEHICLE` for none."""
+    """Slot of the target of a single simulation whose events are unknown.
+
+    Args:
+        simulation: A batch of one simulation.
+
+    Returns:
+        The leader at the last recorded decision to pull out; else the nearest vehicle ahead in the
+        ego's lane in the first frame; else `NO_VEHICLE`.
+    """
     percepts = simulation.percepts
     pull_outs = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in simulation.unknown and len(pull_outs):
