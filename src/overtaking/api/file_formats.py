@@ -266,8 +266,9 @@ def import_recording(
             `strict`, a set of rules of law, is something else.)
         progress: Called with the number of simulations that are done, and of all.
         on_read: Called with the number of bytes that are read, and of all, before the first
-            simulation is made; `progress` if left out. Each byte counts twice, because the hash of
-            the file is computed first. The thread that calls it may be another one.
+            simulation is made; `progress` if left out. Each byte counts three times: for the hash
+            of the file, for its table, and for the examination. The thread that calls it may be
+            another one.
         options: Each format has some of these.
             `attempts_only=True` omits vehicles that follow another and never move left (not for
             `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by

@@ -7,9 +7,11 @@ import json as json_format
 import logging
 import re
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     Part = str | Table | Mapping[str, str]
     """A paragraph, a table, or words with their meanings (a mapping)."""
 
-_PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
+_PATIENCE = 0.5  # Work that is done earlier shows no progress bar: it would only flicker [s].
 _DRAWING_WIDTH = 80  # Columns of drawings made of characters, without a terminal.
 _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
@@ -164,8 +166,29 @@ class Output:
         return Meter(what, self)
 
 
+@dataclass(frozen=True, slots=True)
+class _Amount:
+    """How much of some work is done.
+
+    Attributes:
+        done: Number of things that are done.
+        total: Number of all things.
+        text: Both as the bar writes them.
+        is_steady: Whether the past speed predicts the future one, so that rate and time left are
+            shown. The bytes of a table are read much faster than they are examined.
+    """
+
+    done: int
+    total: int
+    text: str
+    is_steady: bool
+
+
 class Meter:
     """A progress bar with rate and time left; it appears only where a person watches.
+
+    The bar appears `_PATIENCE` seconds after the begin with the last report, also if no further
+    report comes for a long time.
 
     Args:
         what: The things that are counted, such as "simulations".
@@ -179,7 +202,11 @@ class Meter:
         self._begin = self._logged = time.monotonic()
         self._bar: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
-        self._first_reports: dict[str, tuple[float, int]] = {}
+        self._reports: dict[str, _Amount] = {}  # The last one of each kind of work.
+        self._timer: threading.Timer | None = None
+        self._is_closed = False
+        # The timer, the threads that read a file and the caller all draw.
+        self._lock = threading.Lock()
 
     def __enter__(self) -> Self:
         """Begin the work."""
@@ -187,47 +214,58 @@ class Meter:
 
     def __exit__(self, *_: object) -> None:
         """Take the bar away."""
-        if self._bar:
-            self._bar.stop()
+        with self._lock:
+            self._is_closed = True
+            if self._timer:
+                self._timer.cancel()
+            if self._bar:
+                self._bar.stop()
 
     def __call__(self, done: int, total: int) -> None:
         """Show how much of the work is done."""
-        self._show(self._what, done, total, f"{done}/{total}", shows_rate=True)
+        self._show(self._what, _Amount(done, total, f"{done}/{total}", is_steady=True))
 
     def show_read_bytes(self, done: int, total: int) -> None:
-        """Show how much of a file is read [bytes], on a line of its own."""
-        self._show("file read", done, total, f"{done / max(total, 1):.0%}")
+        """Show how much of a recording is read and examined [bytes], on a line of its own."""
+        share = f"{done / max(total, 1):.0%}"
+        self._show("recording read", _Amount(done, total, share, is_steady=False))
 
-    def _show(
-        self, what: str, done: int, total: int, amount: str, *, shows_rate: bool = False
-    ) -> None:
+    def _show(self, what: str, amount: _Amount) -> None:
         now = time.monotonic()
         if now - self._logged >= _LOG_INTERVAL:
             self._logged = now
-            self._output.log("progress", what=what, done=done, total=total)
+            self._output.log("progress", what=what, done=amount.done, total=amount.total)
         if self._output.quiet or not sys.stderr.isatty():
             return
+        with self._lock:
+            self._reports[what] = amount
+            time_left = self._begin + _PATIENCE - now
+            if time_left <= 0.0:
+                self._draw()
+            elif self._timer is None:
+                self._timer = threading.Timer(time_left, self._draw_late)
+                self._timer.daemon = True
+                self._timer.start()
+
+    def _draw_late(self) -> None:
+        """Draw the bar when the patience ends, unless the work is done."""
+        with self._lock:
+            self._draw()
+
+    def _draw(self) -> None:
+        """Draw the last report of each kind of work; the caller holds the lock."""
+        if self._is_closed:
+            return
         if self._bar is None:
-            if not self._is_worth_a_bar(what, done, total, now):
-                return
             self._bar = _bar()
-        if what not in self._tasks:
-            self._tasks[what] = self._bar.add_task(what, amount=amount, shows_rate=shows_rate)
-        self._bar.update(self._tasks[what], completed=done, total=total, amount=amount)
-
-    def _is_worth_a_bar(self, what: str, done: int, total: int, now: float) -> bool:
-        """Whether the work takes long, by the time since its begin or by its speed so far.
-
-        The speed counts from the second report on. By then a command that loads many modules has
-        kept its user waiting, and a bar that waited again would come too late.
-        """
-        if now - self._begin >= _PATIENCE:
-            return True
-        first_time, first_done = self._first_reports.setdefault(what, (now, done))
-        if done <= first_done:
-            return False
-        time_left = (now - first_time) * (total - done) / (done - first_done)
-        return time_left >= _PATIENCE
+        for what, amount in self._reports.items():
+            if what not in self._tasks:
+                self._tasks[what] = self._bar.add_task(
+                    what, amount=amount.text, is_steady=amount.is_steady
+                )
+            self._bar.update(
+                self._tasks[what], completed=amount.done, total=amount.total, amount=amount.text
+            )
 
 
 def _bar() -> Progress:
@@ -244,20 +282,26 @@ def _bar() -> Progress:
     from rich.text import Text
 
     class Rate(ProgressColumn):
-        """Things done in a second."""
+        """Things done in a second; empty for work whose speed changes."""
 
         def render(self, task: Task) -> Text:
             """The mean speed of the last seconds."""
-            shows_rate = task.speed and task.fields["shows_rate"]
-            return Text(f"{task.speed:,.0f}/s" if shows_rate else "")
+            has_rate = task.speed and task.fields["is_steady"]
+            return Text(f"{task.speed:,.0f}/s" if has_rate else "")
+
+    class TimeLeft(TimeRemainingColumn):
+        """Time until the work is done; empty for work whose speed changes."""
+
+        def render(self, task: Task) -> Text:
+            """The time that is left at the mean speed of the last seconds."""
+            return super().render(task) + " left" if task.fields["is_steady"] else Text("")
 
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.fields[amount]}"),
         Rate(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
+        TimeLeft(),
         console=Console(stderr=True),
         transient=True,
     )

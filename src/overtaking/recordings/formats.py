@@ -69,7 +69,7 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
     source = Path(path)
     # Before reading, so that a file that changes meanwhile is not named by what it became.
     paths = _files(file_format, source, options)
-    with count_bytes(paths, num_passes=2):
+    with count_bytes(paths):
         files = {as_utf8(path.name): _sha256(path) for path in paths}
         scenes = _read(file_format, source, options)
     shown_options = {name: _plain(value) for name, value in options.items()}

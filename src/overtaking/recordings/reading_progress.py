@@ -1,4 +1,9 @@
-"""Progress while the files of a recording are read, in bytes."""
+"""Progress while a recording is read and examined, in bytes of its files.
+
+Each byte counts three times (`NUM_PASSES`): when the hash of the file is computed, when its table
+is read, and when the recording is examined. The examination takes most of the time of a Parquet
+file, so a count of the bytes that are read would be complete long before the recording is.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +18,13 @@ if TYPE_CHECKING:
 
     from overtaking.core.progress import ProgressCallback
 
+NUM_PASSES = 3
+"""Passes over each byte: hash, table, examination."""
+
+STAGES = {"rows": 0.25, "tracks": 0.4, "examination": 0.45, "neighbours": 0.6, "candidates": 0.65}
+"""Share of the third pass that is done at the end of each stage, as measured on a Parquet file of
+8 million rows. Choosing the vehicles of each simulation is the last stage, up to 1.0."""
+
 _MIN_SHARE = 1 / 500  # Of all bytes between two reports: more would only slow the reading down.
 
 _progress: ContextVar[ProgressCallback | None] = ContextVar("_progress", default=None)
@@ -20,15 +32,19 @@ _counter: ContextVar[_ByteCounter | None] = ContextVar("_counter", default=None)
 
 
 class _ByteCounter:
-    """Counts the bytes of files that are read, each of them in one or several passes.
+    """Counts the bytes of the files of one recording in each pass.
 
     Args:
-        total: Bytes of all files in all passes.
-        progress: Called with the number of bytes that are read, and of all.
+        file_bytes: Bytes of all files.
+        progress: Called with the number of bytes that are done in all passes, and of all.
     """
 
-    def __init__(self, total: int, progress: ProgressCallback) -> None:
-        self._total, self._progress = total, progress
+    def __init__(self, file_bytes: int, progress: ProgressCallback) -> None:
+        self._file_bytes, self._total, self._progress = (
+            file_bytes,
+            NUM_PASSES * file_bytes,
+            progress,
+        )
         self._positions: dict[tuple[str, Path], int] = {}
         self._last_report = 0
 
@@ -36,12 +52,23 @@ class _ByteCounter:
         """Take note that a pass has come to a position; going back changes nothing."""
         key = (step, path)
         self._positions[key] = max(position, self._positions.get(key, 0))
-        done = min(sum(self._positions.values()), self._total)
+        self._report_if_due(sum(self._positions.values()))
+
+    def set_examined_share(self, share: float) -> None:
+        """Take note of the share of the examination that is done.
+
+        The first two passes count as complete then: the last position that Arrow reports may lie a
+        few bytes before the end of the file.
+        """
+        self._report_if_due((NUM_PASSES - 1) * self._file_bytes + int(share * self._file_bytes))
+
+    def _report_if_due(self, done: int) -> None:
+        done = min(done, self._total)
         if done - self._last_report >= _MIN_SHARE * self._total:
             self._report(done)
 
     def finish(self) -> None:
-        """Report that all bytes are read."""
+        """Report that all bytes are read and examined."""
         if self._last_report < self._total:
             self._report(self._total)
 
@@ -66,11 +93,11 @@ class _CountedFile(io.FileIO):
 
 @contextmanager
 def report_reading(progress: ProgressCallback | None) -> Generator[None]:
-    """Report how much of each recording is read by this thread within the context.
+    """Report how much of each recording this thread has read and examined within the context.
 
     Args:
-        progress: Called with the number of bytes that are read, and of all; None to report
-            nothing. The thread that calls it may be another one.
+        progress: Called with the number of bytes that are done in all passes, and of all; None to
+            report nothing. The thread that calls it may be another one.
     """
     token = _progress.set(progress)
     try:
@@ -80,24 +107,45 @@ def report_reading(progress: ProgressCallback | None) -> Generator[None]:
 
 
 @contextmanager
-def count_bytes(paths: Sequence[Path], num_passes: int) -> Generator[None]:
-    """Count the bytes of the files of one recording.
+def count_bytes(paths: Sequence[Path]) -> Generator[None]:
+    """Count the bytes of the files of one recording in all passes.
 
     Args:
         paths: The files.
-        num_passes: How often each of them is read.
     """
     if (progress := _progress.get()) is None:
         yield
         return
     sizes = [path.stat().st_size for path in paths if path.is_file()]
-    counter = _ByteCounter(num_passes * sum(sizes), progress)
+    counter = _ByteCounter(sum(sizes), progress)
     token = _counter.set(counter)
     try:
         yield
         counter.finish()
     finally:
         _counter.reset(token)
+
+
+def report_stage(name: str) -> None:
+    """Report that a stage of the examination is done.
+
+    Args:
+        name: A key of `STAGES`.
+    """
+    if (counter := _counter.get()) is not None:
+        counter.set_examined_share(STAGES[name])
+
+
+def report_chosen_vehicles(num_done: int, num_simulations: int) -> None:
+    """Report for how many simulations the vehicles are chosen, the last stage of the examination.
+
+    Args:
+        num_done: Number of simulations whose vehicles are chosen.
+        num_simulations: Number of all simulations of the recording.
+    """
+    if (counter := _counter.get()) is not None:
+        begin = STAGES["candidates"]
+        counter.set_examined_share(begin + (1.0 - begin) * num_done / num_simulations)
 
 
 def is_counting() -> bool:

@@ -27,6 +27,7 @@ from overtaking.recordings.candidates import (
 )
 from overtaking.recordings.messages import refused
 from overtaking.recordings.neighbours import Surroundings
+from overtaking.recordings.reading_progress import report_chosen_vehicles, report_stage
 from overtaking.recordings.recording import Recording
 
 
@@ -134,14 +135,18 @@ def scenes(
     """
     check_num_slots(num_slots)
     changes, around = lane_changes(recording), Surroundings.of(recording)
+    report_stage("neighbours")
     moving = overtakes(recording, changes, around)
     waiting = followers(recording, changes, around)
     chosen = moving if attempts_only else [*moving, *waiting]
     if not chosen:
         raise _nothing(recording, len(waiting))
-    windows = [
-        replace(one, vehicles=vehicles_of(recording, around, one, num_slots)) for one in chosen
-    ]
+    report_stage("candidates")
+    windows: list[Window] = []
+    for window in chosen:
+        vehicles = vehicles_of(recording, around, window, num_slots)
+        windows.append(replace(window, vehicles=vehicles))
+        report_chosen_vehicles(len(windows), len(chosen))
     counts = _counts(recording, changes, moving, waiting)
     counts["neighbours_with_a_slot"] = round(coverage(recording, around, windows), 4)
     return Scenes(recording=recording, windows=windows, counts=counts)

@@ -14,6 +14,7 @@ from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.examination import examine
 from overtaking.recordings.findings import Check
+from overtaking.recordings.reading_progress import report_stage
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
@@ -71,6 +72,7 @@ def read_table(
     """
     chosen = with_driving_side(column_map(columns), driving_side, road)
     rows = read_track_rows(Path(path), chosen, only)
+    report_stage("rows")
     name = as_utf8(Path(uncompressed_name(Path(path))).stem)
     return recording_of(rows, chosen, name, road=road)
 
@@ -129,6 +131,7 @@ def recording_of(
     )
     check_sides(rows, columns, place.road, place.s, place.d)
     driven = tracks_of(rows, place.road, place.s, place.d)
+    report_stage("tracks")
     if columns.point == "front":
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
@@ -167,7 +170,9 @@ def recording_of(
         findings=tuple(findings),
         time_origin_s=rows.time_origin_s,
     )
-    return examine(recording)
+    examined = examine(recording)
+    report_stage("examination")
+    return examined
 
 
 def derived(columns: ColumnMap) -> list[str]:

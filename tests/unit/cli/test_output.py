@@ -165,7 +165,7 @@ def test_progress_shows_rate_and_time_left_where_somebody_watches(monkeypatch, c
     assert written.out == ""
 
 
-def test_the_share_of_a_file_that_is_read_has_a_bar_of_its_own(monkeypatch, capsys):
+def test_the_share_of_a_recording_that_is_read_has_a_bar_of_its_own(monkeypatch, capsys):
     monkeypatch.setattr("overtaking.cli.output._PATIENCE", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
@@ -177,24 +177,25 @@ def test_the_share_of_a_file_that_is_read_has_a_bar_of_its_own(monkeypatch, caps
         meter(1, 4)
         time.sleep(0.15)
     lines = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", capsys.readouterr().err).split("\r")
-    assert any(re.match(r"file read .* 25%", line) for line in lines)
-    assert any(re.match(r"file read .* 100%", line) for line in lines)
+    assert any(re.match(r"recording read .* 25%", line) for line in lines)
+    assert any(re.match(r"recording read .* 100%", line) for line in lines)
     assert any(re.search(r"simulations .* 1/4", line) for line in lines)
-    assert not any(re.search(r"file read.*[0-9]/s", line) for line in lines)
+    assert not any(re.search(r"recording read.*[0-9]/s", line) for line in lines)
 
 
-@pytest.mark.parametrize(("total", "has_bar"), [(10_000_000_000, True), (1_100_000, False)])
-def test_a_bar_waits_only_where_the_work_may_be_short(monkeypatch, capsys, total, has_bar):
-    monkeypatch.setattr("overtaking.cli.output._PATIENCE", 100.0)
+@pytest.mark.parametrize(("seconds", "has_bar"), [(0.6, True), (0.0, False)])
+def test_a_bar_shows_the_last_report_of_long_work_without_a_further_one(
+    monkeypatch, capsys, seconds, has_bar
+):
+    monkeypatch.setattr("overtaking.cli.output._PATIENCE", 0.1)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with output() as out, out.progress("simulations") as meter:
-        meter.show_read_bytes(1_000_000, total)
-        assert capsys.readouterr().err == ""
-        time.sleep(0.05)
-        meter.show_read_bytes(1_050_000, total)
-        time.sleep(0.15)
-    assert ("file read" in capsys.readouterr().err) is has_bar
+        meter.show_read_bytes(90, 100)
+        time.sleep(seconds)
+    assert ("recording read" in capsys.readouterr().err) is has_bar
+    time.sleep(0.2)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_fault_of_the_program_is_in_the_log_with_its_traceback(tmp_path):

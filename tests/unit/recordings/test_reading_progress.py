@@ -1,4 +1,4 @@
-"""While a recording is read, the share of the bytes of its files is reported."""
+"""While a recording is read and examined, the share of the work is reported in bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ import overtaking as ot
 from overtaking.core.errors import ImportFormatError
 from overtaking.recordings import formats
 from overtaking.recordings.formats import read_recording
-from overtaking.recordings.reading_progress import count_bytes, open_counted, report_reading
+from overtaking.recordings.reading_progress import (
+    NUM_PASSES,
+    STAGES,
+    count_bytes,
+    open_counted,
+    report_reading,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +64,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_reports_grow_to_all_bytes_in_both_passes(name: str, tmp_path: Path):
+def test_reports_grow_to_all_bytes_in_all_passes(name: str, tmp_path: Path):
     path = tmp_path / name
     WRITERS[name](path)
     calls: list[tuple[int, int]] = []
@@ -66,11 +72,15 @@ def test_reports_grow_to_all_bytes_in_both_passes(name: str, tmp_path: Path):
         read_recording("table", path, {"columns": COLUMNS})
     size = path.stat().st_size
     done = [call[0] for call in calls]
-    assert {call[1] for call in calls} == {2 * size}
+    assert {call[1] for call in calls} == {3 * size}
     assert done == sorted(set(done))
-    assert done[-1] == 2 * size
+    assert done[-1] == 3 * size
     assert any(number <= size for number in done), "the hash is computed first"
     assert any(size < number < 2 * size for number in done) or name.endswith((".csv", ".gz"))
+    stages = [round(2 * size + share * size) for share in STAGES.values()]
+    assert [number for number in done if number > 2 * size][: len(stages)] == pytest.approx(
+        stages, abs=1
+    )
 
 
 def test_a_large_file_is_reported_in_small_steps(tmp_path: Path):
@@ -79,7 +89,7 @@ def test_a_large_file_is_reported_in_small_steps(tmp_path: Path):
     calls: list[int] = []
     with (
         report_reading(lambda done, _: calls.append(done)),
-        count_bytes([path], num_passes=1),
+        count_bytes([path]),
         open_counted(path, "table") as file,
     ):
         assert len(file.read(200_000)) == 200_000
@@ -89,7 +99,9 @@ def test_a_large_file_is_reported_in_small_steps(tmp_path: Path):
         file.seek(0)
         file.read(1000)
     assert calls == sorted(set(calls))
-    assert max(np.diff(calls)) < 50_000
+    assert calls[-2] == pytest.approx(2_000_000, abs=50_000)
+    assert calls[-1] == NUM_PASSES * 2_000_000, "nothing is examined here"
+    assert max(np.diff(calls[:-1])) < 50_000
     assert len(calls) <= 500
 
 
@@ -131,7 +143,7 @@ def test_an_import_reports_bytes_and_then_simulations(tmp_path: Path):
         progress=lambda done, total: calls.append((done, total)),
     )
     first = [total for _, total in calls].index(len(data))
-    assert {total for _, total in calls[:first]} == {2 * size}
+    assert {total for _, total in calls[:first]} == {3 * size}
     assert {total for _, total in calls[first:]} == {len(data)}
     assert calls[-1] == (len(data), len(data))
 
@@ -150,7 +162,7 @@ def test_an_import_reports_bytes_apart_where_that_is_asked_for(tmp_path: Path):
         on_read=lambda done, total: read.append((done, total)),
     )
     assert {total for _, total in simulations} == {len(data)}
-    assert read[-1] == (2 * path.stat().st_size,) * 2
+    assert read[-1] == (3 * path.stat().st_size,) * 2
 
 
 @pytest.mark.ci
@@ -158,10 +170,10 @@ def test_a_folder_reports_the_bytes_of_each_recording(tmp_path: Path):
     folder = tmp_path / "recordings"
     folder.mkdir()
     for number in range(2):
-        table(20.0 + number).to_csv(folder / f"{number}.csv", index=False)
+        table(200.0 + number).to_csv(folder / f"{number}.csv", index=False)
     recordings: list[tuple[int, int]] = []
     read: list[tuple[int, int]] = []
-    ot.label_recordings(
+    result = ot.label_recordings(
         "table",
         folder,
         tmp_path / "out",
@@ -170,9 +182,10 @@ def test_a_folder_reports_the_bytes_of_each_recording(tmp_path: Path):
         progress=lambda done, total: recordings.append((done, total)),
         on_read=lambda done, total: read.append((done, total)),
     )
-    sizes = [2 * path.stat().st_size for path in sorted(folder.iterdir())]
+    sizes = [3 * path.stat().st_size for path in sorted(folder.iterdir())]
     assert [total for done, total in read if done == total] == sizes
     assert recordings[-1] == (2, 2)
+    assert result["failed"] == {}
 
 
 def test_the_bytes_of_all_files_of_a_recording_count(tmp_path: Path):
@@ -183,8 +196,8 @@ def test_the_bytes_of_all_files_of_a_recording_count(tmp_path: Path):
     calls: list[tuple[int, int]] = []
     with (
         report_reading(lambda done, total: calls.append((done, total))),
-        count_bytes(paths, num_passes=2),
+        count_bytes(paths),
     ):
         for path in paths[:2]:
             assert formats._sha256(path)
-    assert calls == [(3000, 8000), (4000, 8000), (8000, 8000)]
+    assert calls == [(3000, 12_000), (4000, 12_000), (12_000, 12_000)]
