@@ -1,8 +1,14 @@
-"""All parameters of a batch, computed once from its scenarios for reference and engine.
+"""All inputs of the simulation step, computed once from a batch of scenarios.
 
-They are the values that stay constant during a simulation: forces per unit, extinction, the desired
-speed for the sight and the friction. Inside the simulation the lateral axis points towards the fast
-side, so that left-hand traffic is the mirror image of right-hand traffic.
+In goes a `Scenario`, many simulations on one road; out come `StepParameters`, which the reference
+simulator in Python and the compiled engine read. They hold values that stay constant during a
+simulation. To change a value, go to the module that computes it: `vehicle_parameters`,
+`driver_parameters`, `weather_parameters` or `road_parameters`.
+
+A *step* is 10 ms, a *decision* is one of 20 instants per second at which drivers decide, a *frame*
+is a recorded instant. A *slot* is the number of a vehicle in its simulation; the ego has slot 0.
+Inside the simulation the lateral axis points towards the overtaking side, so that left-hand traffic
+is the mirror image of right-hand traffic.
 """
 
 import dataclasses
@@ -40,11 +46,97 @@ from overtaking.world.weather_parameters import SimulationParameters, step_conte
 class VehicleParameters(NamedTuple):
     """Parameters of each vehicle, in the order in which the engine receives them.
 
-    Every array has shape (vehicle, simulation) in the step. `model.vehicles.VehicleSpecs` and
-    `model.vehicles.DriverTraits` explain the fields that they have too;
-    `world.vehicle_parameters` and `world.driver_parameters` compute the others. Flags are 0 or 1.
-    Desired speeds hold under the limit of the road; the step lowers them on a road with
-    `RoadCourse.speed_limit_spans`.
+    Every array has shape (vehicle, simulation) in the step. Flags are 0 or 1. A slot without a
+    vehicle has finite numbers without meaning. Of the fields up to `initial_lights` and from
+    `start_s` to `travel_sign`, `world.vehicle_parameters` computes those that are no copies of
+    fields of `VehicleSpecs`; of the other fields, `world.driver_parameters` computes those that are
+    no copies of fields of `DriverTraits`.
+
+    Attributes:
+        valid: Flag of a slot that holds a vehicle.
+        half_length: Half the length of the body [m].
+        half_width: Half the width of the body [m].
+        blocks_view: Flag of a body that hides the road ahead from drivers behind it.
+        mass: Mass with driver and load [kg].
+        inverse_mass: One over the mass [1/kg].
+        inverse_inertia: One over the inertia about the vertical axis [1/(kg m^2)].
+        cg_front: Distance of the centre of gravity from the front axle [m].
+        cg_rear: Distance of the centre of gravity from the rear axle [m].
+        inverse_wheelbase: One over the wheelbase [1/m].
+        wheelbase: Distance of the axles [m].
+        cg_height: Height of the centre of gravity [m].
+        front_stiffness: Cornering stiffness of the front axle per axle load [1/rad].
+        rear_stiffness: Cornering stiffness of the rear axle per axle load [1/rad].
+        launch_force: Largest drive force at low speed [N].
+        power: Power at the wheels, on average over gear changes [W].
+        drag: Drag force per squared air speed [N s^2/m^2].
+        rolling: Rolling resistance [N].
+        max_speed: Top speed, by a governor or by power [m/s].
+        max_brake_force: Strongest braking force, positive [N].
+        front_drive: Share of the drive force at the front axle [1].
+        half_track: Half the distance of the left and right wheels [m].
+        understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
+        moment_angle: Wheel angle per yaw moment that it balances [rad/(N m)].
+        side_lag: Time in which the tyres build up a side force, per speed [s^2/m].
+        two_wheeler: Flag of a vehicle that leans instead of steering.
+        side_wind: Largest side force of the wind per squared air speed [N s^2/m^2].
+        wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles,
+            for wind from the front [m].
+        wind_arm: Distance of that middle ahead of the centre of gravity [m].
+        tyre_wear: Tread wear, 0 new to 1 worn [1].
+        has_truck_tyres: Flag of a truck; it also tells the height of the driver's eye.
+        shelters_wind: Flag of a body that shelters vehicles to its lee from side wind.
+        spray: Spray behind the vehicle, relative to a car [1].
+        looming_width: Width that other drivers see grow as they approach [m].
+        log_contrast: Logarithm of the contrast of the body against its background [1].
+        inverse_tail_lamp: One over the luminous intensity to the rear [1/cd].
+        inverse_head_lamp: One over the luminous intensity to the front [1/cd].
+        initial_lights: Lamps that are on at the start, a sum of bits of `Lights`.
+        desired_speed: Desired speed in this weather, under the highest limit of the road; the step
+            lowers it where a lower limit holds [m/s].
+        passing_speed: Desired speed while passing [m/s].
+        time_gap: Desired time gap behind a leader [s].
+        min_gap: Desired gap at standstill [m].
+        accel: Everyday acceleration [m/s^2].
+        decel: Comfortable deceleration, positive [m/s^2].
+        idm_interaction: Factor of speed times closing speed in the desired gap of the intelligent
+            driver model [s^2/m].
+        overspeed_exponent: Exponent of its deceleration above the desired speed [1].
+        max_assumed_decel: Strongest braking that the driver counts on, positive [m/s^2].
+        reaction_delay: Usual reaction time, in decisions [1].
+        urgent_reaction_delay: Reaction time in danger, in decisions [1].
+        attention_range: Distance to which the driver looks ahead [m].
+        max_friction: Highest friction coefficient that the tyres find [1].
+        politeness: Weight of the disadvantage of followers in the lane-change model MOBIL [1].
+        lane_change_threshold: Incentive from which MOBIL changes lanes [m/s^2].
+        keep_right_bias: Bias of MOBIL towards the slow side [m/s^2].
+        safe_decel: Largest braking that the driver imposes on a new follower, positive [m/s^2].
+        lane_change_duration: Time from lane centre to lane centre [s].
+        min_speed_gain: Speed gain from which the driver overtakes [m/s].
+        inverse_patience: Rate at which the demands of a waiting driver fall [1/s].
+        pull_out_ttc: Time to collision with the leader at which the driver pulls out [s].
+        gap_demand_factor: Factor on the gaps and times demanded in the lane to enter [1].
+        return_time_gap: Time gap left to the overtaken vehicle before returning [s].
+        indicator_lead_time: Time with the indicator on before moving over [s].
+        uses_indicator: Flag of a driver that uses the indicator.
+        checks_blind_spot: Share of lane changes after a look over the shoulder [1].
+        start_s: Position of the centre along the road at the start, in the vehicle's own direction,
+            as all positions of the step [m].
+        start_d: Lateral position of the centre, towards the overtaking side of that direction [m].
+        start_speed: Speed at the start [m/s].
+        start_lane: Lane at the start, 0 the slowest of that direction.
+        travel_sign: 1 along the road, -1 against it.
+        edge_shift_when_passed: Lateral shift to the edge of the lane while being passed [m].
+        speed_factor_when_passed: Factor on the desired speed while being passed [1].
+        passing_time_factor: Time that passing is believed to take, over the time it takes [1].
+        assumed_sight_factor: The driver assumes that an oncoming vehicle out of sight is this many
+            sight distances away [1].
+        time_reserve_share: Time reserve demanded for a pass, over the time that it takes [1].
+        heeds_solid_lines: Flag of a driver that heeds solid lines when passing.
+        speed_limit: Highest limit of the road [m/s].
+        free_speed: Desired speed on a free road in good weather, without a limit [m/s].
+        speed_limit_compliance: Share of the excess over a limit that the driver gives up [1].
+        caution: Share of the slowing for weather and light that the driver applies [1].
     """
 
     valid: F32
@@ -128,29 +220,43 @@ class VehicleParameters(NamedTuple):
     caution: F32
 
     def at_slots(self, slot: int | slice) -> "VehicleParameters":
-        """The parameters of one vehicle, shape (simulation,), or of several."""
+        """Select vehicles.
+
+        Args:
+            slot: One slot, or a range of slots.
+
+        Returns:
+            Views of shape (simulation,) for one slot, (vehicle, simulation) for a range.
+        """
         return VehicleParameters._make(row[slot] for row in self)
 
 
 VEHICLE_FIELDS = VehicleParameters._fields
+"""Names of the rows of `StepParameters.vehicle_table`, in their order."""
+
 SIMULATION_FIELDS = SimulationParameters._fields
+"""Names of the rows of `StepParameters.simulation_table`, in their order."""
 
 
-@dataclass(frozen=True, kw_only=True)  # No slots: the views on the tables are cached.
+# Without `slots`: `cached_property` stores its results in the `__dict__` of the instance.
+@dataclass(frozen=True, kw_only=True)
 class StepParameters:
-    """All inputs of a batch.
+    """All inputs of the simulations of a batch.
+
+    The engine reads the tables, Python code the views `vehicles` and `simulations` on them.
 
     Attributes:
         vehicle_table: Shape (field, vehicle, simulation), fields as `VEHICLE_FIELDS`.
         simulation_table: Shape (field, simulation), fields as `SIMULATION_FIELDS`.
         road: The road.
-        constants: Constants of the model, without the disabled effects.
-        seed: Key of the random numbers.
-        scenario_index: Numbers from which the scenarios are drawn, shape (simulation,).
-        steps_per_frame: Steps between recorded frames.
-        judgement_errors: The ego's errors of distance and speed at the step from which these
-            parameters hold, in standard deviations, shape (2, simulation); None leaves them
-            unchanged.
+        constants: Constants of the model; the constant of a disabled effect has a neutral value.
+        seed: Seed of the random numbers, 0 <= seed < 2**64.
+        scenario_index: With the seed, the key of the random numbers of each simulation, shape
+            (simulation,).
+        steps_per_frame: Steps from one recorded frame to the next.
+        judgement_errors: Only in a `ParameterSwitch`: new errors of the ego's judgement of
+            distances and of closing speeds, in standard deviations, shape (2, simulation). None
+            keeps the errors that it has.
     """
 
     vehicle_table: F32
@@ -180,12 +286,13 @@ class StepParameters:
 
 
 class ParameterSwitch(NamedTuple):
-    """New parameters in the middle of a simulation.
+    """New parameters in the middle of a simulation, for a branch with other conditions.
 
     Attributes:
         step: Step from which they hold, at least 1.
-        params: The parameters. Vehicles are displaced and accelerated by the differences between
-            their starts in these parameters and in those before.
+        params: The parameters. Their starts are no states at that step: each vehicle is displaced
+            by the difference between its `start_s` in these parameters and in the parameters
+            before, and its speed changes by the difference of its `start_speed`.
     """
 
     step: int
@@ -197,13 +304,18 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
 
     Args:
         scenario: A batch of scenarios.
-        effects: The effects that are enabled; None for the model as published.
+        effects: The effects that are enabled; None for all.
+
+    Returns:
+        The inputs of the batch.
 
     Raises:
         ConfigError: Vehicles drive in the opposite direction on a road where the model simulates
             one direction only.
     """
     context = step_context(scenario, effects or EnabledEffects())
+    # Arrays have shape (simulation, vehicle) until `_stack` turns them. The later of two fields
+    # with the same name wins: computed values replace copies, such as `desired_speed`.
     vehicle = _same_fields(scenario.vehicles) | _same_fields(scenario.drivers)
     vehicle |= vehicle_parameters(context) | driver_parameters(context)
     simulation = (
@@ -234,13 +346,16 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
 def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
-    Each vehicle reacts to the nearest image of every other vehicle. Vehicles that are laps apart
-    cannot touch in the simulation, and an ego that overtakes would not find its target, so the ego
-    must stay (`ForcedDecision.STAY`).
+    Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
+    length, so each vehicle reacts to the nearest one of all laps. Contacts and the target of the
+    ego compare positions without this, so the ego must not overtake (`ForcedDecision.STAY`).
 
     Args:
         params: Parameters of a road with ends.
-        length: Length of the closed road, shape (simulation,) [m].
+        length: Length of the closed road, positive, shape (simulation,) [m].
+
+    Returns:
+        A copy with the ring, and with the decision to stay.
     """
     simulation = params.simulation_table.copy()
     simulation[SIMULATION_FIELDS.index("ring_length")] = length
@@ -251,11 +366,14 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
 
 
 def with_forced_decision(params: StepParameters, decision: int) -> StepParameters:
-    """Parameters with a decision forced on every ego, see `sim.branch`.
+    """Parameters with a decision forced on every ego, as in a branch of a simulation.
 
     Args:
         params: Parameters of a batch.
-        decision: A `ForcedDecision`.
+        decision: A `ForcedDecision`, such as `PULL_OUT`; 0 forces no decision.
+
+    Returns:
+        A copy with the decision.
     """
     simulation = params.simulation_table.copy()
     simulation[SIMULATION_FIELDS.index("forced_decision")] = decision
@@ -263,9 +381,10 @@ def with_forced_decision(params: StepParameters, decision: int) -> StepParameter
 
 
 def _clock(scenario: Scenario) -> dict[str, F32]:
-    """Fields of `SimulationParameters` for the end of a simulation, and those without an effect.
+    """Fields of `SimulationParameters` for the end of a simulation, and 0 for optional fields.
 
-    No decision is forced and the road has ends; `with_forced_decision` and `with_ring` change that.
+    0 means that no decision is forced and that the road has ends. `with_forced_decision` and
+    `with_ring` change these fields.
     """
     zero = np.zeros_like(scenario.horizon)
     return {
@@ -278,25 +397,29 @@ def _clock(scenario: Scenario) -> dict[str, F32]:
 
 
 def _same_fields(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
-    """The fields that `VehicleParameters` has under the same name."""
+    """Fields of a batch that `VehicleParameters` has, too, shape (simulation, vehicle)."""
     names = (field.name for field in dataclasses.fields(batch) if field.name in VEHICLE_FIELDS)
     return {name: getattr(batch, name) for name in names}
 
 
 def _stack(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
-    """Stack arrays by field and transpose them: simulations lie side by side in memory.
+    """Stack arrays by field in one float32 table, with reversed axes.
+
+    Simulations then lie side by side in memory, as the engine computes several at a time.
 
     Args:
-        rows: Arrays of one shape by field.
+        rows: Arrays by field, all of shape (simulation, vehicle) or all of shape (simulation,).
+            Fields that are not in `names` are left out.
         names: The fields, in the order of the table.
 
     Returns:
-        Shape (field, ...), the other axes in reverse order.
+        Shape (field, vehicle, simulation) or (field, simulation).
 
     Raises:
         KeyError: A field is missing.
     """
     shape = (len(names), *rows[names[0]].shape[::-1])
+    # `empty_array` reuses the memory of earlier large tables.
     stacked = empty_array(math.prod(shape), np.float32).reshape(shape)
     for row, name in zip(stacked, names, strict=True):
         row[...] = rows[name].T

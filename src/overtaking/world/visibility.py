@@ -1,11 +1,17 @@
 """Extinction of air, contrast, lamps and glare: how far an object is visible.
 
-Ranges follow the laws of Koschmieder (objects by daylight) and of Allard (lamps). The numbers and
-their sources are in `knowledge/data/weather.toml`. `constant` returns SI values, so angles in
-radians, unless the name of the number ends in another unit, such as `_deg`.
+In go CARLA's weather percentages, the sun, and lamps; out come extinction coefficients, thresholds
+of perception, and ranges, the distances up to which a driver sees an object. Ranges follow the laws
+of Koschmieder (objects by daylight) and of Allard (lamps). The *extinction coefficient* is the
+share of light that air takes from a beam per metre; times the distance it is the *optical depth*.
+The *meteorological optical range* is the distance at which a contrast falls to 5 %.
 
-NumPy's square root and `where` have the same bits on every machine. Its exponential functions and
-logarithms do not, so these come from `core.float32_math`.
+`constant` reads the numbers, with their sources, from `knowledge/data/weather.toml`. It returns SI
+values, so angles in radians, unless the name of the number ends in another unit, such as `_deg`.
+Arguments are float32 arrays whose shapes broadcast; results have the common shape.
+
+Results must have the same bits on every machine, which NumPy guarantees for its square root and
+`where`, but not for its exponential functions and logarithms: these come from `core.float32_math`.
 """
 
 from functools import cache
@@ -30,12 +36,13 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.world.road_surface import PERCENT
 
 MIN_EXTINCTION = np.float32(1e-7)
-"""Keeps ranges by contrast finite in perfectly clear air [1/m]."""
+"""Smallest extinction in `contrast_range` [1/m]. It keeps ranges finite where the effect of fog and
+rain is disabled and the extinction is therefore 0; the clearest air of the model has 3e-4."""
 
 MIN_ILLUMINANCE = np.float32(1e-12)
-"""Smallest threshold to pass to `lamp_range` [lx].
+"""Smallest threshold to pass to `lamp_range`, which divides by it [lx].
 
-Callers apply it where the effect of light on sight is disabled and the threshold is therefore 0.
+Callers apply it where the limits of sight are disabled and the threshold is therefore 0.
 """
 
 _NEWTON_STEPS = 8
@@ -67,7 +74,7 @@ def meteorological_range(fog: F32) -> F32:
 
 @cache
 def _log_range_ratio() -> F32:
-    """Logarithm of the range in the thickest fog over that in clear air."""
+    """Logarithm of the range in the thickest fog over the range in clear air."""
     return log(constant("weather.fog.thick_range") / constant("weather.fog.clear_range"))
 
 
@@ -81,10 +88,10 @@ def fog_extinction(fog: F32) -> F32:
 
 
 def extinction_of_range(optical_range: F32Like) -> F32:
-    """Extinction coefficient of air [1/m].
+    """Extinction coefficient of air with a meteorological optical range [1/m].
 
     Args:
-        optical_range: Its meteorological optical range [m].
+        optical_range: The range, positive, any shape [m].
 
     Source:
         Koschmieder's law: the range is the distance at which 5 % of the contrast is left
@@ -114,17 +121,21 @@ def rain_extinction(rain_rate: F32) -> F32:
 def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     """Share of contrast that glare of a low sun leaves, 1 without glare.
 
+    Light that scatters in the eye adds a veil of luminance 10 E / theta^2 to the luminance L of the
+    road: L / (L + veil) of the contrast remains. E is the illuminance of the sun in lx and theta
+    its angle from the line of sight in degrees.
+
     Args:
-        sun_altitude: Angle of the sun above the horizon [rad].
+        sun_altitude: Angle of the sun above the horizon, any shape [rad].
         angle: Horizontal angle between line of sight and sun, 0 to pi [rad].
-        cloudiness: CARLA's cloudiness, 0 to 100 [%].
+        cloudiness: CARLA's cloudiness, 0 to 100 [%]. Behind thick clouds the sun does not dazzle.
 
     Source:
         Veiling luminance of Stiles and Holladay.
     """
     sun_altitude = np.asarray(sun_altitude, np.float32)
-    # The plane angle is at most 1.2 % larger than the spherical one where the sun dazzles, up to 18
-    # degrees high and 25 degrees aside. Elsewhere the last line ignores it.
+    # The root of the squares is at most 1.2 % larger than the true angle where the sun dazzles, up
+    # to 18 degrees high and 25 degrees aside. Elsewhere the last line ignores it.
     theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
     theta = maximum(theta, constant("weather.glare.min_angle_deg"))
     veil = constant("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
@@ -143,8 +154,12 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
 def sun_illuminance(altitude: F32) -> F32:
     """Illuminance of the sun in clear air on a plane that faces it [lx].
 
+    E_0 exp(-c m) with the illuminance E_0 above the air, the extinction c of one vertical passage
+    through clear air, and the relative air mass m = 1 / (sin h + 0.50572 (h + 6.07995)^-1.6364) at
+    the altitude h in degrees.
+
     Args:
-        altitude: Angle above the horizon; a sun below the horizon counts as at it [rad].
+        altitude: Angle above the horizon, any shape; below the horizon it counts as 0 [rad].
 
     Source:
         Kasten and Young 1989 (relative optical air mass); IES RP-21 (extinction of clear air).
@@ -155,8 +170,9 @@ def sun_illuminance(altitude: F32) -> F32:
         constant("weather.sunlight.mass_offset_deg"),
         constant("weather.sunlight.exponent"),
     )
-    haze = constant("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
-    air_mass = ONE / (sine + haze)
+    # The term keeps the air mass finite at the horizon, as the earth is round.
+    curvature_term = constant("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
+    air_mass = ONE / (sine + curvature_term)
     above_air = constant("weather.sunlight.outside")
     return above_air * exp(-constant("weather.sunlight.extinction") * air_mass)
 
@@ -166,13 +182,13 @@ def contrast_threshold(night: Mask, dusk: Mask, rain_rate: F32) -> F32:
 
     Args:
         night: Whether it is night, any shape.
-        dusk: Whether it is dusk.
+        dusk: Whether it is dusk; without meaning at night.
         rain_rate: [mm/h].
 
     Source:
-        By day 5 % (WMO-No. 8); dusk and night are choices. Water on the windscreen raises the
-        threshold linearly with the rain rate (Hautiere et al. 2009) and doubles it at 50 mm/h (a
-        choice).
+        By day 5 % (WMO-No. 8); the thresholds of dusk and night are choices. Water on the
+        windscreen raises the threshold linearly with the rain rate (Hautiere et al. 2009) and
+        doubles it at 50 mm/h (a choice).
     """
     without_night = np.where(
         dusk,
@@ -188,7 +204,7 @@ def lamp_threshold(night: Mask, dusk: Mask) -> F32:
 
     Args:
         night: Whether it is night, any shape.
-        dusk: Whether it is dusk.
+        dusk: Whether it is dusk; without meaning at night.
 
     Source:
         ICAO Doc 9328, visual thresholds of illuminance for runway lights.
@@ -204,18 +220,19 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
 
     Args:
         extinction: Extinction coefficient of the air, any shape [1/m].
-        intensity: Luminous intensity of the lamp [cd].
-        threshold: Illuminance at the eye, `MIN_ILLUMINANCE` or more [lx].
+        intensity: Luminous intensity I of the lamp, positive [cd].
+        threshold: Illuminance E at the eye, `MIN_ILLUMINANCE` or more [lx].
 
     Source:
-        Allard's law, I exp(-beta r) / r^2 = E, solved for r by Newton's method on its logarithm.
+        Allard's law, I exp(-beta r) / r^2 = E with the extinction beta, solved for the range r by
+        Newton's method on its logarithm, 2 log r + beta r = log(I / E).
     """
     target = log(intensity / threshold)
-    clear = np.sqrt(intensity / threshold)
-    # The start of the iteration: the range in clear air, or four optical depths if that is less. In
+    range_in_clear_air = np.sqrt(intensity / threshold)
+    # The iteration starts at the range in clear air, or at four optical depths if that is less: in
     # the thickest fog, lamps of 1 to 500 cd have ranges of 2 to 10 optical depths. The bound of the
     # extinction keeps the quotient finite in clear air: 4000 km, more than any such lamp reaches.
-    r = minimum(clear, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
+    r = minimum(range_in_clear_air, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
     for _ in range(_NEWTON_STEPS):
         excess = TWO * log(r) + extinction * r - target
         r = r - r * excess / (TWO + extinction * r)
@@ -228,11 +245,14 @@ def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
 
     Args:
         extinction: Extinction coefficient of the air, any shape [1/m].
-        contrast: Contrast of the object beside its background, from near [1].
-        threshold: Smallest contrast that is detected [1].
+        contrast: Contrast of the object against its background, seen from near, positive [1].
+        threshold: Smallest contrast that a driver detects, positive [1].
+
+    Returns:
+        The range; 0 for a contrast below the threshold.
 
     Source:
-        Koschmieder's law.
+        Koschmieder's law: a contrast falls by exp(-extinction times distance).
     """
     depth = maximum(log(contrast / threshold), ZERO)
     return depth / maximum(extinction, MIN_EXTINCTION)

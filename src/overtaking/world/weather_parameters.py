@@ -1,7 +1,17 @@
-"""Weather and light of each simulation: water, wind and sight.
+"""Weather and light of each simulation as parameters of the step: water, wind and sight.
 
-Where the study's pushes stand for the weather, a dry, still, clear day acts by physics. It is the
-*effective* weather, see `with_effective_weather`.
+In goes a batch of scenarios with CARLA's weather percentages; out come `SceneConditions`, float32
+arrays of shape (simulation,) in physical units. They are most of the `SimulationParameters`, which
+the simulation step reads, and the base of the speeds and reactions in `driver_parameters`. The
+formulas are in `road_surface` and `visibility`; `constant` reads numbers from `knowledge/data`.
+
+The profile `pinto2023` repeats a published study, in which random lateral *pushes* and a reduced
+field of vision replace the physical effects of weather (`Scenario.pushes`). For such scenarios the
+weather that acts by physics, the *effective* weather, is a dry, still, clear day
+(`with_effective_weather`). For all others it is the recorded weather.
+
+A *decision* is one of 20 instants per second at which drivers decide. `EnabledEffects` switches
+effects off, to show their influence; a disabled effect has a neutral number here.
 """
 
 from dataclasses import dataclass, fields
@@ -28,7 +38,8 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.road_surface import PERCENT
 
 _HIGH_SUN = np.float32(0.8)
-"""Altitude of a sun that brings neither night nor glare [rad]."""
+"""Altitude of a sun that brings neither night nor glare: 46 degrees, where glare ends at 18 [rad].
+Chosen."""
 
 _NO_LAMP_VISIBLE = np.float32(1e9)
 """A threshold of illuminance that no lamp reaches [lx]."""
@@ -42,33 +53,38 @@ class SimulationParameters(NamedTuple):
         deadline_step: Step at which it ends if the ego has not attempted to overtake.
         fog_extinction: Extinction coefficient of fog [1/m].
         rain_extinction: Extinction coefficient of rain, to an observer at rest [1/m].
-        log_contrast_sensitivity_ahead: Logarithm of glare factor over contrast threshold, for a
-            driver that looks ahead [1].
-        log_contrast_sensitivity_behind: The same for a look back [1].
+        log_contrast_sensitivity_ahead: Logarithm of the glare factor (share of contrast that the
+            glare of a low sun leaves) over the smallest contrast that a driver detects, in the
+            direction of travel [1].
+        log_contrast_sensitivity_behind: The same for a look into the mirrors [1].
         lamp_threshold: Illuminance at which a driver detects a lamp [lx].
-        inverse_lit_range: One over the range of the driver's low beam, 0 by day [1/m].
+        inverse_lit_range: One over the distance to which a driver sees unlit objects: range of its
+            low beam, or reduced field of vision in a scenario with pushes; 0 if unlimited [1/m].
         detection_time: Time in which a driver notices a vehicle in plain view [s].
         distance_error: Coefficient of variation of judged distances [1].
         speed_error: Coefficient of variation of judged closing speeds [1].
         wind_along: Mean wind in the direction of travel [m/s].
         wind_across: Mean wind towards the overtaking side [m/s].
-        gust_gain: Amplitude of single gusts over the mean [1].
-        gust_phase: Position of the gusts along the road, in [0, 1) of their spacing.
+        gust_gain: Amplitude of the single gusts at bridges and cuttings, over the mean wind [1].
+        gust_phase: Position of these gusts along the road, in (0, 1) of their spacing [1].
         gust_length: Length of road that each of them covers [m].
-        push_accel: Lateral acceleration of pushes towards the overtaking side, 0 without [m/s^2].
+        push_accel: Lateral acceleration of pushes, positive towards the overtaking side; 0 without
+            pushes [m/s^2].
         push_rate: Pushes per decision [1].
-        push_duty_cycle: Share of the time in which a push acts [1].
-        push_phase: Time of the first push, in [0, 1) of the interval.
-        min_wet_film: Film of a wet road, 0 on a dry one [mm].
-        film_rain_factor: `road_surface.film_rain_factor` of the rain.
+        push_duty_cycle: Share of the time in which a push acts, 0 to 1 [1].
+        push_phase: Progress of the interval between two pushes at the start, in (0, 1) [1].
+        min_wet_film: Thinnest film of water on a wet road, 0 on a dry one [mm].
+        film_rain_factor: Factor A of the film by the rain, see `road_surface.film_rain_factor`
+            [mm].
         texture_depth: Depth of the road's texture [mm].
-        puddle_threshold: Threshold of the field of puddles, see `road_surface.puddle_depth_share`.
-        puddle_film: Depth of a puddle above the film [mm].
-        puddle_phase_1: Phase of the first wave of that field, in [0, 1).
-        puddle_phase_2: Phase of the second wave, in [0, 1).
-        max_lateral_accel: Largest lateral acceleration that drivers choose [m/s^2].
-        forced_decision: Code of the decision that is forced on the ego, 0 without one; see
-            `step_parameters.with_forced_decision`.
+        puddle_threshold: Puddles are where the two waves of `road_surface.puddle_depth_share` add
+            up to less than this [1].
+        puddle_film: Full depth of a puddle above the film [mm].
+        puddle_phase_1: Phase of the first wave, in (0, 1) [1].
+        puddle_phase_2: Phase of the second wave, in (0, 1) [1].
+        max_lateral_accel: Largest lateral acceleration that drivers choose at the friction that
+            they assume [m/s^2].
+        forced_decision: `ForcedDecision` of the ego, 0 for a free decision.
         ring_length: Length of a road that closes on itself, 0 for a road with ends [m].
         inverse_ring_length: One over that length, 0 for a road with ends [1/m].
         oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
@@ -76,8 +92,9 @@ class SimulationParameters(NamedTuple):
         expected_oncoming_speed: Speed that drivers assume of oncoming vehicles until their images
             grow visibly [m/s].
         urgent_change_duration: Duration of the shortest lane change in an emergency [s].
-        rain_slowing: Speed by which a fully cautious driver slows for rain [m/s].
-        stoppable_speed: Speed from which a driver stops within sight of a lit vehicle [m/s].
+        rain_slowing: Reduction of speed by a fully cautious driver in this rain [m/s].
+        stoppable_speed: Speed from which a driver stops before a lit vehicle that comes in sight
+            [m/s].
 
     Every array has shape (simulation,).
     """
@@ -123,12 +140,16 @@ class SimulationParameters(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherEffects:
-    """Effects of rain, fog and light that are not drawn; every array has shape (simulation,).
+    """Effects of rain, fog and light that need no random number; arrays of shape (simulation,).
+
+    This is the part of `SceneConditions` that rules of the law and tables read, too.
 
     Attributes:
         rain_rate: Rain [mm/h].
-        film: Water on the road, as fields of `SimulationParameters`.
-        sight: Sight ahead, as fields of `SimulationParameters`.
+        film: Water on the road, by the name of the field of `SimulationParameters`:
+            `min_wet_film`, `film_rain_factor`, `texture_depth`, `puddle_threshold`, `puddle_film`.
+        sight: Sight ahead, in the same way: `fog_extinction`, `rain_extinction`,
+            `log_contrast_sensitivity_ahead`, `lamp_threshold`, `inverse_lit_range`.
     """
 
     rain_rate: F32
@@ -140,7 +161,7 @@ class WeatherEffects:
 class SceneConditions:
     """Weather and light of each simulation; every array has shape (simulation,).
 
-    Fields that `SimulationParameters` has too are explained there.
+    The fields below the first two are fields of `SimulationParameters`, which describes them.
 
     Attributes:
         rain_rate: Rain [mm/h].
@@ -191,12 +212,12 @@ class StepContext:
     """The inputs of the functions that compute parameters of the step.
 
     Attributes:
-        scenario: A batch of scenarios, with its recorded weather. Bodies, pushes and judgements of
-            oncoming vehicles depend on it.
+        scenario: A batch of scenarios, with its recorded weather. Lamps, pushes and judgements of
+            oncoming vehicles depend on this weather.
         effective_scenario: The same batch with the weather that acts by physics. Drivers slow down
             for this weather.
-        constants: Constants of the model, without the disabled effects.
-        conditions: Weather and light.
+        constants: Constants of the model; the constant of a disabled effect has a neutral value.
+        conditions: Weather and light, from the effective weather and the pushes.
         effects: The effects that are enabled.
     """
 
@@ -209,9 +230,13 @@ class StepContext:
 
 @cached_per_batch
 def weather_effects(scenario: Scenario) -> WeatherEffects:
-    """Effects of rain, fog and light in the whole model: in the step, in signals and tables.
+    """Effects of rain, fog and light with all effects enabled.
 
-    The results are cached for each batch.
+    The step, rules of the law and tables share the result, which is cached as long as the batch
+    exists; callers must not change the arrays.
+
+    Args:
+        scenario: A batch of scenarios, with its recorded weather.
     """
     return _weather_effects(scenario, EnabledEffects())
 
@@ -219,7 +244,7 @@ def weather_effects(scenario: Scenario) -> WeatherEffects:
 def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) -> SceneConditions:
     """Weather and light of each simulation.
 
-    No ablation changes the constants that are used here, so they are always the published ones.
+    It reads `model_constants`: no disabled effect changes the constants that it needs.
 
     Args:
         scenario: A batch of scenarios, with its recorded weather.
@@ -230,9 +255,11 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
     weather = weather_effects(scenario) if is_whole_model else _weather_effects(scenario, effects)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.WIND_AND_WATER)
     effective_scenario = with_effective_weather(scenario)
-    # Wind draws before water: the order of the draws is part of the meaning of a seed.
+    # Draws are successive random numbers. Wind draws first, then puddles, then pushes: another
+    # order would give each seed other simulations.
     wind = _wind(effective_scenario, draws, effects)
     phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
+    pushes = _pushes(scenario, draws)
     friction = _believed_friction(weather.film)
     comfort = np.full_like(friction, constant("model.steering.comfort_accel"))
     grip_share = constant("model.steering.grip_share")
@@ -240,11 +267,12 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
         rain_rate=weather.rain_rate,
         believed_friction=friction,
         max_lateral_accel=minimum(comfort, grip_share * model_constants().gravity * friction),
-        **_sight(effective_scenario, weather, effects),
+        **weather.sight,
+        **_perception(effective_scenario, weather.rain_rate, effects),
         **wind,
         **weather.film,
         **phases,
-        **_pushes(scenario, draws),
+        **pushes,
     )
 
 
@@ -252,7 +280,7 @@ def step_context(scenario: Scenario, effects: EnabledEffects) -> StepContext:
     """Gather the inputs of the functions that compute parameters of the step.
 
     Args:
-        scenario: A batch of scenarios.
+        scenario: A batch of scenarios, with its recorded weather.
         effects: The effects that are enabled.
     """
     return StepContext(
@@ -289,7 +317,13 @@ def with_effective_weather(scenario: Scenario) -> Scenario:
 
 
 def has_reduced_vision(weather: Weather) -> Mask:
-    """Whether the study reduces the field of vision, shape (simulation,)."""
+    """Whether the study with pushes reduces the field of vision, shape (simulation,).
+
+    It does so at night, above 60 % of clouds and towards a low sun.
+
+    Args:
+        weather: The recorded weather.
+    """
     is_cloudy = weather.cloudiness > constant("weather.pushes.clouds_percent")
     return weather.night | is_cloudy | weather.low_sun
 
@@ -301,23 +335,29 @@ def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
         scenario: A batch of scenarios.
 
     Returns:
-        Components in the direction of travel and towards the fast side, shape (simulation,) [m/s].
+        Components along the road and towards its overtaking side, shape (simulation,) [m/s].
     """
+    # The direction to which the wind blows, anticlockwise from the direction of travel. So the sine
+    # counts to the left, which is the overtaking side where `overtaking_sign` is +1.
     sine, cosine = sincos(scenario.weather.wind_direction)
     speed = constant("weather.wind.full_speed") * (scenario.weather.wind * PERCENT)
     return speed * cosine, road_parameters(scenario.road).overtaking_sign * speed * sine
 
 
 def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
-    """Pushes in the direction of the wind, as often as rain and wind are strong on average."""
+    """Fields of pushes, which act towards the side to which the wind blows.
+
+    Their rate is proportional to the mean of rain and wind: at 100 % of both there is one push in
+    each `LateralPushes.interval`. Their strength is the same in all weather.
+    """
     weather, pushes = scenario.weather, scenario.pushes
     zero = np.zeros_like(weather.rain)
     if pushes is None:
         return dict.fromkeys(("push_accel", "push_rate", "push_duty_cycle", "push_phase"), zero)
     sine, _ = sincos(weather.wind_direction)
     push_sign = np.where(road_parameters(scenario.road).overtaking_sign * sine < 0, -ONE, ONE)
-    strength = HALF * PERCENT * (weather.rain + weather.wind)
-    per_second = strength / np.float32(pushes.interval)
+    mean_share = HALF * PERCENT * (weather.rain + weather.wind)
+    per_second = mean_share / np.float32(pushes.interval)
     return {
         "push_accel": push_sign * np.float32(pushes.accel),
         "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
@@ -327,7 +367,11 @@ def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
 
 
 def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> dict[str, F32]:
-    """Mean wind, and the single gusts of this simulation."""
+    """Mean wind, and the gusts at bridges and cuttings.
+
+    The number of draws is the same for all simulations, also where there are no gusts, so that the
+    draws that follow do not depend on the wind or on the effects.
+    """
     along, across = mean_wind(scenario)
     has_gusts = (scenario.weather.wind >= constant("weather.gusts.from_percent")) & effects.gusts
     gain = _draw_between(draws, "weather.gusts.min_ratio", "weather.gusts.max_ratio")
@@ -341,12 +385,15 @@ def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> d
 
 
 def _draw_between(draws: PhiloxStream, low: str, high: str) -> F32:
-    """Draw the next number, uniform between two entries of the knowledge base."""
+    """Draw a number, uniform between two entries of the knowledge files, (simulation,)."""
     return draws.uniform(float(constant(low)), float(constant(high)))
 
 
 def _weather_effects(scenario: Scenario, effects: EnabledEffects) -> WeatherEffects:
-    """Effects of rain, fog and light, without the effects that are disabled."""
+    """Compute `WeatherEffects`; disabled effects have neutral numbers.
+
+    Vision is reduced by the recorded weather, all else follows the effective weather.
+    """
     effective_scenario = with_effective_weather(scenario)
     rate = road_surface.rain_rate(effective_scenario.weather.rain)
     return WeatherEffects(
@@ -357,7 +404,7 @@ def _weather_effects(scenario: Scenario, effects: EnabledEffects) -> WeatherEffe
 
 
 def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F32]:
-    """Water on the road."""
+    """Water on the road, at a rain rate [mm/h]; none if the effect `film` is disabled."""
     zero = np.zeros_like(rate)
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
@@ -365,15 +412,19 @@ def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F
         "min_wet_film": road_surface.min_wet_film(rain, puddles),
         "film_rain_factor": road_surface.film_rain_factor(rain),
         "texture_depth": np.full_like(rate, constant("weather.film.texture_depth_mm")),
-        # The share of the road under water is half the square of the threshold, see
-        # `road_surface.puddle_depth_share`.
+        # By the distribution of the waves, half the square of the threshold is the share of the
+        # road under puddles.
         "puddle_threshold": np.sqrt(TWO * road_surface.puddle_cover(puddles)),
         "puddle_film": road_surface.puddle_depth(puddles),
     }
 
 
 def _believed_friction(water: dict[str, F32]) -> F32:
-    """Friction coefficient that drivers assume: of one car tyre at one speed, outside puddles."""
+    """Friction coefficient that drivers assume from experience, shape (simulation,).
+
+    It is the peak friction of a half-worn car tyre at 90 km/h, outside puddles, on the film of a
+    middle lane; drivers do not know the friction under their own tyres.
+    """
     path = np.full_like(water["film_rain_factor"], constant("model.believed_grip.path_factor"))
     film = road_surface.lane_film(
         water["min_wet_film"], water["film_rain_factor"], path, water["texture_depth"]
@@ -384,38 +435,55 @@ def _believed_friction(water: dict[str, F32]) -> F32:
     return road_surface.peak_friction(model_constants(), speed, film, wear, car)
 
 
-def _sight(
-    scenario: Scenario, conditions: WeatherEffects, effects: EnabledEffects
-) -> dict[str, F32]:
-    """Sight ahead and behind, time of detection and errors of judgement."""
-    weather, rate = scenario.weather, conditions.rain_rate
-    zero = np.zeros_like(rate)
-    error = constant("weather.errors.closing_speed_cv") if effects.distance_error else ZERO
-    return conditions.sight | {
-        "log_contrast_sensitivity_behind": _contrast(
-            scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))
+def _perception(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F32]:
+    """Sight behind, time of detection and errors of judgement.
+
+    Args:
+        scenario: A batch of scenarios, with its effective weather.
+        rate: Rain rate [mm/h].
+        effects: The effects that are enabled.
+    """
+    weather, zero = scenario.weather, np.zeros_like(rate)
+    sun_angle_behind = np.abs(PI - np.abs(weather.sun_azimuth))
+    speed_error = constant("weather.errors.closing_speed_cv") if effects.distance_error else ZERO
+    return {
+        "log_contrast_sensitivity_behind": _log_contrast_sensitivity(
+            scenario, rate, sun_angle_behind
         ),
         "detection_time": _detection_time(weather.night) if effects.delay else zero,
         "distance_error": _distance_error(scenario) if effects.distance_error else zero,
-        "speed_error": np.full_like(rate, error),
+        "speed_error": np.full_like(rate, speed_error),
     }
 
 
 def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F32]:
-    """Sight ahead: extinction, contrast, lamps."""
-    weather, limited = scenario.weather, ONE if effects.range else ZERO
-    inverse_lit_range = limited / _low_beam_range(rate)
+    """Sight ahead: extinction, contrast, lamps.
+
+    Args:
+        scenario: A batch of scenarios, with its effective weather.
+        rate: Rain rate [mm/h].
+        effects: The effects that are enabled.
+    """
+    weather, zero = scenario.weather, np.zeros_like(rate)
+    # Without the effect `range` extinctions, thresholds and inverse ranges are 0: unlimited sight.
+    range_factor = ONE if effects.range else ZERO
+    sun_angle = np.abs(weather.sun_azimuth)
+    lamp_threshold = visibility.lamp_threshold(weather.night, _is_dusk(scenario))
     return {
-        "fog_extinction": limited * visibility.fog_extinction(weather.fog),
-        "rain_extinction": limited * visibility.rain_extinction(rate),
-        "log_contrast_sensitivity_ahead": _contrast(scenario, rate, np.abs(weather.sun_azimuth)),
-        "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _is_dusk(scenario)),
-        "inverse_lit_range": np.where(weather.night, inverse_lit_range, np.zeros_like(rate)),
+        "fog_extinction": range_factor * visibility.fog_extinction(weather.fog),
+        "rain_extinction": range_factor * visibility.rain_extinction(rate),
+        "log_contrast_sensitivity_ahead": _log_contrast_sensitivity(scenario, rate, sun_angle),
+        "lamp_threshold": range_factor * lamp_threshold,
+        "inverse_lit_range": np.where(weather.night, range_factor / _low_beam_range(rate), zero),
     }
 
 
 def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F32]:
-    """Reduced field of vision where pushes stand for the weather, for lamps too."""
+    """Fields that limit sight in a scenario with pushes; empty in all others.
+
+    The result replaces two fields of `_sight_ahead`. No lamp is visible, so that lamps do not show
+    vehicles beyond the field of vision.
+    """
     if scenario.pushes is None or not effects.range:
         return {}
     is_reduced = has_reduced_vision(scenario.weather)
@@ -423,11 +491,11 @@ def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F3
     return {"inverse_lit_range": inverse, "lamp_threshold": np.full_like(inverse, _NO_LAMP_VISIBLE)}
 
 
-def _contrast(scenario: Scenario, rate: F32, angle: F32) -> F32:
-    """Logarithm of glare factor over contrast threshold [1].
+def _log_contrast_sensitivity(scenario: Scenario, rate: F32, angle: F32) -> F32:
+    """Logarithm of glare factor over contrast threshold, shape (simulation,) [1].
 
     Args:
-        scenario: A batch of scenarios.
+        scenario: A batch of scenarios, with its effective weather.
         rate: Rain rate [mm/h].
         angle: Horizontal angle between the line of sight and the sun [rad].
     """
@@ -443,7 +511,7 @@ def _is_dusk(scenario: Scenario) -> Mask:
 
 
 def _low_beam_range(rate: F32) -> F32:
-    """Range at which a driver's low beam shows an unlit object [m]."""
+    """Range at which a driver's low beam shows an unlit object, shorter on a wet road [m]."""
     wet_factor = np.where(rate > 0, constant("weather.headlamps.wet_factor"), ONE)
     return constant("weather.headlamps.low_beam") * wet_factor
 
@@ -456,7 +524,7 @@ def _detection_time(night: Mask) -> F32:
 
 
 def _distance_error(scenario: Scenario) -> F32:
-    """Coefficient of variation of judged distances [1]."""
+    """Coefficient of variation of judged distances [1]: in fog, else at night, else by day."""
     day, night, fog = (
         constant(f"weather.errors.distance_cv_{light}") for light in ("day", "night", "fog")
     )
