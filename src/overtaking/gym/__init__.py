@@ -1,22 +1,27 @@
-"""Environments of Gymnasium in which an agent drives the ego; needs the extra [gym].
+"""Environments for reinforcement learning, with the interface of Gymnasium; needs the extra [gym].
+
+An agent (a program that learns) drives the ego, the vehicle whose overtaking is studied, in
+simulated traffic.
 
     import gymnasium
 
     env = gymnasium.make("overtaking.gym:overtaking/motorway-v0")
     envs = gymnasium.make_vec("overtaking.gym:overtaking/motorway-v0", num_envs=64)
 
-Importing this module registers an environment for each profile of the package. Gymnasium imports
-the module that stands before the colon of an id, so no further import is needed.
+Importing this module registers an environment for each profile of the package, a named setting of
+road, traffic, weather and drivers such as `motorway`. In the id, the text before the colon is the
+module that Gymnasium imports, so the user need not import it; `-v0` is Gymnasium's version number.
 
-environments      OvertakingEnv and OvertakingVectorEnv
-episodes          episodes in the rows of a batch, and the scenarios they take
-rewards           rewards
-spaces            spaces of observations and actions
-stable_baselines  adapter for Stable-Baselines3
+environments      `OvertakingEnv` (one environment) and `OvertakingVectorEnv` (many, in one batch)
+episodes          the simulations behind the environments, and the supply of their scenarios
+rewards           functions for the reward of a step
+spaces            names, units and bounds of observations and actions
+stable_baselines  adapter for the library Stable-Baselines3, not imported here
 """
 
 from overtaking.core.errors import MissingExtraError
 
+# Before the imports below, which need gymnasium too and would fail with a less helpful error.
 try:
     import gymnasium
 except ImportError as error:

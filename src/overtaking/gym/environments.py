@@ -1,12 +1,17 @@
-"""Environments of Gymnasium in which an agent drives the ego.
+"""Gymnasium environments in which an agent drives the ego, the vehicle whose overtaking is studied.
 
-All environments of an `OvertakingVectorEnv` run in one batch of the compiled engine. An
-`OvertakingEnv` is a batch of one.
+All environments of an `OvertakingVectorEnv` run in one batch of the compiled engine: arrays have a
+row for each environment, shape (env, ...). An `OvertakingEnv` is a batch of one. An *episode* is
+one simulation of an environment, drawn from a *scenario* (road, weather, traffic, and the ego's
+start). A step lasts `action_repeat` decisions of 50 ms.
+
+`episodes.EpisodeBatch` runs the simulations; this module adds the interface: checks, rewards, the
+dictionary `info`, and what happens when an episode ends.
 """
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import Env
@@ -42,7 +47,10 @@ from overtaking.sim.driving import MAX_ACTION_REPEAT, OBSERVATION_SOURCES
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 MAX_ENVS = 1_000_000
+"""Largest number of environments; more is a typing error."""
+
 MAX_INDEX = 2**62
+"""Largest scenario index to begin with: later episodes, which count on from it, fit into int64."""
 
 RENDER_MODES = ("rgb_array",)
 
@@ -51,43 +59,73 @@ _LABEL_DTYPES: dict[str, type[np.generic]] = {
     "is_legal": np.bool_,
     "num_broken": np.uint8,
 }
-"""Keys of `info` about episodes that have ended; PyTorch has these types, too."""
+"""Keys of `info` about episodes that have ended, which are attributes of `EpisodeVerdicts`.
+
+Libraries turn the arrays into tensors of PyTorch, which lacks most other unsigned types.
+"""
 
 Info = dict[str, Any]
+"""Gymnasium's dictionary of additional values."""
+
 EnvStep = tuple[F32, NDArray[np.float64], Mask, Mask, Info]
+"""Observations, rewards, terminated, truncated, and `info`."""
+
+
+class _EpisodeEnds(NamedTuple):
+    """Episodes that end in a step; each mask has shape (env,).
+
+    Attributes:
+        terminated: By an accident of the ego, or because its overtake is over.
+        truncated: At the horizon, or at the deadline by which an overtake has to begin.
+        has_crashed: By an accident; a part of `terminated`.
+    """
+
+    terminated: Mask
+    truncated: Mask
+    has_crashed: Mask
+
+    @property
+    def has_ended(self) -> Mask:
+        """Terminated or truncated."""
+        return self.terminated | self.truncated
 
 
 class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     """Environments in each of which an agent drives the ego, all in one batch.
 
-    Episode k of environment i has the scenario index first_scenario + i + k n under the seed given
-    to `reset`, with n environments. An episode terminates at an accident of the ego or when its
-    overtake is over, and is truncated at the horizon, or at the deadline without an attempt.
+    Episode k of environment i has the scenario index first_scenario + i + k n, with n environments;
+    the index and the seed given to `reset` determine the scenario. An episode terminates at an
+    accident of the ego or when its overtake is over. It is truncated when the simulated time is at
+    its end (the horizon), or at the deadline by which an overtake has to begin.
 
-    `info` has the same keys at every reset and step, each with a mask of the same name after an
-    underscore: `scenario_index`; `stage`, the `Stage` of the ego; `num_clipped`, the number of
+    `info` has the same keys at every reset and step, each an array of shape (env,):
+    `scenario_index`; `stage`, the `Stage` of the ego's overtake; `num_clipped`, the number of
     actions of the episode outside their limits. With `with_labels` also, where an episode has just
-    ended: `outcome`, an `Outcome`; `is_legal`, whether the simulation is legal under the policy
-    `default`; `num_broken`, the number of rules of that policy that it breaks.
+    ended: `outcome`, an `Outcome`; `is_legal`, whether the simulation breaks no rule of the policy
+    `default` (a set of traffic rules); `num_broken`, the number of these rules that it breaks. For
+    each key, a mask with an underscore before its name (`_outcome`) says where it has a value.
 
     Args:
-        profile: Profile of the scenarios, as in `overtaking.sample`.
-        num_envs: Number of environments.
-        observation: `human` for what the model's driver perceives, or `truth`.
-        action: Kind of the actions, as in `overtaking.drive`.
-        action_repeat: Number of decisions for which an action holds, 20 a second.
-        reward: A function, or a name in `REWARDS`; None for 0.
-        with_labels: Whether each simulation is labelled at its end. Labels cost more than all steps
-            of an episode; some rewards need them.
+        profile: Profile of the scenarios: a name, a TOML file, or a specification.
+        num_envs: Number of environments, 1 to `MAX_ENVS`.
+        observation: `human` for the perception of a human driver, or `truth` for the exact state.
+        action: Kind of the actions, a key of `CONTROLS`, such as `accel_lane` (acceleration and
+            lane change) or `decision` (one of `Move`).
+        action_repeat: Number of decisions, 20 a second, for which an action holds, 1 to 200.
+        reward: A function like those in `rewards`, or a name in `REWARDS`; None for rewards of 0.
+        with_labels: Whether each simulation is labelled (judged by the traffic rules) at its end.
+            Labels cost more time than all steps of an episode; some rewards need them.
         normalize: Whether observations are divided by the scales of `OBSERVATION_COLUMNS`.
         first_scenario: Scenario index of the first episode, 0 to 2^62. Training and evaluation
             should not share any index.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
-        autoreset_mode: Reaction to the end of an episode: a member of Gymnasium's
-            `AutoresetMode`, or its name, such as `SAME_STEP`.
-        render_mode: With `rgb_array`, `render` returns the pictures of `overtaking film`;
-            with None it draws nothing.
+        overrides: New values of keys of the specification, such as
+            `{"traffic.vehicles": "2..6"}`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        autoreset_mode: A member of Gymnasium's `AutoresetMode`, or its name. When an episode ends,
+            the next one begins in the next step, whose action is ignored (`NEXT_STEP`), within the
+            same step (`SAME_STEP`), or at a call of `reset` (`DISABLED`).
+        render_mode: With `rgb_array`, `render` returns pictures like the command `overtaking film`;
+            with None it returns None.
 
     Raises:
         ConfigError: An argument cannot be used.
@@ -148,6 +186,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         self.single_action_space = action_space(action)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        # Environments whose episode ended in the last step and was not yet replaced, shape (env,).
         self._has_ended = np.zeros(num_envs, np.bool_)
 
     @property
@@ -163,9 +202,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         Args:
             seed: Seed of the scenarios. With None the sequence of episodes continues; at the first
                 reset the system provides a seed.
-            options: `reset_mask`, the environments to reset, shape (env,); all if left out.
-                `scenario_index`, the scenario indices to begin, one for each environment that is
-                reset; the next ones of the sequence if left out.
+            options: `reset_mask`, the environments to reset, boolean of shape (env,); all if left
+                out. `scenario_index`, the scenario indices to begin, one for each environment that
+                is reset; the next ones of the sequence if left out.
+
+        Returns:
+            Observations of all environments, shape (env, column), and `info`.
 
         Raises:
             ConfigError: An option is unknown or cannot be used, or a seed is given for some
@@ -182,13 +224,13 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             scenario_index = _check_scenario_index(options["scenario_index"], len(rows))
         if seed is not None or self._episodes is None:
             super().reset(seed=seed)
+            # Gymnasium's generator has a random seed of the system if none was given.
             self._supply.restart(int(self.np_random.integers(2**63)) if seed is None else seed)
-            refs = (
-                self._supply.take(rows)
-                if scenario_index is None
-                else self._supply.draw(scenario_index)
-            )
-            self._episodes = EpisodeBatch(self._supply, self._settings, refs)
+            if scenario_index is None:
+                scenarios = self._supply.take(rows)
+            else:
+                scenarios = self._supply.draw(scenario_index)
+            self._episodes = EpisodeBatch(self._supply, self._settings, scenarios)
         else:
             self._episodes.restart(rows, scenario_index)
         self._has_ended[mask] = False
@@ -198,35 +240,33 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """Carry out an action in every environment.
 
         Args:
-            actions: Shape (env, part), or (env,) of `Move`.
+            actions: Shape (env, part), or (env,) for a kind with one part, such as `Move`. Values
+                outside the limits of a part are clipped.
 
         Returns:
             Observations of shape (env, column), with the columns `OBSERVATION_COLUMNS`; rewards,
-            which episodes have terminated and which were truncated, each of shape (env,); and
-            `info`.
+            terminated and truncated, each of shape (env,); and `info`.
 
         Raises:
-            ConfigError: `reset` was not called before, or the actions have another shape, or in the
-                mode DISABLED an environment whose episode has ended was not reset.
+            ConfigError: `reset` was not called before, the actions have another shape or are not
+                finite, or in the mode DISABLED an environment whose episode has ended was not
+                reset.
         """
         episodes, was_over = self._check_all_running(), self._has_ended.copy()
         clipped = clip_actions(actions, self._settings.action, self.num_envs)
         observation = episodes.observation
         episodes.num_clipped += clipped.was_clipped & episodes.is_running
         episodes.step(clipped.values)
-        has_crashed = episodes.has_crashed & ~was_over
-        is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
-        terminated = (has_crashed | is_done) & ~was_over
-        truncated = ~episodes.is_running & ~terminated & ~was_over
-        ended = terminated | truncated
+        ends = _find_ends(episodes, was_over)
+        ended = ends.has_ended
         verdicts = None
         if self._with_labels and ended.any():
             verdicts = episodes.judge(np.flatnonzero(ended))
-        outcome = self._outcome(terminated, truncated, has_crashed, verdicts)
         reward = np.zeros(self.num_envs)
         if self._reward is not None:
-            next_observation = episodes.observation
-            values = self._reward(observation, clipped.values, next_observation, outcome)
+            outcome = self._outcome(ends, verdicts)
+            values = self._reward(observation, clipped.values, episodes.observation, outcome)
+            # In the mode NEXT_STEP the step after an end only begins the next episode.
             reward = np.where(was_over, 0.0, values)
         info = self._describe(episodes, ended, verdicts)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
@@ -236,14 +276,14 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             episodes.restart(np.flatnonzero(was_over), None)
             info |= self._describe_episodes(episodes)
         self._has_ended = ended
-        return self._observe(episodes), reward, terminated, truncated, info
+        return self._observe(episodes), reward, ends.terminated, ends.truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Draw the present state of each environment, as `overtaking film` draws it.
+        """Draw the present state of each environment from above, as `overtaking film` draws it.
 
         Returns:
-            A picture of shape (height, width, 3) for each environment; None if the environments
-            were made without a render mode.
+            A picture for each environment, RGB of shape (height, width, 3); None if the
+            environments were made without a render mode.
 
         Raises:
             ConfigError: `reset` was not called before.
@@ -254,11 +294,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         return tuple(draw_episode(episodes, row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free the simulations."""
+        """Free the memory of the simulations; Gymnasium's `close` calls this."""
         del kwargs
         self._episodes = None
 
     def _check_started(self, where: str) -> EpisodeBatch:
+        """Return the episodes; raise a `ConfigError` before the first reset."""
         if self._episodes is None:
             raise ConfigError(
                 what="episodes",
@@ -270,7 +311,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         return self._episodes
 
     def _check_all_running(self) -> EpisodeBatch:
-        """The episodes, all of which may take a step."""
+        """Return the episodes; raise a `ConfigError` if the caller must first reset some."""
         episodes = self._check_started("step")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._has_ended.any():
             raise ConfigError(
@@ -283,7 +324,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         return episodes
 
     def _check_mask(self, reset_mask: Any, seed: int | None) -> Mask:
-        """The environments to reset, as an array of flags."""
+        """The environments to reset, as a mask of shape (env,).
+
+        All share the seed, so only all together can be reset with a new seed.
+        """
         if reset_mask is None:
             return np.ones(self.num_envs, np.bool_)
         mask = np.asarray(reset_mask)
@@ -295,29 +339,29 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             raise _option_error("reset_mask", expected, "some of them")
         return mask
 
-    def _outcome(
-        self, terminated: Mask, truncated: Mask, has_crashed: Mask, verdicts: EpisodeVerdicts | None
-    ) -> StepOutcome:
+    def _outcome(self, ends: _EpisodeEnds, verdicts: EpisodeVerdicts | None) -> StepOutcome:
+        """The outcome of the last step, which rewards read; `verdicts` has a value for each end."""
         assert self._episodes is not None
-        ended = terminated | truncated
+        ended = ends.has_ended
         is_legal, is_completed = np.zeros((2, self.num_envs), np.bool_)
         if verdicts is not None:
             is_legal[ended], is_completed[ended] = verdicts.is_legal, verdicts.is_completed
         return StepOutcome(
             seconds=self._episodes.num_step_decisions / float(DECISIONS_PER_SECOND),
-            terminated=terminated,
-            truncated=truncated,
-            has_crashed=has_crashed,
+            terminated=ends.terminated,
+            truncated=ends.truncated,
+            has_crashed=ends.has_crashed,
             is_judged=ended & self._with_labels,
             is_legal=is_legal,
             is_completed=is_completed,
         )
 
     def _observe(self, episodes: EpisodeBatch) -> F32:
+        """Observations as the agent gets them, shape (env, column)."""
         return clip_observation(episodes.observations, normalize=self._normalize)
 
     def _describe_episodes(self, episodes: EpisodeBatch) -> Info:
-        """The part of `info` that every episode has at all times."""
+        """The part of `info` with a value for every environment, and its masks."""
         values: dict[str, NDArray[Any]] = {
             "scenario_index": episodes.scenario_index.copy(),
             "stage": episodes.stage.astype(np.uint8),
@@ -328,20 +372,34 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     def _describe(
         self, episodes: EpisodeBatch, ended: Mask | None, verdicts: EpisodeVerdicts | None
     ) -> Info:
-        """`info` before the next episodes begin in place of those that have ended."""
+        """All of `info`, before any ended episode is replaced.
+
+        Args:
+            episodes: The episodes.
+            ended: Episodes that ended in this step, shape (env,); None at a reset.
+            verdicts: Labels of these episodes; None without labels or without ends.
+        """
         info = self._describe_episodes(episodes)
         if self._with_labels:
             for name, dtype in _LABEL_DTYPES.items():
-                info[name], info[f"_{name}"] = (
-                    np.zeros(self.num_envs, dtype),
-                    np.zeros_like(self._has_ended),
-                )
+                values, mask = np.zeros(self.num_envs, dtype), np.zeros(self.num_envs, np.bool_)
                 if verdicts is not None and ended is not None:
-                    info[name][ended], info[f"_{name}"][ended] = getattr(verdicts, name), True
+                    values[ended], mask[ended] = getattr(verdicts, name), True
+                info[name], info[f"_{name}"] = values, mask
         return info
 
     def _restart_in_same_step(self, episodes: EpisodeBatch, ended: Mask, info: Info) -> Info:
-        """Begin episodes where others have ended; `info` keeps the end of those."""
+        """Replace ended episodes in the mode SAME_STEP.
+
+        Args:
+            episodes: The episodes.
+            ended: Episodes that ended in this step, shape (env,).
+            info: `info` of the step so far.
+
+        Returns:
+            `info` of the new episodes. The last observations and the `info` of the ended ones are
+            in `final_obs` and `final_info`, as Gymnasium defines.
+        """
         rows = np.flatnonzero(ended)
         last_observations = np.empty(self.num_envs, object)
         for row, observation in zip(rows, self._observe(episodes)[ended], strict=True):
@@ -361,14 +419,16 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
 
 class OvertakingEnv(Env[F32, Any]):
-    """An environment in which an agent drives the ego.
+    """A single environment in which an agent drives the ego.
 
-    Arguments, episodes and `info` are as in `OvertakingVectorEnv`. The engine computes sixteen
-    environments at a time, so the vector environment is faster for training.
+    Episodes are as in `OvertakingVectorEnv`; `info` holds plain numbers, and only the keys that
+    have a value. The engine computes sixteen simulations at once in the time of one, so for
+    training the vector environment is faster.
 
     Args:
-        profile: Profile of the scenarios, as in `overtaking.sample`.
-        **settings: The other arguments of `OvertakingVectorEnv`.
+        profile: Profile of the scenarios: a name, a TOML file, or a specification.
+        **settings: Other arguments of `OvertakingVectorEnv`, without `num_envs` and
+            `autoreset_mode`.
 
     Raises:
         ConfigError: An argument cannot be used.
@@ -407,6 +467,9 @@ class OvertakingEnv(Env[F32, Any]):
             options: `scenario_index`, the scenario index to begin; the next one of the sequence if
                 left out.
 
+        Returns:
+            The observation, shape (column,), and `info`.
+
         Raises:
             ConfigError: An option is unknown or cannot be used.
         """
@@ -420,8 +483,15 @@ class OvertakingEnv(Env[F32, Any]):
     def step(self, action: NDArray[Any] | int) -> tuple[F32, float, bool, bool, Info]:
         """Carry out an action.
 
+        Args:
+            action: Shape (part,), or a number for a kind with one part, such as `Move`.
+
+        Returns:
+            Observation of shape (column,), reward, terminated, truncated, and `info`.
+
         Raises:
-            ConfigError: There is no episode, or it has ended, or the action has another shape.
+            ConfigError: There is no episode, it has ended, or the action has another shape or is
+                not finite.
         """
         observations, reward, terminated, truncated, info = self._batch.step(
             np.asarray(action)[None]
@@ -435,11 +505,11 @@ class OvertakingEnv(Env[F32, Any]):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present state, as `overtaking film` draws it.
+        """Draw the present state from above, as `overtaking film` draws it.
 
         Returns:
-            A picture of shape (height, width, 3); None if the environment was made without a render
-            mode.
+            A picture, RGB of shape (height, width, 3); None if the environment was made without a
+            render mode.
 
         Raises:
             ConfigError: `reset` was not called before.
@@ -448,22 +518,41 @@ class OvertakingEnv(Env[F32, Any]):
         return None if pictures is None else pictures[0]
 
     def close(self) -> None:
-        """Free the simulation."""
+        """Free the memory of the simulation."""
         self._batch.close()
 
 
-def make_env(**settings: Any) -> OvertakingEnv:
-    """An `OvertakingEnv`, as `gymnasium.make` makes it.
+def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
+    """Episodes that ended in the last step.
 
-    Gymnasium reads the render modes of a class before it makes an environment, and where `human` is
-    not among them it opens a window of its own, which needs pygame. A function has no render modes,
-    so the environment itself refuses `human`.
+    Args:
+        episodes: The episodes after the step.
+        was_over: Episodes that had ended before it and were not replaced, shape (env,).
+    """
+    has_crashed = episodes.has_crashed & ~was_over
+    # An episode may also stop in the stage DONE by running out of time; it counts as terminated.
+    is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
+    terminated = (has_crashed | is_done) & ~was_over
+    truncated = ~episodes.is_running & ~terminated & ~was_over
+    return _EpisodeEnds(terminated, truncated, has_crashed)
+
+
+def make_env(**settings: Any) -> OvertakingEnv:
+    """Make an `OvertakingEnv`; `gymnasium.make` calls this function instead of the class.
+
+    Of a class Gymnasium would read the render modes first. For the mode `human`, which is not among
+    them, it would open a window of its own, which needs pygame. A function has no render modes, so
+    the environment itself refuses `human` with a clear error.
     """
     return OvertakingEnv(**settings)
 
 
 def draw_episode(episodes: EpisodeBatch, row: int) -> NDArray[np.uint8]:
-    """The present state of an episode as a picture, shape (height, width, 3)."""
+    """The present state of the episode in a row, as an RGB picture of shape (height, width, 3).
+
+    The stepper records nothing, so the episode is simulated again up to now, and the last frame of
+    its film is drawn.
+    """
     from overtaking.show.video.film import Film
 
     title = f"Simulation {episodes.scenario_index[row]}"
@@ -472,7 +561,7 @@ def draw_episode(episodes: EpisodeBatch, row: int) -> NDArray[np.uint8]:
 
 
 def _info_of_single(info: Info) -> Info:
-    """The values of the only environment; those that its mask excludes are left out."""
+    """`info` of the only environment as plain numbers, without masks and without missing values."""
     return {
         name: values[0].item()
         for name, values in info.items()
@@ -483,6 +572,11 @@ def _info_of_single(info: Info) -> Info:
 def _find_reward(
     reward: str | RewardFunction | None, *, with_labels: bool
 ) -> RewardFunction | None:
+    """The reward function of a name; a function or None is returned unchanged.
+
+    Raises:
+        ConfigError: There is no such name, or the reward needs labels, which are off.
+    """
     if isinstance(reward, str):
         check_choice(reward, REWARDS, what="reward", where="gym")
         reward = REWARDS[reward]
@@ -498,6 +592,7 @@ def _find_reward(
 
 
 def _check_render_mode(render_mode: str | None) -> None:
+    """Raise an error if the mode is unknown, or if the package that draws is missing."""
     if render_mode is None:
         return
     if render_mode not in RENDER_MODES:
@@ -521,20 +616,28 @@ def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
 
 
 def _frames_per_second(action_repeat: int) -> int:
-    """Pictures per second at which a film runs in real time.
+    """Pictures per second at which a film with a picture for each step runs in real time.
 
-    The number is whole because Gymnasium's video recorders take whole numbers only.
+    At least 1 and rounded, because Gymnasium's video recorders take whole numbers only; a film with
+    more than 20 decisions a step therefore runs too fast.
     """
     return max(1, round(float(DECISIONS_PER_SECOND) / action_repeat))
 
 
 def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> None:
+    """Raise a `ConfigError` for an unknown option of `reset`."""
     for name in options:
         check_choice(name, allowed, what="option", where="reset")
 
 
 def _check_scenario_index(scenario_index: Any, num_rows: int) -> NDArray[np.uint64]:
-    """Scenario indices, one for each environment that is reset."""
+    """The option `scenario_index` as an array, one for each environment that is reset.
+
+    A number is accepted for one environment.
+
+    Raises:
+        ConfigError: There are more or fewer numbers, or one is not whole or out of range.
+    """
     numbers = [whole_number(number) for number in np.atleast_1d(np.asarray(scenario_index))]
     if len(numbers) != num_rows or any(n is None or not 0 <= n <= MAX_INDEX for n in numbers):
         noun = "whole number" if num_rows == 1 else "whole numbers"
@@ -543,6 +646,7 @@ def _check_scenario_index(scenario_index: Any, num_rows: int) -> NDArray[np.uint
 
 
 def _option_error(option: str, expected: str, value: object) -> ConfigError:
+    """The error for an invalid value of an option of `reset`."""
     return ConfigError(
         what=option, where="reset", expected=expected, got=value, next_step="correct the options"
     )

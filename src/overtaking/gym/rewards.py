@@ -1,4 +1,11 @@
-"""Rewards of a step of an environment."""
+"""Rewards of a step of an environment, in which an agent drives the ego.
+
+The ego is the vehicle whose overtaking is studied. A reward is a function of the observations
+before and after a step, the action and the outcome of the step; it computes one number for each
+environment of a batch. A step lasts one or several decisions of 50 ms. `REWARDS` names the
+functions; users may pass a function of their own. To add one, write it like `progress`, and list it
+in `REWARDS`, and in `NEED_LABELS` if it reads `is_legal` or `is_completed`.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,25 +21,29 @@ from overtaking.labels.law.distances import lawful_gap
 from overtaking.sim.observation import EgoObservation
 
 CRASH_COST: Final = 100.0
-"""Cost of an accident: more time than any overtake gains; a choice [s]."""
+"""Cost of an accident, as lost time [s]. Chosen: more than any overtake can gain."""
 
 BREACH_COST: Final = 10.0
-"""Cost of a breach of the law; a choice [s]."""
+"""Cost of an episode with a breach of the law, as lost time [s]. Chosen: a tenth of an accident."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepOutcome:
-    """Outcome of a step, each of shape (simulation,).
+    """Outcome of a step; each array has shape (env,).
+
+    An episode (one simulation of an environment) ends by termination or truncation. The *label* is
+    the judgement of the whole simulation after its end.
 
     Attributes:
-        seconds: Length of the step [s]; where the episode ended within it, the time until then.
+        seconds: Duration of the step [s]; if the episode ended within it, the time until then.
         terminated: The ego has had an accident, or its overtake is over.
-        truncated: The episode has reached the horizon, or the deadline without an attempt.
+        truncated: The simulated time has reached its end (the horizon), or the deadline by which
+            an overtake has to begin.
         has_crashed: The ego has hit another vehicle, or left the road.
-        is_judged: Whether `is_legal` and `is_completed` are known: at the end of an episode, in
-            environments with labels.
-        is_legal: Whether the whole simulation is legal under the policy `default`.
-        is_completed: Whether the overtake was completed, by the label of the whole simulation.
+        is_judged: The next two attributes are known: the episode has ended, and the environment was
+            made with `with_labels=True`. Elsewhere both are False.
+        is_legal: The simulation breaks no rule of the policy `default` (a set of traffic rules).
+        is_completed: The overtake was completed, by the label.
     """
 
     seconds: F64
@@ -45,73 +56,83 @@ class StepOutcome:
 
 
 RewardFunction = Callable[[EgoObservation, F64, EgoObservation, StepOutcome], F64]
-"""From the observation, the action, the next observation and the outcome to the reward."""
+"""Observation, actions (env, part), next observation and outcome to rewards, shape (env,)."""
 
 
 def progress(
     observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
-    """Time lost against driving as fast as the scenario's driver wishes, shape (simulation,) [s].
+    """Minus the time lost against driving at the desired speed, shape (env,) [s].
 
-    Never positive; an accident costs `CRASH_COST` more.
+    The desired speed belongs to the scenario's driver, which the agent replaces. Driving faster
+    gains nothing, so the reward is never positive. An accident costs `CRASH_COST` more.
 
     Args:
         observation: Observation before the step.
-        action: Actions, shape (simulation, part).
+        action: Actions, shape (env, part); not used.
         next_observation: Observation after the step.
         outcome: Outcome of the step.
     """
     del action
+    # Observations are float32; rewards are float64, as Gymnasium expects.
     distance = next_observation.ego.s.astype(np.float64) - observation.ego.s
-    lost = outcome.seconds - distance / np.maximum(
-        observation.vehicle.desired_speed.astype(np.float64), 1.0
-    )
-    return -np.maximum(lost, 0.0) - np.where(outcome.has_crashed, CRASH_COST, 0.0)
+    desired_speed = observation.vehicle.desired_speed.astype(np.float64)
+    time_at_desired_speed = distance / np.maximum(desired_speed, 1.0)  # 1 m/s: no division by 0.
+    lost_time = np.maximum(outcome.seconds - time_at_desired_speed, 0.0)
+    return -lost_time - np.where(outcome.has_crashed, CRASH_COST, 0.0)
 
 
 def progress_legal(
     observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
-    """`progress`, less the cost of breaches of the law, shape (simulation,) [s].
+    """`progress` minus the cost of breaches of the law, shape (env,) [s].
 
-    Following too close (rule L3, on a dry road) costs as much time as it lasts, in proportion to
-    what the gap lacks. Other rules are final only at the end: a breach of any costs `BREACH_COST`.
+    Rule L3 demands a safe gap to the leader, the vehicle ahead. While the gap is too small, each
+    second costs the missing share of the gap: 0.3 s if 30 % is missing. This guides the agent in
+    every step. All rules together are judged at the end: `BREACH_COST` for one or more breaches.
 
     Args:
         observation: Observation before the step.
-        action: Actions, shape (simulation, part).
+        action: Actions, shape (env, part); not used.
         next_observation: Observation after the step.
         outcome: Outcome of the step.
 
     Raises:
-        ConfigError: A simulation has ended and has no label.
+        ConfigError: An episode has ended and has no label.
     """
     _check_judged(outcome, "progress_legal")
     ego, leader = next_observation.ego, next_observation.leader
+    # The deceleration on a dry road; observations do not tell how wet the road is, so on a wet road
+    # this asks for less than the rule.
     decel_limit = as_f32(constant("law.safe_distance.decel_limit"))
     min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
+    # The lawful gap is 0 at standstill; 1 m avoids the division by 0.
     missing_share = np.clip(1.0 - leader.gap / np.maximum(min_gap, 1.0), 0.0, 1.0)
     missing_share = np.where(leader.is_detected > 0, missing_share, 0.0)
-    cost = outcome.seconds * missing_share + BREACH_COST * (outcome.is_judged & ~outcome.is_legal)
+    gap_cost = outcome.seconds * missing_share
+    cost = gap_cost + BREACH_COST * (outcome.is_judged & ~outcome.is_legal)
     return progress(observation, action, next_observation, outcome) - cost
 
 
 def overtake_once(
     observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
-    """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
+    """1 at the end of an episode with a completed overtake, -1 at an accident, else 0.
 
-    The label of the whole simulation decides whether the overtake was completed. The stage of the
-    ego cannot: after a second pull-out it belongs to another target than the label.
+    The result has shape (env,).
+
+    The label decides whether the overtake was completed. The stage of the ego, which counts its
+    last manoeuvre, does not suffice: if the ego pulls out a second time, the stage refers to
+    another target (overtaken vehicle) than the label.
 
     Args:
-        observation: Observation before the step.
-        action: Actions, shape (simulation, part).
-        next_observation: Observation after the step.
+        observation: Observation before the step; not used.
+        action: Actions, shape (env, part); not used.
+        next_observation: Observation after the step; not used.
         outcome: Outcome of the step.
 
     Raises:
-        ConfigError: A simulation has ended and has no label.
+        ConfigError: An episode has ended and has no label.
     """
     del observation, action, next_observation
     _check_judged(outcome, "overtake_once")
@@ -119,7 +140,7 @@ def overtake_once(
 
 
 def _check_judged(outcome: StepOutcome, reward: str) -> None:
-    """Refuse simulations that have ended without a label."""
+    """Raise a `ConfigError` if an episode has ended and has no label; `reward` is its function."""
     ended = outcome.terminated | outcome.truncated
     if (ended & ~outcome.is_judged).any():
         raise ConfigError(
@@ -137,4 +158,4 @@ REWARDS: Final[dict[str, RewardFunction]] = {
 """Rewards by name."""
 
 NEED_LABELS: Final[tuple[RewardFunction, ...]] = (progress_legal, overtake_once)
-"""Rewards that need the label of each simulation."""
+"""Rewards that need environments with `with_labels=True`."""

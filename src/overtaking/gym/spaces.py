@@ -1,4 +1,11 @@
-"""Spaces of observations and actions: names, units, bounds and scales of their numbers."""
+"""Names, units, bounds and scales of observations and actions, and Gymnasium's spaces of them.
+
+At each step an agent, which drives the ego (the vehicle under study), gets one row of numbers for
+each environment: columns about the ego, about its neighbours (such as `leader`, the vehicle ahead)
+and about a pass in the opposing lane. `model.driver_interface` declares the columns; this module
+adds the bounds that a Gymnasium `Box` needs, and the scales by which a network may want them
+divided. `environments` clips observations and actions with the functions below.
+"""
 
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -27,11 +34,11 @@ class ObservationColumn:
     """One column of an observation.
 
     Attributes:
-        name: Where an `Observation` has it: `ego.speed`, `leader.gap`, `passing.abort_state`.
-        unit: Unit.
-        low: Smallest value; smaller ones are clipped to it.
-        high: Largest value; larger ones are clipped to it.
-        scale: Divisor of normalized numbers.
+        name: Group and column, as attributes of an `Observation`: `ego.speed`, `leader.gap`.
+        unit: Unit, such as `m/s`; `flag` for 0 or 1.
+        low: Lower bound [unit]; smaller values are clipped to it.
+        high: Upper bound [unit]; larger values are clipped to it.
+        scale: Divisor of the value in normalized observations [unit].
     """
 
     name: str
@@ -41,11 +48,14 @@ class ObservationColumn:
     scale: float
 
 
+# Lower bound, upper bound and scale, in SI units. A choice: the bounds are wider than the values
+# that drivers meet, so clipping is rare; with the scale, normalized values are about 1.
 _FLAG = (0.0, 1.0, 1.0)
-_SIDE = (-1.0, 1.0, 1.0)
+_SIDE = (-1.0, 1.0, 1.0)  # 1 is the overtaking side, -1 the kerb side.
 _SPEED = (-100.0, 100.0, 30.0)
 _ACCEL = (-20.0, 20.0, 5.0)
 _TIME = (0.0, 600.0, 10.0)
+_GAP = (-100.0, 300.0, 50.0)  # Without a vehicle the observed gap is 1000 m, which becomes 300 m.
 _SIGHT = (-100.0, 1000.0, 200.0)
 _RANGES: Final = {
     "speed": _SPEED,
@@ -62,7 +72,7 @@ _RANGES: Final = {
     "time_indicating": _TIME,
     "wanted_side": _SIDE,
     "time_since_lane_change": _TIME,
-    "gap": (-100.0, 300.0, 50.0),
+    "gap": _GAP,
     "closing_speed": (-100.0, 100.0, 10.0),
     "accel": _ACCEL,
     "lateral_distance": (-100.0, 100.0, 5.0),
@@ -72,15 +82,16 @@ _RANGES: Final = {
     "second_oncoming.gap": _SIGHT,
     "sight_distance": _SIGHT,
     "expected_closing_speed": _SPEED,
-    "gap_ahead_of_leader": (-100.0, 300.0, 50.0),
+    "gap_ahead_of_leader": _GAP,
 }
-"""Bounds and scale of each column, with its role where that matters; all others are 0 to 1.
+"""Lower bound, upper bound and scale by column name, or by group and name where groups differ.
 
-A choice: wider than the values that drivers meet.
+Columns without an entry have `_FLAG`.
 """
 
 
 def _columns() -> tuple[ObservationColumn, ...]:
+    """All columns in the order in which the simulators fill a row."""
     groups = [
         ("ego", EGO_COLUMNS),
         *((role, NEIGHBOUR_COLUMNS) for role in NEIGHBOUR_ROLES),
@@ -98,7 +109,7 @@ def _columns() -> tuple[ObservationColumn, ...]:
 
 
 OBSERVATION_COLUMNS: Final = _columns()
-"""The columns of an observation, in order."""
+"""The columns of an observation, in their order in a row."""
 
 _LOW, _HIGH, _SCALE = (
     np.array([getattr(column, name) for column in OBSERVATION_COLUMNS], np.float32)
@@ -107,29 +118,48 @@ _LOW, _HIGH, _SCALE = (
 
 
 def flatten_observation(observation: EgoObservation, *, normalize: bool = False) -> F32:
-    """The numbers of an observation for a network, shape (simulation, `OBSERVATION_COLUMNS`).
+    """The numbers of an observation as environments return them.
+
+    With them, a network that was trained in an environment can drive in `overtaking.drive`.
 
     Args:
-        observation: Observation of environments, or of the drivers of `overtaking.drive`.
-        normalize: Whether to divide each by its scale.
+        observation: Observation that a reward or a driver of `overtaking.drive` gets.
+        normalize: Whether to divide each column by its scale, as the environments did in training.
+
+    Returns:
+        A float32 array of shape (simulation, column).
     """
     return clip_observation(observation.table, normalize=normalize)
 
 
 def clip_observation(table: F32, *, normalize: bool) -> F32:
-    """Numbers within their bounds, shape (simulation, `OBSERVATION_COLUMNS`)."""
-    numbers = np.clip(table, _LOW, _HIGH)
-    return np.divide(numbers, _SCALE, out=numbers) if normalize else numbers
+    """Clip observations to their bounds.
+
+    Args:
+        table: Observations, shape (simulation, column), not changed.
+        normalize: Whether to divide each column by its scale.
+
+    Returns:
+        A new array of the same shape.
+    """
+    clipped = np.clip(table, _LOW, _HIGH)
+    # In place: with thousands of environments a second array costs time in every step.
+    return np.divide(clipped, _SCALE, out=clipped) if normalize else clipped
 
 
 def observation_space(*, normalize: bool) -> spaces.Box:
-    """Space of observations: a number for each of `OBSERVATION_COLUMNS`."""
+    """Gymnasium's space of the observations of one environment, float32 as the engine computes."""
     scale = _SCALE if normalize else np.float32(1.0)
     return spaces.Box(_LOW / scale, _HIGH / scale, dtype=np.float32)
 
 
 def action_space(action: str) -> spaces.Box | spaces.Discrete:
-    """Space of actions: a number for each part of the control, or one of `Move`."""
+    """Gymnasium's space of the actions of one environment.
+
+    Args:
+        action: Kind of the actions, a key of `CONTROLS`. `decision` is one of `Move` (such as to
+            pull out); all others consist of parts, such as acceleration and lane change.
+    """
     if action == "decision":
         return spaces.Discrete(len(Move))
     parts = CONTROLS[action].parts
@@ -142,34 +172,34 @@ class ClippedActions(NamedTuple):
 
     Attributes:
         values: The actions, shape (env, part).
-        was_clipped: Whether an action was outside its limits, shape (env,).
+        was_clipped: Whether a part was outside its limits by more than rounding, shape (env,).
     """
 
     values: NDArray[np.float64]
     was_clipped: Mask
 
 
-def clip_actions(actions: Any, action: str, rows: int) -> ClippedActions:
+def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
     """Clip the actions of all environments to their limits.
 
     Args:
-        actions: Actions, shape (env, part), or (env,) for actions of one part.
-        action: Kind of the actions, a name in `CONTROLS`.
-        rows: Number of environments.
+        actions: Actions, shape (env, part), or (env,) for a kind with one part.
+        action: Kind of the actions, a key of `CONTROLS`.
+        num_envs: Number of environments.
 
     Raises:
-        ConfigError: They have another shape, or are not finite.
+        ConfigError: The actions have another shape, or are not finite.
     """
     parts = CONTROLS[action].parts
     values = np.asarray(actions, np.float64)
-    if values.shape == (rows,) and len(parts) == 1:
+    if values.shape == (num_envs,) and len(parts) == 1:
         values = values[:, None]
-    if values.shape != (rows, len(parts)) or not np.isfinite(values).all():
-        has_shape = values.shape == (rows, len(parts))
+    has_shape = values.shape == (num_envs, len(parts))
+    if not has_shape or not np.isfinite(values).all():
         raise ConfigError(
             what="actions",
             where="step",
-            expected=f"finite numbers of shape ({rows}, {len(parts)})",
+            expected=f"finite numbers of shape ({num_envs}, {len(parts)})",
             got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the agent",
         )
