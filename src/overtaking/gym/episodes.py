@@ -1,7 +1,14 @@
-"""Episodes in the rows of a batch, and the supply of their scenarios.
+"""Simulations behind the environments of `environments`, and the supply of their scenarios.
 
-Each row of the batch is one environment. When its episode is over, the next one begins in the same
-row while the other rows go on.
+An agent drives the ego, the vehicle whose overtaking is studied. An *episode* is one simulation; a
+*scenario* is its start: road, weather, traffic and drivers. Each environment is a row of one batch
+of the compiled engine. When its episode is over, the next one begins in the same row while the
+other rows go on.
+
+The engine's *stepper* advances all rows from decision to decision, 50 ms apart; a decision interval
+has `SUBSTEPS` steps of 10 ms. It records nothing but the current state. So this module keeps all
+actions, and simulates an episode again where more is needed: for labels (the judgement by traffic
+rules), for pictures, and for copies of a batch.
 """
 
 import dataclasses
@@ -42,35 +49,47 @@ from overtaking.world.step_parameters import (
 )
 
 MAX_DRAWN_AHEAD = 256
-"""Scenarios that a supply draws at a time once it is running, unless it has more environments."""
+"""Largest number of scenarios that a supply draws at a time, unless it has more environments.
+
+To draw one scenario costs nearly as much time as to draw several hundred.
+"""
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
-# The ego's own columns are the first of an observation, so this is also the column of its stage.
+"""Row of the parameter table with the last step of each simulation."""
+
 _STAGE = EgoColumns._fields.index("stage")
+"""Column of an observation with the stage of the ego; the ego's columns are the first ones."""
 
 
 class SampledScenarios:
-    """Scenarios that were drawn together, with their parameters."""
+    """Scenarios that were drawn together, with the numbers that the engine computes from.
+
+    Attributes:
+        scenario: The batch of scenarios.
+        parameters: Its parameters for the engine.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         """Compute the parameters."""
-        self.scenario, self.parameters = scenario, step_parameters(scenario)
+        self.scenario = scenario
+        self.parameters = step_parameters(scenario)
 
 
 class ScenarioRef(NamedTuple):
-    """One scenario of a sampled batch."""
+    """Reference to one scenario: the batch in which it was drawn, and its row there."""
 
     batch: SampledScenarios
     row: int
 
 
 class SortedRefs(NamedTuple):
-    """References to scenarios, sorted by batch, so that each batch is indexed once.
+    """References to scenarios, grouped by batch, so that arrays are indexed once per batch.
 
     Attributes:
         batches: The sampled batches, each once.
-        rows: Rows of each batch.
-        restore: Order that puts the joined rows into the original order.
+        rows: Rows in each batch, in the same order.
+        restore: Indices that bring the rows of all batches, joined one after the other, into the
+            original order of the references, shape (reference,).
     """
 
     batches: list[SampledScenarios]
@@ -79,25 +98,27 @@ class SortedRefs(NamedTuple):
 
 
 def sort_refs(refs: Sequence[ScenarioRef]) -> SortedRefs:
-    """Sort references by batch."""
+    """Group references by batch."""
     batches = list(dict.fromkeys(ref.batch for ref in refs))
-    positions = [
+    positions_by_batch = [
         [position for position, ref in enumerate(refs) if ref.batch is batch] for batch in batches
     ]
-    rows = [np.array([refs[position].row for position in of_batch]) for of_batch in positions]
-    order = [position for of_batch in positions for position in of_batch]
-    return SortedRefs(batches, rows, np.argsort(order))
+    rows = [
+        np.array([refs[position].row for position in positions]) for positions in positions_by_batch
+    ]
+    joined_order = [position for positions in positions_by_batch for position in positions]
+    return SortedRefs(batches, rows, np.argsort(joined_order))  # The inverse of the order.
 
 
 class ScenarioSupply:
-    """The scenarios of several environments.
+    """Draws the scenarios of all environments, several ahead for each.
 
-    Episode k of environment i has the scenario index first_scenario + i + k n, with n environments.
-    The scenarios of an environment therefore do not depend on how long the episodes of the others
-    last.
+    Episode k of environment i has the scenario index first_scenario + i + k n, with n environments;
+    the index and the seed determine a scenario. So the scenarios of an environment do not depend on
+    how long the episodes of the others last.
 
     Args:
-        spec: The specification to sample from.
+        spec: The specification (traffic, weather, drivers) to draw from.
         road: The road of all scenarios.
         num_envs: Number of environments, n.
         first_scenario: Scenario index of the first episode.
@@ -106,27 +127,36 @@ class ScenarioSupply:
     def __init__(
         self, spec: specification.Specification, road: Road, *, num_envs: int, first_scenario: int
     ) -> None:
-        """Start with seed 0; the first call of `take` draws scenarios."""
+        """Draw nothing yet; `restart` sets the seed before the first use."""
         self._spec, self._road, self._num_envs = spec, road, num_envs
         self._first_scenario = first_scenario
         self.restart(0)
 
     def restart(self, seed: int) -> None:
-        """Start again from the first episodes, with a seed."""
+        """Start again from the first episode of each environment, with a seed."""
         self._seed = seed
+        # For each environment: the episode to draw next, and drawn scenarios that wait for use.
         self._next_episode = np.zeros(self._num_envs, np.uint64)
         self._ready = [deque[ScenarioRef]() for _ in range(self._num_envs)]
-        self._num_ahead = 1
+        self._num_ahead = 1  # Number of scenarios to have ready after drawing.
 
     def take(self, rows: Iterable[int]) -> list[ScenarioRef]:
-        """The next scenario of some environments."""
+        """Hand out the next scenario of each of some environments.
+
+        Args:
+            rows: Numbers of the environments.
+        """
         rows = list(rows)
         if not all(self._ready[row] for row in rows):
             self._draw_ahead()
         return [self._ready[row].popleft() for row in rows]
 
     def draw(self, scenario_index: NDArray[np.uint64]) -> list[ScenarioRef]:
-        """Scenarios of given indices; the sequence that `take` follows stays as it is."""
+        """Draw scenarios by their indices, without effect on the sequence of `take`.
+
+        Args:
+            scenario_index: The indices, shape (scenario,).
+        """
         batch = SampledScenarios(
             sampler.ScenarioSource(self._spec, self._road, self._seed).sample(scenario_index)
         )
@@ -135,12 +165,13 @@ class ScenarioSupply:
     def _draw_ahead(self) -> None:
         """Draw scenarios for all environments, more at a time with every call."""
         # The first call draws one scenario for each environment, so that `reset` returns soon.
-        # Later calls draw twice as many each time, because a large batch costs less per scenario.
+        # Each later call draws twice as many, because a large batch costs less per scenario.
         num_missing = [max(self._num_ahead - len(ready), 0) for ready in self._ready]
         rows = np.repeat(np.arange(self._num_envs), num_missing)
         scenario_index = np.empty(len(rows), np.uint64)
         for position, row in enumerate(rows):
             episode = self._next_episode[row]
+            # All terms are uint64, because NumPy makes a float of int64 plus uint64.
             scenario_index[position] = np.uint64(self._first_scenario + row) + episode * np.uint64(
                 self._num_envs
             )
@@ -156,10 +187,10 @@ class EpisodeSettings:
 
     Attributes:
         num_envs: Number of environments.
-        action: Name of the action space, a key of `CONTROLS`. Several of them become the same kind
-            of action of the engine, a key of `ACTION_KINDS`.
-        action_repeat: Decisions for which an action holds, 20 a second.
-        observes_truth: Whether the true state is observed, not what the driver perceives.
+        action: Kind of the agent's actions, a key of `CONTROLS`. Some kinds, such as a path to
+            follow, become actions of another kind, which the engine carries out (`ACTION_KINDS`).
+        action_repeat: Number of decisions, 20 a second, for which an action holds.
+        observes_truth: Whether the agent observes the exact state, not the perception of a human.
     """
 
     num_envs: int
@@ -173,8 +204,8 @@ class EpisodeVerdicts:
     """Labels of episodes that have ended, each of shape (episode,).
 
     Attributes:
-        outcome: `Outcome`.
-        is_legal: Whether the simulation is legal under the policy `default`, for every profile.
+        outcome: Value of `Outcome`, such as completed.
+        is_legal: The simulation breaks no rule of the policy `default`, a set of traffic rules.
         num_broken: Number of rules of that policy that it breaks.
     """
 
@@ -184,27 +215,27 @@ class EpisodeVerdicts:
 
     @property
     def is_completed(self) -> Mask:
-        """Whether the label says that the overtake was completed."""
+        """The overtake was completed."""
         return self.outcome == Outcome.COMPLETED
 
 
 class EpisodeBatch:
-    """Episodes of several environments; each runs in a row of a batch of the engine.
+    """The current episode of each environment, in the rows of a batch of the engine.
 
-    A batch can be pickled and copied in the middle of its episodes. The copy carries out all
-    actions since the start of each episode again, which costs what the episodes have cost.
+    A batch can be pickled and copied in the middle of its episodes. The copy repeats all actions
+    since the start of each episode, so copying takes as long as the episodes took.
 
     Attributes:
-        observations: Observations of the egos, shape (env, `OBSERVATION_SIZE`), with the columns
-            of `model.driver_interface`. An episode that has ended keeps its last observation until
-            the next one begins.
-        is_running: Whether an episode goes on, shape (env,).
-        scenario_index: Index of the scenario of each episode, shape (env,).
-        num_decisions: Decisions since the start of each episode, shape (env,).
-        num_step_decisions: Decisions of the last step; fewer than it holds where an episode ended
-            within it. Shape (env,).
-        num_clipped: Actions outside their limits since the start of each episode, shape (env,); the
-            environment counts them.
+        observations: Last observation of each episode, shape (env, `OBSERVATION_SIZE`), with the
+            columns of `model.driver_interface`. It stays after the end of an episode until the next
+            one begins.
+        is_running: Whether each episode goes on, shape (env,).
+        scenario_index: Scenario index of each episode, shape (env,).
+        num_decisions: Number of decisions since the start of each episode, shape (env,).
+        num_step_decisions: Number of decisions in the last step, shape (env,): `action_repeat`, or
+            fewer where the episode ended within the step.
+        num_clipped: Number of actions of each episode that were outside their limits, shape (env,);
+            `environments` counts them.
 
     Args:
         supply: Source of the scenarios.
@@ -219,12 +250,12 @@ class EpisodeBatch:
         num_envs = settings.num_envs
         self._supply, self._settings, self._refs = supply, settings, list(refs)
         params = join_parameters(sort_refs(self._refs))
-        # Decisions fall on steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. The specification
-        # sets one horizon for all its scenarios, so later episodes need no more.
+        # Decisions are made at steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. All scenarios
+        # of a specification end at the same time, so later episodes need no more.
         max_decisions = int(params.simulation_table[_LAST_STEP].max()) // SUBSTEPS + 1
-        # All actions are kept: labels, pictures and copies of the batch simulate them again.
+        # Actions as the engine takes them: integers, in steps of the resolution of each part.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
-        # Each parameter has shape (vehicle, env); the ego is vehicle 0.
+        # The ego's parameters, shape (parameter, env); each had shape (vehicle, env).
         self._vehicle = np.array([values[EGO_SLOT] for values in params.vehicles])
         self.scenario_index = params.scenario_index.astype(np.int64)
         self.num_decisions = np.zeros(num_envs, np.int64)
@@ -235,7 +266,7 @@ class EpisodeBatch:
         self.observations, self.is_running = observed.table, observed.runs
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the compiled stepper, whose state belongs to the engine."""
+        """All attributes but the stepper, a compiled object that cannot be pickled."""
         return {name: value for name, value in vars(self).items() if name != "_stepper"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -245,42 +276,49 @@ class EpisodeBatch:
 
     @property
     def observation(self) -> EgoObservation:
-        """The present observations of the egos, by name."""
+        """The present observations of the egos with named columns, as rewards read them."""
         return self._observation_at(0.0)
 
     @property
     def stage(self) -> F32:
-        """`Stage` of each ego."""
+        """`Stage` of each ego's overtake, shape (env,)."""
         return self.observations[:, _STAGE]
 
     @property
     def has_crashed(self) -> Mask:
-        """Whether each ego has hit another vehicle or left the road."""
+        """Whether each ego has hit another vehicle or left the road, shape (env,)."""
         return self.stage == Stage.CRASHED
 
     def step(self, action: F64) -> None:
-        """Carry out actions, shape (env, part), for as long as they hold."""
+        """Carry out actions for `action_repeat` decisions; episodes that are over do not change.
+
+        Args:
+            action: Actions of the kind `settings.action`, shape (env, part), within their limits.
+        """
         control, action_repeat = CONTROLS[self._settings.action], self._settings.action_repeat
         self.num_step_decisions = np.zeros(self._settings.num_envs, np.int64)
         if control.plan is None:
             self._carry_out(action, action_repeat)
             return
-        # A planned path becomes pedals and wheel angle anew at every decision.
+        # This kind of action is a plan, such as a path. At every decision, a controller computes
+        # from it what the engine carries out, such as acceleration and wheel angle.
         follow_plan = control.plan(action, self.observation)
         for decision in range(action_repeat):
             observation = self._observation_at(decision / float(DECISIONS_PER_SECOND))
             self._carry_out(follow_plan(observation), 1)
 
     def restart(self, rows: NDArray[np.int64], scenario_index: NDArray[np.uint64] | None) -> None:
-        """Begin an episode in some rows.
+        """Begin the next episode in some rows.
 
         Args:
             rows: The rows, shape (row,), each once.
-            scenario_index: Index of the scenario of each, shape (row,); None for the next ones of
-                the sequence.
+            scenario_index: Scenario index of each, shape (row,); None for the next one in the
+                sequence of the environment.
         """
-        indices = scenario_index
-        refs = self._supply.take(rows) if indices is None else self._supply.draw(indices)
+        if scenario_index is None:
+            refs = self._supply.take(rows)
+        else:
+            refs = self._supply.draw(scenario_index)
         for row, ref in zip(rows, refs, strict=True):
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
@@ -288,15 +326,19 @@ class EpisodeBatch:
         self.observations[rows], self.is_running[rows] = observed.table, observed.runs
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index
-        # `num_step_decisions` stays: it describes the last step, also where that step ended an
-        # episode and the next one begins at once.
+        # `num_step_decisions` is not reset: it describes the last step, in which the previous
+        # episode of the row may have ended.
         self.num_decisions[rows] = self.num_clipped[rows] = 0
 
     def judge(self, rows: NDArray[np.int64]) -> EpisodeVerdicts:
-        """Labels of the whole simulation of some episodes that have ended."""
+        """Label the whole simulation of some episodes that have ended.
+
+        Args:
+            rows: Rows of the episodes, shape (episode,).
+        """
         refs = sort_refs([self._refs[row] for row in rows])
-        # Rules judge a whole simulation, and a stepper records nothing, so the actions are replayed
-        # with recording. It costs more than the episode; with_labels=False leaves it out.
+        # This second simulation, with recording, takes longer than the episode. Environments with
+        # `with_labels=False` do without it.
         trajectories = self._simulate(refs, join_parameters(refs), rows)
         labels = label(trajectories).labels
         policy = labels.policies.index("default")
@@ -307,29 +349,31 @@ class EpisodeBatch:
         )
 
     def record(self, row: int) -> Trajectories:
-        """The episode of a row from its start until now."""
+        """The trajectories of a row's episode from its start until now, as a batch of one."""
         refs = sort_refs([self._refs[row]])
         params = join_parameters(refs)
-        simulation = params.simulation_table.copy()
-        simulation[_LAST_STEP] = np.minimum(
-            simulation[_LAST_STEP], np.float32(self.num_decisions[row] * SUBSTEPS)
-        )
-        params = dataclasses.replace(params, simulation_table=simulation)
+        # The simulation ends at the present decision.
+        table = params.simulation_table.copy()
+        present_step = np.float32(self.num_decisions[row] * SUBSTEPS)  # The table is float32.
+        table[_LAST_STEP] = np.minimum(table[_LAST_STEP], present_step)
+        params = dataclasses.replace(params, simulation_table=table)
         return self._simulate(refs, params, np.array([row]))
 
     @property
     def _kind(self) -> str:
+        """Kind of action that the engine carries out, a key of `ACTION_KINDS`."""
         return CONTROLS[self._settings.action].kind
 
     @property
     def _parts(self) -> tuple[Any, ...]:
+        """Parts of such an action, such as acceleration and lane change."""
         return ACTION_KINDS[self._kind]
 
     def _observation_at(self, time: float) -> EgoObservation:
-        """The present observations of the egos, by name.
+        """The present observations of the egos with named columns.
 
         Args:
-            time: Time since the start of the step [s].
+            time: Time since the start of the step [s], by which a plan finds its next point.
         """
         return EgoObservation(
             time=time,
@@ -339,24 +383,26 @@ class EpisodeBatch:
         )
 
     def _carry_out(self, action: F64, num_decisions: int) -> None:
-        """Carry out actions for some decisions, and keep them, once for each decision.
+        """Carry out actions of the engine, and keep them for a later repetition.
 
-        The engine gives the same states whether an action holds for several decisions or is
-        repeated at each, so `_replay_actions` repeats it.
+        Args:
+            action: Actions of the kind `self._kind`, shape (env, part).
+            num_decisions: Number of decisions for which they hold. Each decision keeps a copy: the
+                engine gives the same states whether an action holds or is repeated.
         """
-        # Steps of each part's resolution, shape (env, MAX_ACTION_PARTS); parts that this kind of
-        # action lacks are 0.
+        # Integers, in steps of each part's resolution, shape (env, MAX_ACTION_PARTS); 0 for parts
+        # that this kind of action lacks.
         values = rounded(action, self.is_running, self._parts)
         observed = self._stepper.step(values, num_decisions)
         rows = np.flatnonzero(observed.num_decisions)
         for decision in range(num_decisions):
-            acting = rows[observed.num_decisions[rows] > decision]
-            episode_decision = self.num_decisions[acting] + decision
-            self._actions[acting, episode_decision] = values[acting, : len(self._parts)]
+            acting_rows = rows[observed.num_decisions[rows] > decision]
+            episode_decision = self.num_decisions[acting_rows] + decision
+            self._actions[acting_rows, episode_decision] = values[acting_rows, : len(self._parts)]
         self.num_decisions += observed.num_decisions
         self.num_step_decisions += observed.num_decisions
-        # Rows whose episode ended before this step keep their last observation. The array is a new
-        # one, because callers compare the observations before and after a step.
+        # Rows whose episode ended before this step keep their last observation. A new array is
+        # made, because rewards compare the observations before and after a step.
         has_acted = observed.num_decisions[:, None] > 0
         self.observations = np.where(has_acted, observed.table, self.observations)
         self.is_running = observed.runs
@@ -364,12 +410,18 @@ class EpisodeBatch:
     def _simulate(
         self, refs: SortedRefs, params: StepParameters, rows: NDArray[np.int64]
     ) -> Trajectories:
-        """Simulate episodes again from the actions that were carried out."""
+        """Simulate episodes again with the kept actions, and record them.
+
+        Args:
+            refs: Scenarios of the episodes.
+            params: Their parameters, in the order of `rows`.
+            rows: Rows of the episodes, shape (episode,).
+        """
         num_decisions = self.num_decisions[rows]
         values = np.zeros((len(rows), max(int(num_decisions.max()), 1), MAX_ACTION_PARTS), np.int32)
         for index, (row, length) in enumerate(zip(rows, num_decisions, strict=True)):
             values[index, :length, : len(self._parts)] = self._actions[row, :length]
-            # After an accident the simulation goes on for a moment, with the last action.
+            # A simulation goes on for two seconds after an accident; the last action is repeated.
             values[index, length:] = values[index, max(length - 1, 0)]
         actions = Actions(values=values, kind=self._kind)
         return engine.run(join_scenarios(refs), params, actions=actions)
@@ -379,8 +431,10 @@ class EpisodeBatch:
         params = join_parameters(sort_refs(self._refs))
         stepper = Renewable(params, self._kind, is_true=self._settings.observes_truth)
         stepper.begin()
-        # Rows have different ages. Each begins when as many decisions are left as it has carried
-        # out, so that all arrive together; until then it runs with actions of zero.
+        # The stepper advances all rows together, but their episodes have different ages. So each
+        # row starts its episode again when as many decisions remain as the episode has had, and all
+        # reach their present states at the same time. Before, the row runs with actions of zero,
+        # whose result is discarded. Rows with start 0 have begun already.
         duration = int(self.num_decisions.max())
         start = duration - self.num_decisions
         for decision in range(duration + 1):
@@ -396,25 +450,27 @@ class EpisodeBatch:
 
 
 def join_parameters(refs: SortedRefs) -> StepParameters:
-    """Parameters of scenarios of one or several batches, as one batch in their original order."""
+    """Parameters of scenarios from several batches, as one batch in the order of the references."""
     batches, rows, restore = refs
 
     def join(name: str) -> NDArray[Any]:
         """One array of the parameters; its last axis is the simulation."""
         arrays = [
-            getattr(batch.parameters, name)[..., of_batch]
-            for batch, of_batch in zip(batches, rows, strict=True)
+            getattr(batch.parameters, name)[..., batch_rows]
+            for batch, batch_rows in zip(batches, rows, strict=True)
         ]
         return np.ascontiguousarray(np.concatenate(arrays, axis=-1)[..., restore])
 
-    # These arrays differ between scenarios; `vehicles` and `simulations` are views of them.
-    # The road, the constants and the seed are the same for all scenarios of a supply.
+    # Only these arrays differ between scenarios. The road, the constants and the seed are the same
+    # for all scenarios of a supply.
     names = ("vehicle_table", "simulation_table", "scenario_index")
     return dataclasses.replace(batches[0].parameters, **{name: join(name) for name in names})
 
 
 def join_scenarios(refs: SortedRefs) -> Scenario:
-    """Scenarios of one or several batches, as one batch in their original order."""
+    """Scenarios from several batches, as one batch in the order of the references."""
     batches, rows, restore = refs
-    parts = [batch.scenario.select(of_batch) for batch, of_batch in zip(batches, rows, strict=True)]
+    parts = [
+        batch.scenario.select(batch_rows) for batch, batch_rows in zip(batches, rows, strict=True)
+    ]
     return concatenate(parts).select(restore)

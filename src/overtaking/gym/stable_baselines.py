@@ -1,13 +1,16 @@
-"""The vector environment for Stable-Baselines3, which has a class of its own for them.
+"""Adapter of `OvertakingVectorEnv` for Stable-Baselines3, a library of learning algorithms.
 
-from stable_baselines3 import PPO
-from overtaking.gym.stable_baselines import StableBaselinesVecEnv
+The library has an interface of its own (`VecEnv`) for many environments that step together.
+`step` is two calls there, `step_async` and `step_wait`, and an ended episode is replaced at once.
 
-envs = StableBaselinesVecEnv("motorway", 64, observation="truth", reward="progress", normalize=True)
-PPO("MlpPolicy", envs).learn(100_000)
+    from stable_baselines3 import PPO
+    from overtaking.gym.stable_baselines import StableBaselinesVecEnv
+
+    envs = StableBaselinesVecEnv("motorway", 64, observation="truth", reward="progress")
+    PPO("MlpPolicy", envs).learn(100_000)
 """
 
-# It is in .venv-rl only.
+# Stable-Baselines3 is large and only installed in .venv-rl (`make rl`), where pyright does not run.
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false
 # pyright: reportUnknownVariableType=false
 
@@ -25,20 +28,23 @@ from overtaking.gym.environments import Info, OvertakingVectorEnv
 
 
 class StableBaselinesVecEnv(VecEnv):
-    """Environments in one batch, for algorithms of Stable-Baselines3.
+    """Environments of one batch, each of which an agent drives, for Stable-Baselines3.
 
     Args:
-        profile: Profile of the scenarios, as in `overtaking.sample`.
-        num_envs: How many environments.
-        seed: Seed of the scenarios; None for one from the system.
-        **settings: The other arguments of `OvertakingVectorEnv`.
+        profile: Profile of the scenarios: a name, a TOML file, or a specification.
+        num_envs: Number of environments.
+        seed: Seed of the scenarios; None for a random one from the system.
+        **settings: Other arguments of `OvertakingVectorEnv`, without `autoreset_mode`.
+
+    Attributes:
+        batch: The environments with Gymnasium's interface.
     """
 
     def __init__(
         self, profile: ProfileSource, num_envs: int, *, seed: int | None = None, **settings: Any
     ) -> None:
         """Make the environments."""
-        mode = AutoresetMode.SAME_STEP
+        mode = AutoresetMode.SAME_STEP  # The interface of `VecEnv` demands it.
         self.batch = OvertakingVectorEnv(profile, num_envs, autoreset_mode=mode, **settings)
         self._first_seed, self._actions = seed, np.zeros(0)
         super().__init__(
@@ -46,22 +52,34 @@ class StableBaselinesVecEnv(VecEnv):
         )
 
     def reset(self) -> F32:
-        """Begin new episodes in all environments."""
+        """Begin new episodes in all environments; return their observations, shape (env, column).
+
+        The seed is the one that `VecEnv.seed` was given since the last reset, else at the first
+        reset the one of the constructor; otherwise the sequence of scenarios continues.
+        """
+        # `VecEnv.seed` sets a seed for each environment. The batch has one seed for all, and the
+        # scenarios of its environments differ anyway, so the first one is used.
         seed = next((seed for seed in self._seeds if seed is not None), self._first_seed)
         self._first_seed = None
         self._reset_seeds()
         return self.batch.reset(seed=seed)[0]
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the actions of the next step."""
+        """Store the actions for `step_wait`.
+
+        Args:
+            actions: Shape (env, part), or (env,) for a kind with one part.
+        """
         self._actions = actions
 
     def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[Info]]:
-        """Carry out the actions of `step_async`; where an episode ends, the next one begins.
+        """Carry out the stored actions; where an episode ends, the next one begins.
 
         Returns:
-            Observations, rewards, which episodes have ended, and a dictionary for each environment.
-            Where an episode has ended, it holds the `info` of its end and its last observation.
+            Observations, shape (env, column); rewards and which episodes have ended, shape (env,);
+            and a dictionary for each environment, empty unless an episode has ended. Then it holds
+            the `info` of its end, `terminal_observation` (the last one of the episode) and
+            `TimeLimit.truncated`, the keys that the library reads.
         """
         observations, reward, terminated, truncated, info = self.batch.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]
@@ -71,6 +89,7 @@ class StableBaselinesVecEnv(VecEnv):
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row]),
             }
+        # The library stores rewards as float32.
         return observations, reward.astype(np.float32), terminated | truncated, infos
 
     def close(self) -> None:
@@ -78,28 +97,29 @@ class StableBaselinesVecEnv(VecEnv):
         self.batch.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute, the same in all environments."""
+        """The value of an attribute for each environment; all share the batch's value."""
         return [getattr(self.batch, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refuse: environments of one batch are alike."""
+        """Raise a `ConfigError`, because the environments of a batch share their attributes."""
         del attr_name, value, indices
         raise _only_together("set_attr")
 
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **named: Any
     ) -> list[Any]:
-        """Refuse: environments of one batch have no methods of their own."""
+        """Raise a `ConfigError`, because a batch has no method for a single environment."""
         del method_name, args, indices, named
         raise _only_together("env_method")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """No environment has a wrapper."""
+        """False for each environment: the environments of a batch cannot be wrapped."""
         del wrapper_class
         return [False] * len(list(self._get_indices(indices)))
 
 
 def _only_together(name: str) -> ConfigError:
+    """The error for a method of `VecEnv` that treats environments singly."""
     return ConfigError(
         what=name,
         where="StableBaselinesVecEnv",
