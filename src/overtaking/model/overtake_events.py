@@ -1,4 +1,18 @@
-"""Phases of an overtake as frame numbers, its outcome, and the detail of the outcome."""
+"""Events of an overtake as frame numbers, its outcome, and the reason of the outcome.
+
+`labels.events` finds the events in recorded positions and bodies, never in the intention of a
+simulated driver, so recordings of real traffic and simulations are read alike. Rules of the law,
+features and the table `events` use them; `Outcome` and `OutcomeDetail` are columns of the table
+`labels`.
+
+The ego is the vehicle under study. Its target is the vehicle that it overtakes. Left is the side of
+the faster lanes, on a two-way road the side of the oncoming traffic, also in left-hand traffic.
+Frame 0 is the first frame of a simulation. In one overtake the events follow in this order:
+
+    attempt, line_crossed, overlap_begin, overlap_end, return_begin, return_end
+
+and an ego that gives up ends it by `abort` and `abort_end` instead.
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -13,15 +27,16 @@ NEVER = np.int32(-1)
 
 
 class Outcome(IntEnum):
-    """How the ego's overtake ended, legality aside.
+    """How the ego's overtake ended, whether or not it was legal.
 
-    A collision at any recorded time decides, also before an attempt and after the return.
+    A collision at any recorded time decides. Before an attempt it is the reason that none followed,
+    and simulations end 3 s after the overtake, which still belong to it.
     """
 
-    NO_ATTEMPT = 0
-    COMPLETED = 1
-    NOT_COMPLETED = 2
-    COLLISION = 3
+    NO_ATTEMPT = 0  # The ego did not begin to overtake.
+    COMPLETED = 1  # It is back in its lane, ahead of the target.
+    NOT_COMPLETED = 2  # It began, and is not back ahead of the target.
+    COLLISION = 3  # It touched another vehicle.
 
 
 class OutcomeDetail(IntEnum):
@@ -30,7 +45,9 @@ class OutcomeDetail(IntEnum):
     NONE = 0  # COMPLETED or NO_ATTEMPT, without loss of control.
     ABORTED_BEFORE_CROSSING = 1  # NOT_COMPLETED: back behind the target, no line crossed.
     ABORTED_AFTER_CROSSING = 2  # NOT_COMPLETED: back behind the target from the other lane.
-    PASSED_NOT_RETURNED = 3  # NOT_COMPLETED: ahead of the target for 10 s, never back in the lane.
+    # NOT_COMPLETED: ahead of the target for the last 10 s of the recording or longer, but not back
+    # in the lane. Chosen: a driver that stays out for so long does not mean to return.
+    PASSED_NOT_RETURNED = 3
     OPEN_AT_HORIZON = 4  # NOT_COMPLETED: the recording ends in any other phase of the overtake.
     COLLISION_BEFORE_ATTEMPT = 5  # COLLISION, whichever vehicle ran into the other.
     RAN_INTO_OTHER = 6  # COLLISION after the start of an attempt.
@@ -43,30 +60,34 @@ class OutcomeDetail(IntEnum):
 class OvertakeEvents(Batch):
     """Events of the attempt that decides each simulation; every array has shape (simulation,).
 
-    The paper (`pinto-2023` in `docs/reference/sources.md`) has the symbols in brackets. Of
-    several attempts the last one counts; `num_attempts` is their number. An event that did not
-    happen is `NEVER`. `docs/explanation/events.md` defines every event, and
-    `knowledge/data/event_detection.toml` states the thresholds.
-
-    Left is the side of the faster lanes; on a two-way road the side of the oncoming traffic.
+    Of several attempts the last one decides; `num_attempts` is their number. Every int32 field is
+    the number of a frame, or `NEVER` if the event did not happen. A slot is the number of a vehicle
+    in its simulation, and a leader is the nearest vehicle ahead in the ego's lane. The reproduced
+    paper (`pinto-2023` in `docs/reference/sources.md`) has the symbols in brackets.
+    `docs/explanation/events.md` decides doubtful cases, such as a change of the leader, and
+    `knowledge/data/event_detection.toml` gives the thresholds and their reasons.
 
     Attributes:
-        first: First recorded frame [t_0].
+        first: First recorded frame, which is frame 0 [t_0].
         last: Last recorded frame.
-        target_slot: Slot of the vehicle to overtake. With an attempt: the leader at `attempt`, or
-            without one the last leader of the 3 s before. Without an attempt: the first leader that
-            the ego came closer to than 3 s, else its first leader. `NO_VEHICLE` (255) if it never
-            had a leader.
-        original_lane: Lane index of the ego at `attempt`, or at the first frame.
-        following_begin: First frame, up to `attempt`, less than 3 s (`phases.follow_time_gap`)
-            behind the target; the first frame if the ego never is [t_follow].
-        attempt: Start of the movement to the left [t_a].
-        line_crossed: First corner over the line on the left [t_x1].
-        overlap_begin: First frame alongside the target [t_o1].
-        overlap_end: First frame wholly ahead of it [t_o2].
-        return_begin: Start of the movement back [t_b].
-        return_end: First frame with the whole body in the original lane, ahead of it [t_x2].
-        abort: Start of the movement back behind the target.
+        target_slot: Slot of the target. With an attempt it is the leader at `attempt`, or, if there
+            is no leader in that frame, the last leader of the 3 s before. Without an attempt it is
+            the first leader that the ego came closer to than a time gap of 3 s, or, if it never
+            came so close, its first leader. `NO_VEHICLE` (255) if the ego never had a leader.
+        original_lane: Lane index of the ego at `attempt`, or at `first` without an attempt; 0 is
+            the slowest lane.
+        following_begin: First frame, not later than `attempt`, in which the ego is less than 3 s
+            (`phases.follow_time_gap`) behind the target; `first` if there is no such frame
+            [t_follow].
+        attempt: First frame of the movement to the left that begins the overtake. The movement
+            leads over the line, or further to the left than gusts and wandering lead [t_a].
+        line_crossed: First frame in which a corner of the ego is over the line on its left [t_x1].
+        overlap_begin: First frame in which the ego is alongside the target [t_o1].
+        overlap_end: First frame in which the ego is wholly ahead of the target [t_o2].
+        return_begin: First frame of the movement back, after the ego was farthest left [t_b].
+        return_end: First frame with the whole body in the original lane, ahead of the target
+            [t_x2].
+        abort: First frame of a movement back that ends behind the target.
         abort_end: First frame with the whole body in the original lane after an abort.
         collision: First frame in which the ego has touched another vehicle. The contact lies at
             this frame, or between it and the frame before.
@@ -74,21 +95,24 @@ class OvertakeEvents(Batch):
         spin: First frame in which the ego is turned away from the road by more than 0.8 rad
             (`departure.spin_angle` in `model.toml`), from which no driver recovers control.
         num_attempts: Number of attempts.
-        num_passed: Vehicles that were ahead of the ego at `attempt` and are behind it at
-            `return_end`, or at `last` without a return; the target among them.
+        num_passed: Number of vehicles that were ahead of the ego at `attempt` and are behind it at
+            `return_end`, or at `last` without a return; the target is one of them.
         collision_slot: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
-        was_struck: Whether the other vehicle ran into the ego.
-        drift: Start of the first drift: a movement to the left that is no attempt although a corner
-            comes over the line, or although it lasts 0.5 s and leads 0.5 m away. Gusts and the end
-            of a change into the lane cause drifts. Aborted attempts are no drifts, nor are lane
-            changes without a vehicle ahead.
+        was_struck: Whether that vehicle ran into the ego; False if the ego ran into it, and without
+            a collision.
+        drift: First frame of the first drift. A drift is a movement to the left that is no attempt
+            although a corner comes over the line, or although it lasts 0.5 s and leads 0.5 m away.
+            Gusts cause drifts, and so does the end of a change into the lane. Aborted attempts and
+            lane changes without a vehicle ahead are no drifts.
         num_drifts: Number of drifts, at most 255.
-        began_before_recording: Equal to `first` if the recording begins within the attempt, so that
-            `attempt`, the same frame, is too late; `NEVER` otherwise.
-        was_intended: Whether the ego's driver meant to overtake: its stage was one of
+        began_before_recording: Equal to `first` if the ego is already moving to the left when the
+            recording begins. The true attempt was then earlier than `attempt`, so times since the
+            attempt are unknown. `NEVER` otherwise, and always in simulations.
+        was_intended: Whether the simulated driver meant to overtake: its stage was one of
             `OVERTAKING_STAGES` (`model.trajectories`) in a frame from `attempt` to `line_crossed`
-            or `abort_end`, whichever is first. False without an attempt. In recordings without
-            stages it has no meaning, and tables have null.
+            or `abort_end`, whichever is first. False without an attempt. Only for analysis: no
+            event depends on it. Recordings have no stages; their value is meaningless, and null in
+            tables.
     """
 
     first: I32
@@ -118,16 +142,16 @@ class OvertakeEvents(Batch):
 
     @property
     def has_attempt(self) -> Mask:
-        """Whether the ego began to overtake."""
+        """Whether the ego began to overtake, shape (simulation,)."""
         return self.attempt != NEVER
 
     @property
     def lost_control(self) -> Mask:
-        """Whether the ego left the lanes or spun, and touched no other vehicle."""
+        """Whether the ego left the lanes or spun without a collision, shape (simulation,)."""
         out_of_control = (self.road_departure != NEVER) | (self.spin != NEVER)
         return out_of_control & (self.collision == NEVER)
 
     @property
     def is_completed(self) -> Mask:
-        """Whether it ended in the original lane ahead of the target, without an accident."""
+        """Whether the ego overtook, and had no accident at any time, shape (simulation,)."""
         return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost_control

@@ -1,4 +1,20 @@
-"""The paper's fifteen features, and the state at an overtake that begins or might."""
+"""Features of an overtake: the fifteen of the reproduced paper, and the state at its beginning.
+
+`labels.features` computes both from recorded batches. `PaperFeatures` becomes the table `features`
+of a data set; the paper is `pinto-2023` in `docs/reference/sources.md`. `AttemptFeatures` becomes
+the table `attempts`, which serves models of why drivers overtake; its parts are the classes before
+it.
+
+The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
+overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. Without an
+attempt the features are measured at a frame that stands for it.
+
+Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
+column is null. `null_unless` is the path of the flag that decides this: ".has_oncoming" is a field
+of the same class, "left.leader.valid" begins at `AttemptFeatures`. `needs` names properties that a
+recording may leave unknown; the column is then null. Every partial function below, such as
+`_leader_column`, is a `FieldSpec` with the entries that a group of columns shares.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -12,14 +28,23 @@ from overtaking.model.safety_measures import Encounter
 from overtaking.model.vehicles import VehicleKind
 
 
-def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
-    """Declaration of a feature, with its meaning from `knowledge/data/glossary.toml`."""
+def _paper_feature(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
+    """Declaration of a feature of the paper.
+
+    Args:
+        code: The paper's name of the feature, such as "WT". It names the column, and the entry of
+            `knowledge/data/glossary.toml` from which the meaning is read.
+        unit: Unit of the field.
+        **declared: Further entries of the `FieldSpec`.
+    """
     return FieldSpec(terms("features")[code].meaning, unit, column=ColumnName(code), **declared)
 
 
-_weather = partial(_paper, needs=["weather"])
-_of_target = partial(_paper, null_unless="has_target")
+_weather_feature = partial(_paper_feature, needs=["weather"])
+_target_feature = partial(_paper_feature, null_unless="has_target")
+
 _KINDS = tuple(kind.code for kind in VehicleKind)
+"""Names of the codes of vehicle types: S, M, L (cars), V (van), T (truck), MC, B (two-wheelers)."""
 
 
 @with_field_docs
@@ -27,118 +52,172 @@ _KINDS = tuple(kind.code for kind in VehicleKind)
 class PaperFeatures(Batch):
     """Seven static and eight dynamic features; every array has shape (simulation,).
 
-    Without a vehicle to overtake its features are 0 and `has_target` is false. Waiting time,
-    overtaking time and distance are NaN where the attempt began before the recording; features of
-    the target are NaN where it is not recorded in that frame. The column of a feature has the name
-    that the paper gives it.
+    There are two readings of the paper's definitions. In the reading "paper" an ego without an
+    attempt is measured by means over all frames, so the features depend on the outcome. In the
+    reading "matched" each simulation is measured at one frame: at the attempt, or, without an
+    attempt, after a waiting time drawn from the waiting times of attempts. Only this reading is fit
+    to train a model. The readings also differ in
+
+    - `waiting_time`: since the first frame (paper), or since the ego closed up to the target;
+    - `speed_difference`: absolute (paper), or ego minus target;
+    - `distance`: between the centres (paper), or between the bumpers of ego and target;
+    - `left_occupancy`: number of vehicles in the lane to the left over the number of all vehicles
+      but the ego (paper), or share of 200 m of that lane that vehicles cover.
+
+    Without a target its features are 0 and `has_target` is false. Waiting time, overtaking time and
+    distance are NaN where the attempt began before the recording; features of the target are NaN
+    where it is not recorded in the frame of the measurement. Rain, wind and fog are intensities on
+    CARLA's scale.
     """
 
-    reading: Annotated[str, FieldSpec("How they were measured, `paper` or `matched`", column=None)]
-    night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
-    low_sun: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
-    ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
-    target_kind: Annotated[U8, _of_target("TP", names=_KINDS)]
+    reading: Annotated[str, FieldSpec("Definition in use, `paper` or `matched`", column=None)]
+    night: Annotated[Mask, _weather_feature("DN", names=["Day", "Night"])]
+    low_sun: Annotated[Mask, _weather_feature("HL", names=["No", "Yes"])]
+    ego_kind: Annotated[U8, _paper_feature("TE", names=_KINDS)]
+    target_kind: Annotated[U8, _target_feature("TP", names=_KINDS)]
     has_target: Annotated[Mask, FieldSpec("Whether there is a target", column=None)]
-    waiting_time: Annotated[F32, _paper("WT", "s")]
-    overtaking_time: Annotated[F32, _paper("OT", "s")]
-    num_vehicles: Annotated[U8, _paper("NV")]
-    ego_speed: Annotated[F32, _paper("SE", "m/s")]
-    target_speed: Annotated[F32, _of_target("SP", "m/s")]
-    speed_difference: Annotated[F32, _of_target("DSEP", "m/s")]
-    distance: Annotated[F32, _of_target("D", "m")]
-    left_occupancy: Annotated[F32, _paper("OLR")]
-    rain: Annotated[F32, _weather("PREC", "%")]
-    wind: Annotated[F32, _weather("WIND", "%")]
-    fog: Annotated[F32, _weather("FOG", "%")]
+    waiting_time: Annotated[F32, _paper_feature("WT", "s")]
+    overtaking_time: Annotated[F32, _paper_feature("OT", "s")]
+    num_vehicles: Annotated[U8, _paper_feature("NV")]
+    ego_speed: Annotated[F32, _paper_feature("SE", "m/s")]
+    target_speed: Annotated[F32, _target_feature("SP", "m/s")]
+    speed_difference: Annotated[F32, _target_feature("DSEP", "m/s")]
+    distance: Annotated[F32, _target_feature("D", "m")]
+    left_occupancy: Annotated[F32, _paper_feature("OLR")]
+    rain: Annotated[F32, _weather_feature("PREC", "%")]
+    wind: Annotated[F32, _weather_feature("WIND", "%")]
+    fog: Annotated[F32, _weather_feature("FOG", "%")]
     frame: Annotated[
         I32,
         FieldSpec(
-            "Frame at which they were measured, none for means over all frames",
+            "Frame of the measurement; null for means over all frames",
             missing=int(NEVER),
         ),
     ]
 
 
-_SIDES = ("off", "left", "right", "both")
-"""Names of an indicator: bit 0 left, bit 1 right, as recorded."""
-_ego = partial(FieldSpec, column=ColumnName(prefix="ego_"))
+_INDICATOR_NAMES = ("off", "left", "right", "both")
+"""Names of the four states of an indicator: bit 0 is the left lamp, bit 1 the right one."""
+
+_ego_column = partial(FieldSpec, column=ColumnName(prefix="ego_"))
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgoState(Batch):
-    """The ego; every array has shape (simulation,)."""
+    """State of the ego; every array has shape (simulation,)."""
 
-    kind: Annotated[U8, _ego("Type of the ego", needs=["kinds"], names=_KINDS)]
-    speed: Annotated[F32, _ego("Its speed", "m/s")]
-    accel: Annotated[F32, _ego("Its acceleration", "m/s^2")]
+    kind: Annotated[U8, _ego_column("Type of the ego", needs=["kinds"], names=_KINDS)]
+    speed: Annotated[F32, _ego_column("Speed of the ego", "m/s")]
+    accel: Annotated[F32, _ego_column("Acceleration of the ego", "m/s^2")]
     available_accel: Annotated[
-        F32, _ego("Largest acceleration of engine and air at that speed", "m/s^2", needs=["bodies"])
+        F32,
+        _ego_column(
+            "Largest acceleration that its engine and the air resistance allow at its speed",
+            "m/s^2",
+            needs=["bodies"],
+        ),
     ]
     desired_speed: Annotated[
-        F32, _ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
+        F32, _ego_column("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
     ]
-    waiting_time: Annotated[F32, FieldSpec("Time since it closed up", "s")]
+    waiting_time: Annotated[
+        F32,
+        FieldSpec("Time since the ego came closer to the target than a time gap of 3 s", "s"),
+    ]
     lateral_offset: Annotated[
         F32,
-        _ego(
-            "From the centre of its lane, growing to the left",
+        _ego_column(
+            "Position of its centre across the road minus the centre of its lane, growing to the "
+            "left",
             "m",
             null_unless="surroundings.on_road",
         ),
     ]
 
 
-_leader = partial(FieldSpec, column=ColumnName(prefix="leader_"), null_unless=".encounter.valid")
-_passing = partial(_leader, column=ColumnName(), needs=["bodies", "weather"])
+_leader_column = partial(
+    FieldSpec, column=ColumnName(prefix="leader_"), null_unless=".encounter.valid"
+)
+_overtaking_column = partial(_leader_column, column=ColumnName(), needs=["bodies", "weather"])
+"""For columns about the overtake of the leader, which have no prefix."""
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaderState(Batch):
-    """The vehicle ahead in the ego's lane; every array has shape (simulation,).
+    """State of the leader, the vehicle ahead in the ego's lane; arrays have shape (simulation,).
 
-    Where `encounter.valid` is false, all other fields are undefined. `overtaking_time` is the time
-    until the ego is a reaction distance ahead of it at `EgoState.available_accel`, infinite if the
-    ego cannot pass.
+    Without a leader `encounter.valid` is false and all other fields are undefined.
+    `overtaking_time` is a lower bound: the leader keeps its speed, and the ego accelerates by
+    `EgoState.available_accel`, less of which is left at higher speed, until the distance that the
+    leader covers in a reaction time lies between them. It is infinite if the ego cannot pass.
     """
 
     encounter: Annotated[
         Encounter, FieldSpec("the ego behind the vehicle ahead", column=ColumnName("leader"))
     ]
-    kind: Annotated[U8, _leader("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
-    length: Annotated[F32, _leader("Its length", "m")]
-    speed: Annotated[F32, _leader("Its speed", "m/s")]
-    accel: Annotated[F32, _leader("Its acceleration", "m/s^2")]
-    lateral_offset: Annotated[F32, _leader("From the centre of the lane, growing to the left", "m")]
-    indicator: Annotated[U8, _leader("Its indicator", needs=["indicators"], names=_SIDES)]
-    looming: Annotated[F32, _leader("Growth of its image in the eye", "rad/s")]
+    kind: Annotated[U8, _leader_column("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
+    length: Annotated[F32, _leader_column("Length of the vehicle ahead", "m")]
+    speed: Annotated[F32, _leader_column("Speed of the vehicle ahead", "m/s")]
+    accel: Annotated[F32, _leader_column("Acceleration of the vehicle ahead", "m/s^2")]
+    lateral_offset: Annotated[
+        F32,
+        _leader_column(
+            "Position of its centre across the road minus the centre of the lane, growing to the "
+            "left",
+            "m",
+        ),
+    ]
+    indicator: Annotated[
+        U8,
+        _leader_column(
+            "Indicator of the vehicle ahead", needs=["indicators"], names=_INDICATOR_NAMES
+        ),
+    ]
+    looming: Annotated[
+        F32,
+        _leader_column(
+            "Rate at which the angle grows that the vehicle ahead subtends at the driver's eye",
+            "rad/s",
+        ),
+    ]
     has_next_leader: Annotated[
         Mask, FieldSpec("Whether there is another vehicle ahead of it in the lane", column=None)
     ]
     return_gap: Annotated[
         F32,
         FieldSpec(
-            "Gap between it and the next vehicle ahead in the lane",
+            "Gap between the vehicle ahead and the next one in the lane, into which the ego would "
+            "return",
             "m",
             null_unless=".has_next_leader",
         ),
     ]
     overtaking_time: Annotated[
-        F32, _passing("Least time to be a reaction distance ahead of it; null if never", "s")
+        F32,
+        _overtaking_column(
+            "Least time until the ego is a reaction distance ahead of the vehicle ahead; null if "
+            "never",
+            "s",
+        ),
     ]
-    overtaking_distance: Annotated[F32, _passing("Way of the ego in that time", "m")]
+    overtaking_distance: Annotated[
+        F32, _overtaking_column("Distance that the ego covers in the overtaking time", "m")
+    ]
 
 
-_left = partial(FieldSpec, column=ColumnName(prefix="left_"), null_unless=".exists")
+_left_column = partial(FieldSpec, column=ColumnName(prefix="left_"), null_unless=".exists")
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLane(Batch):
-    """The lane to the ego's left; every array has shape (simulation,).
+    """State of the lane to the ego's left; every array has shape (simulation,).
 
-    Occupancy and count are of the 100 m ahead and behind.
+    Occupancy, count and mean speeds refer to the 200 m from 100 m behind the ego's centre to 100 m
+    ahead of it. The time-mean speed is the sum of the squared speeds over the sum of the speeds
+    (Wardrop 1952), because faster vehicles pass a detector more often.
     """
 
     exists: Annotated[
@@ -157,29 +236,41 @@ class LeftLane(Batch):
         ),
     ]
     occupancy: Annotated[
-        F32, _left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
+        F32,
+        _left_column("Share of the lane to the left that vehicles cover, within 100 m of the ego"),
     ]
-    count: Annotated[U8, _left("Vehicles there")]
-    space_mean_speed: Annotated[F32, _left("Mean of their speeds", "m/s", null_unless=".count")]
+    count: Annotated[
+        U8, _left_column("Number of vehicles in the lane to the left, within 100 m of the ego")
+    ]
+    space_mean_speed: Annotated[
+        F32, _left_column("Mean speed of these vehicles", "m/s", null_unless=".count")
+    ]
     time_mean_speed: Annotated[
-        F32, _left("Mean of the speeds past a place there", "m/s", null_unless=".count")
+        F32,
+        _left_column(
+            "Mean speed of these vehicles as a detector beside the road measures it",
+            "m/s",
+            null_unless=".count",
+        ),
     ]
     crossable: Annotated[
-        Mask, _left("Whether the line on the left may be crossed", needs=["marks"])
+        Mask, _left_column("Whether the line on the left may be crossed", needs=["marks"])
     ]
 
 
-_opposing = partial(FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists")
-_oncoming = partial(_opposing, null_unless=".has_oncoming")
+_opposing_lane_column = partial(
+    FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists"
+)
+_oncoming_column = partial(_opposing_lane_column, null_unless=".has_oncoming")
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OncomingState(Batch):
-    """The side of oncoming traffic; every array has shape (simulation,).
+    """State of the opposing lane; every array has shape (simulation,).
 
-    Where `exists` is false, as on one-way roads, all other fields are undefined. Where
-    `has_oncoming` is false, the fields of the oncoming vehicle are undefined.
+    On one-way roads `exists` is false and all other fields are undefined. Where `has_oncoming` is
+    false, `kind`, `gap`, `closing_speed` and `time` are undefined.
     """
 
     exists: Annotated[
@@ -187,21 +278,34 @@ class OncomingState(Batch):
     ]
     has_oncoming: Annotated[Mask, FieldSpec("Whether a vehicle comes the other way", column=None)]
     kind: Annotated[
-        U8, _oncoming("Type of the next oncoming vehicle", needs=["kinds"], names=_KINDS)
+        U8, _oncoming_column("Type of the nearest oncoming vehicle", needs=["kinds"], names=_KINDS)
     ]
-    gap: Annotated[F32, _oncoming("Gap to it", "m")]
-    closing_speed: Annotated[F32, _oncoming("Both speeds together", "m/s")]
-    time: Annotated[F32, _oncoming("Time to meet it", "s")]
+    gap: Annotated[
+        F32, _oncoming_column("Gap between the ego and the nearest oncoming vehicle", "m")
+    ]
+    closing_speed: Annotated[
+        F32, _oncoming_column("Speed of the ego plus speed of the nearest oncoming vehicle", "m/s")
+    ]
+    time: Annotated[
+        F32, _oncoming_column("Time until they meet: that gap over that closing speed", "s")
+    ]
     sight: Annotated[
-        F32, _opposing("Distance up to which air and road show it", "m", needs=["weather"])
+        F32,
+        _opposing_lane_column(
+            "Distance at which an oncoming vehicle is visible, by weather and course of the road",
+            "m",
+            needs=["weather"],
+        ),
     ]
     crossable: Annotated[
         Mask,
-        _opposing("Whether the line between the directions may be crossed", needs=["marks"]),
+        _opposing_lane_column(
+            "Whether the line between the directions may be crossed", needs=["marks"]
+        ),
     ]
 
 
-_scene = partial(FieldSpec, needs=["weather"])
+_weather_column = partial(FieldSpec, needs=["weather"])
 
 
 @with_field_docs
@@ -212,42 +316,58 @@ class RoadAndWeather(Batch):
     on_road: Annotated[
         Mask,
         FieldSpec(
-            "Whether the ego's centre is in a driving lane; else its lane means nothing",
+            "Whether the ego's centre is in a driving lane; otherwise its lane is undefined",
             column=None,
         ),
     ]
-    lane: Annotated[U8, FieldSpec("Lane, 0 the slowest", null_unless=".on_road")]
+    lane: Annotated[U8, FieldSpec("Index of the ego's lane, 0 the slowest", null_unless=".on_road")]
     lanes_to_left: Annotated[
-        U8, FieldSpec("Driving lanes to the left of it", null_unless=".on_road")
+        U8,
+        FieldSpec(
+            "Number of driving lanes of its direction to the left of the ego's lane",
+            null_unless=".on_road",
+        ),
     ]
-    lane_width: Annotated[F32, FieldSpec("Its width", "m", null_unless=".on_road")]
-    speed_limit: Annotated[F32, _scene("Limit as posted", "m/s", needs=["speed_limit"])]
-    night: Annotated[Mask, _scene("Whether it is night")]
-    low_sun: Annotated[Mask, _scene("Whether the sun stands low ahead")]
-    rain: Annotated[F32, _scene("Rain rate", "mm/h")]
-    optical_range: Annotated[F32, _scene("Meteorological optical range", "m")]
-    wind: Annotated[F32, _scene("Mean wind speed", "m/s")]
-    friction: Annotated[F32, _scene("Peak friction under the ego")]
-    sight_lit: Annotated[F32, _scene("Distance at which a lit vehicle is seen", "m")]
+    lane_width: Annotated[F32, FieldSpec("Width of the ego's lane", "m", null_unless=".on_road")]
+    speed_limit: Annotated[F32, FieldSpec("Posted speed limit", "m/s", needs=["speed_limit"])]
+    night: Annotated[Mask, _weather_column("Whether it is night")]
+    low_sun: Annotated[Mask, _weather_column("Whether the sun stands low ahead")]
+    rain: Annotated[F32, _weather_column("Rain rate", "mm/h")]
+    optical_range: Annotated[F32, _weather_column("Meteorological optical range of the fog", "m")]
+    wind: Annotated[F32, _weather_column("Mean wind speed", "m/s")]
+    friction: Annotated[
+        F32, _weather_column("Largest friction coefficient between the ego's tyres and the road")
+    ]
+    sight_lit: Annotated[
+        F32,
+        _weather_column("Distance at which the ego's driver sees a vehicle with lamps on", "m"),
+    ]
     sight_unlit: Annotated[
-        F32, _scene("Distance at which an unlit one is seen", "m", needs=["weather", "lamps"])
+        F32,
+        _weather_column(
+            "Distance at which the ego's driver sees a vehicle without lamps",
+            "m",
+            needs=["weather", "lamps"],
+        ),
     ]
 
 
-_law = partial(FieldSpec, column=ColumnName(prefix="law_"), needs=["weather"])
+_law_column = partial(FieldSpec, column=ColumnName(prefix="law_"), needs=["weather"])
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawMarginsOnPullOut(Batch):
-    """Margins of the law if the ego moved over now, negative in a breach; shape (simulation,).
+    """Margins of the law if the ego pulled out now; every array has shape (simulation,).
 
-    A margin to a vehicle is undefined without that vehicle.
+    L3 to L14s are rules of the Portuguese pack in `docs/reference/rules.md`. A margin is negative
+    in a breach and 0 at the limit of the law. The safe distance (L3) lets a vehicle stop behind a
+    leader that brakes suddenly. Margins of a gap are undefined without the other vehicle.
     """
 
     leader: Annotated[
         F32,
-        _law(
+        _law_column(
             "L3: gap to the vehicle ahead minus the safe distance",
             "m",
             null_unless="leader.encounter.valid",
@@ -255,49 +375,61 @@ class LawMarginsOnPullOut(Batch):
     ]
     left_leader: Annotated[
         F32,
-        _law(
-            "L4 if the ego moved over now: room to the vehicle ahead on the left",
+        _law_column(
+            "L4 if the ego moved over now: gap to the vehicle ahead on the left minus the gap that "
+            "is safe and avoids a time to collision below 3 s",
             "m",
             null_unless="left.leader.valid",
         ),
     ]
     left_follower: Annotated[
         F32,
-        _law(
-            "L5 if the ego moved over now: room to the vehicle behind on the left",
+        _law_column(
+            "L5 if the ego moved over now: gap to the vehicle behind on the left minus the gap "
+            "that is safe and avoids abrupt braking",
             "m",
             null_unless="left.follower.valid",
         ),
     ]
     speed: Annotated[
         F32,
-        _law(
-            "L12: limit of road and vehicle minus speed",
+        _law_column(
+            "L12: speed limit of road and vehicle minus speed of the ego",
             "m/s",
             needs=["speed_limit", "kinds", "road_kind"],
         ),
     ]
-    stop_lit: Annotated[F32, _law("L14: sight of the lit minus stopping distance", "m")]
+    stop_lit: Annotated[
+        F32,
+        _law_column("L14: sight distance to a lit vehicle minus stopping distance", "m"),
+    ]
     stop_unlit: Annotated[
         F32,
-        _law("L14s: sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
+        _law_column(
+            "L14s: sight distance to an unlit vehicle minus stopping distance",
+            "m",
+            needs=["weather", "lamps"],
+        ),
     ]
 
 
-_perceived = partial(FieldSpec, null_unless=".is_detected", needs=["percepts"])
+_belief_column = partial(FieldSpec, null_unless=".is_detected", needs=["percepts"])
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefsAtPullOut(Batch):
-    """Beliefs of the ego's driver at its last decision to pull out.
+    """Beliefs of the simulated driver at its last decision to pull out, not later than the frame.
 
-    Arrays have shape (simulation,), or (simulation, 3) for the leader, and the leader and the
-    follower in the lane on the left. Where `exists` is false, all other fields are undefined; gap
-    and closing speed also where `is_detected` is.
+    `exists` and `age` have shape (simulation,). The other arrays have shape (simulation, 3): the
+    leader, then the leader and the follower in the lane on the left; the table has a column for
+    each of the three. Where `exists` is false, all other fields are undefined; `gap` and
+    `closing_speed` also where `is_detected` is false.
     """
 
-    exists: Annotated[Mask, FieldSpec("Whether there was such a decision", column=None)]
+    exists: Annotated[
+        Mask, FieldSpec("Whether the driver had decided to pull out before", column=None)
+    ]
     age: Annotated[
         F32,
         FieldSpec(
@@ -314,28 +446,29 @@ class BeliefsAtPullOut(Batch):
             "Whether the driver had noticed the vehicle", null_unless=".exists", needs=["percepts"]
         ),
     ]
-    gap: Annotated[F32, _perceived("Gap from bumper to bumper as the driver believed it", "m")]
-    closing_speed: Annotated[F32, _perceived("Speed of approach as the driver believed it", "m/s")]
+    gap: Annotated[F32, _belief_column("Gap between the bumpers as the driver believed it", "m")]
+    closing_speed: Annotated[F32, _belief_column("Closing speed as the driver believed it", "m/s")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttemptFeatures(Batch):
-    """Features of the decision to overtake. They use nothing that happens after `frame`.
+    """State of the traffic at the decision to overtake.
 
-    All values are true ones, except those in `beliefs`.
+    A model of the decision must not see its consequences, so nothing here depends on later frames.
+    Except for `beliefs`, all values are true values, which the driver may have misjudged.
 
     Attributes:
-        frame: Frame of the attempt, or of the instant that stands for it, shape (simulation,).
-        ego: The ego.
-        leader: The vehicle ahead in its lane.
-        left: The lane to its left.
-        oncoming: The side of oncoming traffic.
+        frame: Frame of the attempt, or the frame that stands for it, shape (simulation,).
+        ego: State of the ego.
+        leader: State of the vehicle ahead in its lane.
+        left: State of the lane to its left.
+        oncoming: State of the opposing lane.
         surroundings: Road, weather and light.
-        law: Margins of the law for pulling out now.
-        beliefs: Beliefs of the driver at the last decision to pull out.
+        law: Margins of the law if the ego pulled out in this frame.
+        beliefs: Beliefs of the driver at its last decision to pull out.
     """
 
-    frame: Annotated[I32, FieldSpec("Frame of the attempt, or of what stands for it")]
+    frame: Annotated[I32, FieldSpec("Frame of the attempt, or the frame that stands for it")]
     ego: EgoState
     leader: LeaderState
     left: LeftLane
