@@ -1,4 +1,15 @@
-"""The roads that come with the package."""
+"""The roads that come with the package.
+
+`known_road` reads a road from the section with its name in `knowledge/data/roads.toml` and returns
+it as a `Road` (`model.road`). The classes here mirror the keys of that file: one `_RoadEntry` for
+each section, with subsections for the lanes beside the road and for its course. To add a road, add
+its section and its name in `ROAD_NAMES`. All roads are straight in the plane; a two-way road states
+its bends and crests as zones of reduced sight.
+
+Terms: driving lanes are the lanes of the road's direction, counted from the kerb side to the
+overtaking side. A station is a distance along the road from its start, and `d` an offset to the
+left of it. Ids and types of lanes and roads are those of the map format OpenDRIVE.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,22 +23,25 @@ from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadZone, ZoneKind
 
 ROAD_NAMES = ("town06", "motorway", "rural")
-"""The roads that come with the package."""
+"""Names of the sections of `roads.toml` that describe a road."""
 
-_LINES = (RoadMark.SOLID, RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID)
-_PLACES = (ZoneKind.JUNCTION, ZoneKind.CREST, ZoneKind.BEND)
+_CENTRE_LINE_MARKS = (RoadMark.SOLID, RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID)
+"""Marks of the centre line with a field of the same name, in lower case, in `_CourseEntry`."""
+
+_ZONE_KINDS = (ZoneKind.JUNCTION, ZoneKind.CREST, ZoneKind.BEND)
+"""Kinds of zones with a field of the same name in `_CourseEntry`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NeighbourEntry:
-    """A lane beside the driving lanes.
+    """A lane beside the driving lanes: a shoulder, or the opposing lane of a two-way road.
 
     Attributes:
         lane_id: OpenDRIVE id.
-        kind: OpenDRIVE lane type.
+        kind: OpenDRIVE lane type, "shoulder" or "driving".
         width: Width [m].
-        far_mark: Line on its side away from the driving lanes, spelled as CARLA does.
-        is_oncoming: Whether its traffic comes the other way.
+        far_mark: Line on its side away from the driving lanes.
+        is_oncoming: Whether its traffic runs against the driving lanes.
     """
 
     lane_id: int
@@ -39,17 +53,21 @@ class _NeighbourEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _CourseEntry:
-    """Changes along a two-way road: where each stretch begins and ends [m].
+    """Changes along a two-way road.
+
+    All fields but the last two hold stretches of the road: pairs of the stations of start and end
+    [m]. Where no stretch states a line between the directions, it is `overtaking_edge_mark`.
 
     Attributes:
-        solid: Where the line between the directions is solid for both.
-        solid_broken: Where it is solid for the driving lanes alone.
-        broken_solid: Where it is solid for oncoming traffic alone.
+        solid: Stretches on which the line between the directions is solid for both.
+        solid_broken: Stretches on which it is solid for the driving lanes alone.
+        broken_solid: Stretches on which it is solid for oncoming traffic alone.
         junction: Junctions.
-        crest: Crests.
+        crest: Crests of reduced visibility.
         bend: Bends of reduced visibility.
-        sight: Stations, and the sight distance from there along the road.
-        sight_against: The same for oncoming traffic.
+        sight: Pairs of a station and the sight distance along the road from there [m], linear in
+            between.
+        sight_against: The same for oncoming drivers, who look against the stations.
     """
 
     solid: tuple[tuple[float, float], ...] = ()
@@ -64,25 +82,26 @@ class _CourseEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RoadEntry:
-    """A straight road, lanes from the kerb side to the overtaking side, in SI units.
+    """A straight road in SI units; the file states units, and its reader converts them.
 
     Attributes:
-        kind: OpenDRIVE road type.
+        kind: OpenDRIVE road type, "motorway" or "rural".
         driving_side: Side of the road that traffic keeps to.
-        lane_ids: OpenDRIVE ids.
-        lane_widths: Widths [m].
-        kerb_edge_mark: Line on the kerb side of the first lane.
-        lane_mark: Line between two lanes.
-        overtaking_edge_mark: Line on the overtaking side of the last lane.
-        kerb_edge_d: Offset of the edge of the first lane on the kerb side [m].
+        lane_ids: OpenDRIVE ids of the driving lanes, whole numbers; the reader makes all numbers of
+            a list floats.
+        lane_widths: Widths of the driving lanes, as many [m].
+        kerb_edge_mark: Line on the kerb side of the first driving lane.
+        lane_mark: Line between two driving lanes, the same for both.
+        overtaking_edge_mark: Line on the overtaking side of the last driving lane.
+        kerb_edge_d: `d` of the edge of the first driving lane on the kerb side [m].
         length: Length [m].
-        x0: World x of (s, d) = (0, 0) [m].
-        y0: World y of (s, d) = (0, 0) [m].
-        heading: Direction of travel, anticlockwise from x [rad].
+        x0: World x of the point with station 0 and `d` 0 [m].
+        y0: World y of the same point [m].
+        heading: Direction of travel, anticlockwise from the world x axis [rad].
         speed_limit: Posted limit [m/s].
-        kerb_side: Lane beside the first lane.
-        overtaking_side: Lane beside the last lane.
-        course: Changes along it, or None.
+        kerb_side: Lane beside the first driving lane.
+        overtaking_side: Lane beside the last driving lane.
+        course: Changes along the road; None if there are none.
     """
 
     kind: str
@@ -108,7 +127,11 @@ def known_road(name: str) -> Road:
     """One of the roads that come with the package.
 
     Args:
-        name: One of `overtaking.model.known_roads.ROAD_NAMES`.
+        name: "town06" (five lanes of CARLA's map Town06, on which the reproduced study drove),
+            "motorway" (three lanes, 5 km) or "rural" (two-way, 5 km).
+
+    Returns:
+        The road; calls with the same name return the same object.
 
     Raises:
         ConfigError: There is no such road.
@@ -124,13 +147,16 @@ def known_road(name: str) -> Road:
     road = read_record(_RoadEntry, "roads.toml", name)
     kerb_side, overtaking_side = road.kerb_side, road.overtaking_side
     lanes = zip(map(int, road.lane_ids), road.lane_widths, _marks(road), strict=True)
+    # Marks of a lane are pairs: on its kerb side, on its overtaking side.
     kerb_marks = kerb_side.far_mark, road.kerb_edge_mark
     overtaking_marks = road.overtaking_edge_mark, overtaking_side.far_mark
     return Road(
         name=name,
         kind=road.kind,
         driving_side=road.driving_side,
-        lanes=tuple(_lane(road, *lane, "driving") for lane in lanes),
+        lanes=tuple(
+            _lane(road, lane_id, width, marks, "driving") for lane_id, width, marks in lanes
+        ),
         kerb_edge_d=road.kerb_edge_d,
         length=road.length,
         x0=road.x0,
@@ -144,20 +170,20 @@ def known_road(name: str) -> Road:
 
 
 def _course(entry: _CourseEntry) -> RoadCourse:
-    """The course, its centre line in the order of stations."""
-    lines = [
+    """The course of a road; its centre line is sorted by station, as `RoadCourse` requires."""
+    centre_line_spans = [
         CentreLineSpan(start=start, stop=stop, mark=mark)
-        for mark in _LINES
+        for mark in _CENTRE_LINE_MARKS
         for start, stop in getattr(entry, mark.name.lower())
     ]
-    places = [
+    zones = [
         RoadZone(kind=kind, start=start, stop=stop)
-        for kind in _PLACES
+        for kind in _ZONE_KINDS
         for start, stop in getattr(entry, kind.value)
     ]
     return RoadCourse(
-        centre_line_spans=tuple(sorted(lines, key=attrgetter("start"))),
-        zones=tuple(places),
+        centre_line_spans=tuple(sorted(centre_line_spans, key=attrgetter("start"))),
+        zones=tuple(zones),
         sight=entry.sight,
         sight_against=entry.sight_against,
     )
@@ -165,22 +191,30 @@ def _course(entry: _CourseEntry) -> RoadCourse:
 
 def _marks(road: _RoadEntry) -> Iterable[tuple[RoadMark, RoadMark]]:
     """The marks of each driving lane on its kerb side and on its overtaking side."""
-    between = [road.lane_mark] * (len(road.lane_ids) - 1)
-    return pairwise([road.kerb_edge_mark, *between, road.overtaking_edge_mark])
+    inner_marks = [road.lane_mark] * (len(road.lane_ids) - 1)
+    return pairwise([road.kerb_edge_mark, *inner_marks, road.overtaking_edge_mark])
 
 
 def _neighbour_lane(
-    road: _RoadEntry, beside: _NeighbourEntry, marks: tuple[RoadMark, RoadMark]
+    road: _RoadEntry, neighbour: _NeighbourEntry, marks: tuple[RoadMark, RoadMark]
 ) -> Lane:
-    """A lane beside the driving lanes, whose traffic may come the other way."""
-    lane = _lane(road, beside.lane_id, beside.width, marks, beside.kind)
-    return replace(lane, direction=-1) if beside.is_oncoming else lane
+    """A lane beside the driving lanes, with its direction of travel."""
+    lane = _lane(road, neighbour.lane_id, neighbour.width, marks, neighbour.kind)
+    return replace(lane, direction=-1) if neighbour.is_oncoming else lane
 
 
 def _lane(
     road: _RoadEntry, lane_id: int, width: float, marks: tuple[RoadMark, RoadMark], kind: str
 ) -> Lane:
-    """A lane, from its marks on the kerb side and on the overtaking side."""
+    """A lane in direction of travel of the road.
+
+    Args:
+        road: The road, whose driving side decides which mark is on the right.
+        lane_id: OpenDRIVE id.
+        width: Width [m].
+        marks: Its lines on the kerb side and on the overtaking side.
+        kind: OpenDRIVE lane type.
+    """
     is_right_hand = road.driving_side is DrivingSide.RIGHT
-    right, left = marks if is_right_hand else reversed(marks)
-    return Lane(lane_id=lane_id, width=width, kind=kind, right_mark=right, left_mark=left)
+    right_mark, left_mark = marks if is_right_hand else reversed(marks)
+    return Lane(lane_id=lane_id, width=width, kind=kind, right_mark=right_mark, left_mark=left_mark)
