@@ -8,7 +8,7 @@ its bends and crests as zones of reduced sight.
 
 Terms: driving lanes are the lanes of the road's direction, counted from the kerb side to the
 overtaking side. A station is a distance along the road from its start, and `d` an offset to the
-left of it. Ids and types of lanes and roads are those of the map format OpenDRIVE.
+left of it. The map format OpenDRIVE defines ids and types of lanes and roads.
 """
 
 from collections.abc import Iterable
@@ -67,7 +67,7 @@ class _CourseEntry:
         bend: Bends of reduced visibility.
         sight: Pairs of a station and the sight distance along the road from there [m], linear in
             between.
-        sight_against: The same for oncoming drivers, who look against the stations.
+        sight_against: The same for oncoming drivers, in whose direction stations fall.
     """
 
     solid: tuple[tuple[float, float], ...] = ()
@@ -101,7 +101,7 @@ class _RoadEntry:
         speed_limit: Posted limit [m/s].
         kerb_side: Lane beside the first driving lane.
         overtaking_side: Lane beside the last driving lane.
-        course: Changes along the road; None if there are none.
+        course: Changes along the road; None for a road that is the same everywhere.
     """
 
     kind: str

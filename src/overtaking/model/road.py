@@ -1,4 +1,9 @@
-"""A stretch of road whose driving lanes all run the same way, and what is beside them.
+"""Roads: lanes, geometry, and conversion between road, world and file coordinates.
+
+A `Road` is a stretch of road whose driving lanes all run the same way. It may have one further lane
+on each side of them, a neighbour: a hard shoulder, or the opposing lane of a two-way road.
+`model.known_roads` and the readers of map files make roads; scenarios, simulators and the rules of
+the law read them. Invalid roads are refused when they are made.
 
 ```
   overtaking side   d = lane_boundaries[n]   -------------------------  left_mark of lanes[n-1]
@@ -8,12 +13,15 @@
         kerb side   d = lane_boundaries[0]   -------------------------  right_mark of lanes[0]
 ```
 
-`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic; on a
-road with bends, both refer to its reference line (`model.reference_line`), where `d` is 0.
+Road coordinates are the station `s`, the distance along the reference line in the direction of
+travel, and the offset `d` to the left of that line, in right-hand and in left-hand traffic [m]. The
+reference line is straight, or has the bends of `course` (`model.reference_line`). World coordinates
+`x` and `y` are a plane with `y` to the left of `x`.
+
 Lanes are counted from the kerb side to the overtaking side: from right to left in right-hand
 traffic, where `overtaking_sign` is +1, and from left to right in left-hand traffic, where it is -1.
-On a two-way road the neighbour on the overtaking side is the opposing lane. `course` holds
-everything that changes along the road.
+A mark is the line painted at the edge of a lane (`RoadMark`). `course` holds everything that
+changes along the road, such as bends, grades and speed limits (`model.road_course`).
 """
 
 import dataclasses
@@ -43,21 +51,32 @@ from overtaking.model.road_course import (
 )
 
 MAX_LANES = 8
-MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
+"""Most driving lanes of a road. Simulators hold parameters of lanes in arrays of this length."""
+
+MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0
+"""Limits of the width of a driving lane [m]. A car does not fit into a narrower one, and two cars
+fit into a wider one."""
+
 MAX_NEIGHBOUR_WIDTH = 100.0
+"""Largest width of a lane beside the driving lanes [m]. Chosen: wider than the
+shoulders, verges and parking strips of map files."""
+
 MAX_COORDINATE = 1.8e6
 """Largest x0 and y0 of a road [m]. World positions are int32 millimetres, which the engines clip at
 2000 km; a road of at most 100 km that begins here ends before."""
 
-MAX_ORIGIN = 1.0e8  # Wider than any map projection of the Earth in metres.
-MAX_CURVATURE_TIMES_OFFSET = (
-    0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.
-)
+MAX_ORIGIN = 1.0e8
+"""Largest coordinate of the world's origin in a file [m]. Chosen: beyond the coordinates of every
+map projection of the Earth."""
+
+MAX_CURVATURE_TIMES_OFFSET = 0.5
+"""Largest |curvature * d| of the edges of the driving lanes [1]. Chosen: lanes end at half the
+radius of a bend, because near its centre (1) one world position has many coordinates s and d."""
 
 
 @lru_cache(maxsize=16)
 def _reference_line(segments: tuple[CurveSegment, ...]) -> ReferenceLine:
-    """The line of these segments; all callers share its arrays."""
+    """The line of these segments, kept for the next calls; all callers share its arrays."""
     return ReferenceLine.from_segments(segments)
 
 
@@ -79,16 +98,18 @@ class DrivingSide(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lane:
-    """One lane of a road.
+    """One lane of a road: a driving lane, or a neighbour beside the driving lanes.
 
     Attributes:
-        lane_id: OpenDRIVE's id: 0 is the centre line, negative ids lie to the right of the file's
-            reference line, positive ones to its left.
+        lane_id: Id of the lane in the map format OpenDRIVE: negative ids lie to the right of the
+            file's reference line, positive ids to its left; 0 is the line itself.
         width: Width, the same along the whole road [m].
         kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
-        direction: +1 if its traffic runs along the road's `s`, -1 if it comes the other way.
-        right_mark: Line on its right, seen in the road's direction of travel.
-        left_mark: Line on its left, seen in the road's direction of travel.
+        direction: Direction of its traffic: +1 along the road's `s`, as also for shoulders, or -1
+            against it, as on the opposing lane.
+        right_mark: Line on its right in the road's direction of travel, as seen from this lane: of
+            a double line the first word of the mark names the line nearer to the lane.
+        left_mark: Line on its left in the road's direction of travel, as seen from this lane.
 
     Raises:
         ConfigError: A value is of another type or out of range.
@@ -108,7 +129,10 @@ class Lane:
         check_batch(self, f"lane {self.lane_id}")
 
     def mirror(self) -> Self:
-        """The lane in a world where left and right are swapped."""
+        """The lane in a world where left and right are swapped.
+
+        Its id changes sign, because it lies on the other side of the file's reference line.
+        """
         return dataclasses.replace(
             self, lane_id=-self.lane_id, right_mark=self.left_mark, left_mark=self.right_mark
         )
@@ -119,24 +143,26 @@ class Road:
     """A stretch of road of one direction, with the same lanes along all of it.
 
     Attributes:
-        name: Name, for people and manifests.
+        name: Name, for people and for the manifests of data sets.
         kind: OpenDRIVE's road type: "motorway", "rural", "town", ...
         driving_side: Side that traffic keeps to.
-        lanes: Driving lanes, from the kerb side to the overtaking side.
+        lanes: Driving lanes, from the kerb side to the overtaking side, 1 to `MAX_LANES`.
         kerb_edge_d: `d` of the edge of `lanes[0]` on the kerb side [m].
         length: Length of the stretch along the reference line [m].
-        x0: World x of (s=0, d=0), right-handed, y to the left of x, as in OpenDRIVE [m].
-        y0: World y of (s=0, d=0) [m].
-        heading: Direction of travel there, anticlockwise from world x, within one turn of zero
-            [rad].
-        speed_limit: Limit that is posted for the driving lanes, on a road with
-            `RoadCourse.speed_limit_spans` the highest one [m/s].
-        origin_x: x of the world's origin in the file that the road comes from [m]. It is not 0 for
-            files with large coordinates, such as UTM, whose millimetres exceed the recorded
-            integers.
+        x0: World x of the start of the reference line, (s, d) = (0, 0) [m].
+        y0: World y of the same point [m].
+        heading: Direction of travel at that point, anticlockwise from the world x axis, within one
+            turn of zero [rad].
+        speed_limit: Limit that is posted for the driving lanes. On a road with
+            `RoadCourse.speed_limit_spans` it is the highest limit [m/s].
+        origin_x: x of the world's origin in the file that the road comes from [m]. Not 0 for files
+            with large coordinates, such as UTM: recorded positions are int32 millimetres, which
+            could not hold them.
         origin_y: y of the same point [m].
-        kerb_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
-        overtaking_side_neighbour: Lane beside `lanes[-1]`, or None.
+        kerb_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder; None if the road ends
+            there.
+        overtaking_side_neighbour: Lane beside `lanes[-1]`, the opposing lane of a two-way road;
+            None if the road ends there.
         course: Changes along the road; None for a straight and level road with the same marks and
             speed limit everywhere.
 
@@ -164,7 +190,7 @@ class Road:
 
     def __post_init__(self) -> None:
         """Refuse roads outside the model's range."""
-        check_batch(self, f"road {self.name}")
+        check_batch(self, f"road {self.name}")  # Types and ranges of the fields.
         self._check_lanes()
         self._check_course()
 
@@ -186,31 +212,36 @@ class Road:
 
     @property
     def overtaking_edge_marks(self) -> tuple[MarkChange, ...]:
-        """The line on the overtaking side of `lanes[-1]`: where each mark begins.
+        """Marks of the line on the overtaking side of `lanes[-1]`, as seen from that lane.
 
-        The marks are those seen from `lanes[-1]`. The first begins at minus infinity.
+        On a two-way road this is the line between the directions, which may change along the road.
+
+        Returns:
+            Pairs of a mark and the station at which it begins, in order; the first begins at minus
+            infinity.
         """
         last = self.lanes[-1]
-        mark = last.left_mark if self.driving_side is DrivingSide.RIGHT else last.right_mark
-        return marks_along(self.course.centre_line_spans if self.course else (), mark)
+        is_right_hand = self.driving_side is DrivingSide.RIGHT
+        default_mark = last.left_mark if is_right_hand else last.right_mark
+        return marks_along(self.course.centre_line_spans if self.course else (), default_mark)
 
     @property
     def lane_boundaries(self) -> F64:
         """`d` of the lane boundaries from kerb to overtaking side, shape (lane + 1,) [m]."""
-        borders = [self.kerb_edge_d]
+        boundaries = [self.kerb_edge_d]
         for lane in self.lanes:
-            borders.append(borders[-1] + self.overtaking_sign * lane.width)
-        return np.array(borders, dtype=np.float64)
+            boundaries.append(boundaries[-1] + self.overtaking_sign * lane.width)
+        return np.array(boundaries, dtype=np.float64)
 
     @property
     def lane_centres(self) -> F64:
         """`d` of the lane centres from kerb to overtaking side, shape (lane,) [m]."""
-        borders = self.lane_boundaries
-        return (borders[:-1] + borders[1:]) * 0.5
+        boundaries = self.lane_boundaries
+        return (boundaries[:-1] + boundaries[1:]) * 0.5
 
     @property
     def segments(self) -> tuple[CurveSegment, ...]:
-        """The segments of the reference line; empty for a straight road."""
+        """Segments of the reference line (straight, arcs, clothoids); empty for a straight road."""
         return self.course.segments if self.course else ()
 
     @property
@@ -219,30 +250,39 @@ class Road:
         return bool(self.segments)
 
     def heading_at(self, s: ArrayLike) -> F64:
-        """Direction of the road, anticlockwise from world x [rad].
+        """Direction of the reference line, anticlockwise from the world x axis [rad].
 
         Args:
             s: Station, any shape [m].
+
+        Returns:
+            Angles of the same shape.
         """
         if self.is_curved:
             return _reference_line(self.segments).heading_at(s)
         return np.full(np.shape(s), self.heading)
 
     def curvature_at(self, s: ArrayLike) -> F64:
-        """Change of the direction of the reference line, positive in left bends [1/m].
+        """Change of the direction of the reference line per metre, positive in left bends [1/m].
 
         Args:
             s: Station, any shape [m].
+
+        Returns:
+            Curvatures of the same shape.
         """
         if self.is_curved:
             return _reference_line(self.segments).pose_at(s).curvature
         return np.zeros(np.shape(s))
 
     def grade_at(self, s: ArrayLike) -> F64:
-        """Slope of the road, positive where it rises along `s`.
+        """Slope of the road: rise per metre, positive where it rises along `s` [1].
 
         Args:
             s: Station, any shape [m].
+
+        Returns:
+            Slopes of the same shape.
         """
         pairs = self.course.grade if self.course else ()
         if not pairs:
@@ -250,13 +290,16 @@ class Road:
         return StationTable.from_pairs(pairs).value_at(s)
 
     def speed_limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
-        """The posted limit [m/s].
+        """The posted speed limit [m/s].
 
-        Where one span ends and another begins, the limit of the second applies.
+        At a station where one limit ends and another begins, the second applies.
 
         Args:
             s: Station, any shape [m].
             direction: Direction of travel, +1 along `s` or -1 against it.
+
+        Returns:
+            Limits of the same shape.
         """
         station = np.asarray(s, np.float64)
         limits = np.full(station.shape, self.speed_limit)
@@ -269,27 +312,31 @@ class Road:
 
         Args:
             s: Station, any shape [m].
-        """
-        station = np.asarray(s, np.float64)
-        knots = np.array(
-            sorted({0.0, *(s_knot for s_knot, _ in (self.course or RoadCourse()).grade)})
-        )
-        slopes = self.grade_at(knots)
-        steps = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
-        heights = np.concatenate([[0.0], np.cumsum(steps)])
-        last = np.clip(np.searchsorted(knots, station, side="right") - 1, 0, None)
-        rise = 0.5 * (slopes[last] + self.grade_at(station)) * (station - knots[last])
-        return heights[last] + rise
-
-    def to_world(self, s: ArrayLike, d: ArrayLike) -> Points:
-        """World coordinates of points on the road.
-
-        Args:
-            s: Position along the road, any shape [m].
-            d: Offset to the left, a shape that broadcasts with it [m].
 
         Returns:
-            x and y in the right-handed world frame [m].
+            Heights of the same shape.
+        """
+        station = np.asarray(s, np.float64)
+        grade = (self.course or RoadCourse()).grade
+        knots = np.array(sorted({0.0, *(knot for knot, _ in grade)}))
+        slopes = self.grade_at(knots)
+        # The slope is linear between knots, so trapezoids are its exact integral.
+        rises = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
+        heights = np.concatenate([[0.0], np.cumsum(rises)])
+        # The last knot at or before each station; the first knot for stations before the road.
+        previous = np.clip(np.searchsorted(knots, station, side="right") - 1, 0, None)
+        rise = 0.5 * (slopes[previous] + self.grade_at(station)) * (station - knots[previous])
+        return heights[previous] + rise
+
+    def to_world(self, s: ArrayLike, d: ArrayLike) -> Points:
+        """Convert road coordinates to world coordinates.
+
+        Args:
+            s: Station, any shape [m].
+            d: Offset to the left, a shape that broadcasts with `s` [m].
+
+        Returns:
+            World x and y, of the common shape [m].
         """
         if self.is_curved:
             return _reference_line(self.segments).to_world(s, d)
@@ -301,7 +348,15 @@ class Road:
         )
 
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """Road coordinates (s, d) of world points [m]; the inverse of `to_world`."""
+        """Convert world coordinates to road coordinates; the inverse of `to_world`.
+
+        Args:
+            x: World x, any shape [m].
+            y: World y, same shape [m].
+
+        Returns:
+            s and d of the same shape [m].
+        """
         if self.is_curved:
             return _reference_line(self.segments).to_road(x, y)
         east = np.asarray(x, dtype=np.float64) - self.x0
@@ -310,11 +365,14 @@ class Road:
         return east * cosine + north * sine, north * cosine - east * sine
 
     def to_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """Coordinates (x, y) of world points in the file that the road comes from [m].
+        """Convert world coordinates to coordinates of the file that the road comes from.
 
         Args:
             x: World x, any shape [m].
             y: World y, same shape [m].
+
+        Returns:
+            x and y in the file, of the same shape [m].
         """
         return (
             np.asarray(x, dtype=np.float64) + self.origin_x,
@@ -322,28 +380,36 @@ class Road:
         )
 
     def from_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """World coordinates (x, y) of points that are given in the coordinates of the file [m]."""
+        """Convert coordinates of the file that the road comes from to world coordinates.
+
+        Args:
+            x: x in the file, any shape [m].
+            y: y in the file, same shape [m].
+
+        Returns:
+            World x and y, of the same shape [m].
+        """
         return (
             np.asarray(x, dtype=np.float64) - self.origin_x,
             np.asarray(y, dtype=np.float64) - self.origin_y,
         )
 
     def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
-        """Index into `lanes` of the lane that a point lies in.
+        """Index into `lanes` of the lane that contains a point.
 
-        A boundary belongs to the lane on its overtaking side. The result is -1 beyond the kerb-side
-        edge, and `num_lanes` on the last boundary and beyond it.
+        A point on a boundary is in the lane on its overtaking side.
 
         Args:
             d: Offset to the left, any shape [m].
 
         Returns:
-            Integers of the same shape.
+            Integers of the same shape: -1 beyond the edge on the kerb side, and `num_lanes` on the
+            edge on the overtaking side and beyond it.
         """
-        offset = self.overtaking_sign * np.asarray(d, dtype=np.float64)
-        return (
-            np.searchsorted(self.overtaking_sign * self.lane_boundaries, offset, side="right") - 1
-        )
+        # With this sign the boundaries ascend in left-hand traffic, too, as `searchsorted` demands.
+        sign = self.overtaking_sign
+        offset = sign * np.asarray(d, dtype=np.float64)
+        return np.searchsorted(sign * self.lane_boundaries, offset, side="right") - 1
 
     def check_straight(self, where: str) -> None:
         """Refuse a road with bends or grades.
@@ -384,9 +450,10 @@ class Road:
     def mirror(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 
-        `mirror().to_world(s, -d)` is `(x, -y)` bit for bit; mirroring twice gives an equal road.
+        For any point, `mirror().to_world(s, -d)` has the bits of `(x, -y)`. Mirroring twice gives
+        an equal road.
         """
-        slow, fast = self.kerb_side_neighbour, self.overtaking_side_neighbour
+        kerb_side, overtaking_side = self.kerb_side_neighbour, self.overtaking_side_neighbour
         return dataclasses.replace(
             self,
             driving_side=self.driving_side.opposite,
@@ -395,22 +462,26 @@ class Road:
             y0=-self.y0,
             origin_y=-self.origin_y,
             heading=-self.heading,
-            kerb_side_neighbour=slow.mirror() if slow else None,
-            overtaking_side_neighbour=fast.mirror() if fast else None,
+            kerb_side_neighbour=kerb_side.mirror() if kerb_side else None,
+            overtaking_side_neighbour=overtaking_side.mirror() if overtaking_side else None,
             course=self.course and self.course.mirror(),
         )
 
     def extend_to(self, length: float) -> Self:
-        """The same road, with a straight continuation up to a length of `length` [m].
+        """The same road with a straight continuation at its end.
+
+        Args:
+            length: Length of the new road, at least the length of this one [m].
 
         Raises:
-            ConfigError: `length` is shorter than the road is.
+            ConfigError: The length is less than the length of this road.
         """
         if not length >= self.length:  # Also true for NaN.
             raise self._error("extended length", f"at least {self.length:g} m", f"{length:g} m")
         return dataclasses.replace(self, length=length)
 
     def _error(self, what: str, expected: str, got: str) -> ConfigError:
+        """The error for an invalid part of this road; `ConfigError` explains the arguments."""
         return ConfigError(
             what=what,
             where=f"road {self.name}",
@@ -420,6 +491,7 @@ class Road:
         )
 
     def _check_lanes(self) -> None:
+        """Refuse invalid driving lanes, equal ids, and lanes that disagree on the line between."""
         if not 1 <= self.num_lanes <= MAX_LANES:
             raise self._error("driving lanes", f"1 to {MAX_LANES}", str(self.num_lanes))
         ids = [lane.lane_id for lane in self.lanes]
@@ -427,18 +499,23 @@ class Road:
             raise self._error("lane ids", "a different one for each lane", str(ids))
         for lane in self.lanes:
             self._check_driving_lane(lane)
-        for slower, faster in pairwise(self.lanes):
-            near, far = slower.left_mark, faster.right_mark
+        for lane, next_lane in pairwise(self.lanes):
+            # Two lanes see the line between them from its two sides.
+            mark, next_mark = lane.left_mark, next_lane.right_mark
             if self.driving_side is DrivingSide.LEFT:
-                near, far = slower.right_mark, faster.left_mark
-            if near is not far.reverse:
+                mark, next_mark = lane.right_mark, next_lane.left_mark
+            if mark is not next_mark.reverse:
                 raise self._error(
-                    f"line between lanes {slower.lane_id} and {faster.lane_id}",
-                    f"{near.reverse.value} from the second as it is {near.value} from the first",
-                    far.value,
+                    f"line between lanes {lane.lane_id} and {next_lane.lane_id}",
+                    f"{mark.reverse.value} from the second as it is {mark.value} from the first",
+                    next_mark.value,
                 )
 
     def _check_course(self) -> None:
+        """Refuse a course that contradicts the length, the limit or the lanes of the road.
+
+        The course has already checked itself.
+        """
         course = self.course
         if course is None:
             return
@@ -448,37 +525,41 @@ class Road:
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._error("course", length, f"{max(stations):g} m")
-        above = [span.speed for span in course.speed_limit_spans if span.speed >= self.speed_limit]
-        if above:
+        limits = [span.speed for span in course.speed_limit_spans]
+        if limits and max(limits) >= self.speed_limit:
             lower = f"below {self.speed_limit:g} m/s, the limit of the road"
-            raise self._error("speed_limit_spans", lower, f"{max(above):g} m/s")
-        directed = (*course.speed_limit_spans, *course.zones)
-        against = course.sight_against or [span for span in directed if span.direction < 0]
-        if not self.is_two_way and (course.centre_line_spans or against):
+            raise self._error("speed_limit_spans", lower, f"{max(limits):g} m/s")
+        directed_spans = (*course.speed_limit_spans, *course.zones)
+        is_for_oncoming = bool(course.centre_line_spans or course.sight_against) or any(
+            span.direction < 0 for span in directed_spans
+        )
+        if is_for_oncoming and not self.is_two_way:
             lane = "oncoming traffic: a driving lane with direction -1 on the overtaking side"
             raise self._error("course", lane, "lines or sight for it, and no such lane")
         if course.segments:
-            self._check_line(course.segments)
+            self._check_reference_line(course.segments)
 
-    def _check_line(self, line: tuple[CurveSegment, ...]) -> None:
-        start = (line[0].x, line[0].y, line[0].heading)
+    def _check_reference_line(self, segments: tuple[CurveSegment, ...]) -> None:
+        """Refuse segments that begin elsewhere than the road, or are too sharp for its lanes."""
+        start = (segments[0].x, segments[0].y, segments[0].heading)
         if start != (self.x0, self.y0, self.heading):
             raise self._error(
                 "start of the line",
                 f"x0, y0, heading: {self.x0}, {self.y0}, {self.heading}",
                 str(start),
             )
-        sharpest = _reference_line(line).max_curvature
-        widest = max(abs(self.kerb_edge_d), abs(float(self.lane_boundaries[-1])))
-        if not sharpest * widest < MAX_CURVATURE_TIMES_OFFSET:
+        max_curvature = _reference_line(segments).max_curvature
+        max_offset = max(abs(self.kerb_edge_d), abs(float(self.lane_boundaries[-1])))
+        if not max_curvature * max_offset < MAX_CURVATURE_TIMES_OFFSET:
             raise self._error(
                 "bend",
                 f"lanes within {MAX_CURVATURE_TIMES_OFFSET:g} of its radius from the reference "
                 "line",
-                f"an edge {widest:.1f} m beside it in a bend of {1.0 / sharpest:.1f} m",
+                f"an edge {max_offset:.1f} m beside it in a bend of {1.0 / max_curvature:.1f} m",
             )
 
     def _check_driving_lane(self, lane: Lane) -> None:
+        """Refuse a driving lane of another width, type or direction than the model has."""
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
             raise self._error(
                 f"width of lane {lane.lane_id}",
