@@ -1,4 +1,10 @@
-"""CARLA's vehicles, props and weather presets."""
+"""Vehicles, props and named weathers of the simulator CARLA 0.9.16.
+
+The package draws its weather from the named weathers, and the server that imitates CARLA offers the
+vehicles and props. The TOML files of `knowledge/data` hold the values; `read_records` checks them
+and returns one dataclass for each table of a file, in SI units unless a name ends in another unit.
+The mappings are cached and shared by all callers, therefore read-only.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +19,9 @@ class CarlaVehicle:
     """A vehicle of CARLA's catalogue.
 
     Attributes:
-        blueprint: Its id, such as "vehicle.audi.a2".
+        blueprint: CARLA's id of the model, such as "vehicle.audi.a2".
         base_type: CARLA's name of its kind: car, truck, van, bus, motorcycle or bicycle.
-        vehicle_class: Class of `vehicle_classes` that decides its physics.
+        vehicle_class: Code of the class in `vehicle_classes` whose physics it has, such as "S".
         size: Length, width and height of its bounding box [m].
     """
 
@@ -27,17 +33,17 @@ class CarlaVehicle:
 
 @cache
 def carla_vehicles() -> Mapping[str, CarlaVehicle]:
-    """The vehicles by id, in alphabetical order."""
+    """The vehicles by `blueprint`, in alphabetical order."""
     vehicles = read_records(CarlaVehicle, "carla_vehicles.toml").values()
     return MappingProxyType({vehicle.blueprint: vehicle for vehicle in vehicles})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PropBlueprint:
-    """A prop of CARLA's catalogue, such as a traffic cone.
+    """A prop of CARLA's catalogue: a loose object, such as a traffic cone.
 
     Attributes:
-        blueprint: Its id, such as "static.prop.trafficcone01".
+        blueprint: CARLA's id of the object, such as "static.prop.trafficcone01".
         size: Length, width and height of its bounding box [m].
     """
 
@@ -47,12 +53,13 @@ class PropBlueprint:
 
 @cache
 def props() -> Mapping[str, PropBlueprint]:
-    """The props by id, in alphabetical order."""
+    """The props by `blueprint`, in alphabetical order."""
     props_by_key = read_records(PropBlueprint, "carla_props.toml").values()
     return MappingProxyType({prop.blueprint: prop for prop in props_by_key})
 
 
-# Our field, whose name ends in its unit, to the field of CARLA.
+# Fields of `WeatherPreset` to fields of `carla.WeatherParameters`, in CARLA's order. Our names end
+# in a unit, because values with such names are not converted to SI.
 _CARLA_FIELDS = {
     "cloudiness_percent": "cloudiness",
     "precipitation_percent": "precipitation",
@@ -73,23 +80,25 @@ _CARLA_FIELDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherPreset:
-    """The fields of a named weather; percentages are 0 to 100 without physical meaning.
+    """A named weather of CARLA; percentages are 0 to 100 without physical meaning.
+
+    The fields from `wetness_percent` on change pictures only, as does `fog_distance`.
 
     Attributes:
-        in_pinto2023: Whether the study `pinto-2023` used it.
-        cloudiness_percent: Cover of the sky.
+        in_pinto2023: Whether `pinto-2023`, the study that this package reproduces, used it.
+        cloudiness_percent: Clouds.
         precipitation_percent: Rain.
         precipitation_deposits_percent: Puddles.
         wind_intensity_percent: Wind.
-        sun_azimuth_deg: Direction of the sun; -1 keeps the sun where it is.
-        sun_altitude_deg: Height of the sun; negative at night.
+        sun_azimuth_deg: Direction of the sun; in CARLA -1 keeps the sun where it is.
+        sun_altitude_deg: Angle of the sun above the horizon; negative at night.
         fog_density_percent: Fog.
         fog_distance: Distance at which the fog begins [m].
-        wetness_percent: Sheen of the road, for cameras only.
-        fog_falloff: Thinning of the fog with height.
-        scattering_intensity: Light that the fog scatters.
-        mie_scattering_scale: Haze around lights.
-        rayleigh_scattering_scale: Blue of the sky.
+        wetness_percent: Sheen of the road.
+        fog_falloff: Thinning of the fog with height [1].
+        scattering_intensity: Light that the fog scatters [1].
+        mie_scattering_scale: Haze around lights [1].
+        rayleigh_scattering_scale: Blue of the sky [1].
         dust_storm_percent: Dust in the air.
     """
 
@@ -116,5 +125,8 @@ class WeatherPreset:
 
 @cache
 def weather_presets() -> Mapping[str, WeatherPreset]:
-    """The presets by name, the eight of the study `pinto-2023` first."""
+    """The presets by name; `Weather.preset` is the position in this order.
+
+    The eight presets of the study `pinto-2023` come first.
+    """
     return read_records(WeatherPreset, "carla_weather.toml")

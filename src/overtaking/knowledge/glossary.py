@@ -1,4 +1,8 @@
-"""The words of the package: classes, policies, features, vehicle classes and other terms."""
+"""The glossary: names that users see, such as classes and features, and their meanings.
+
+The texts are in `data/glossary.toml`. Tables, statistics, reports, the command
+`overtaking glossary` and the page docs/reference/glossary.md read them from here.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,19 +22,21 @@ TERM_GROUPS = {
     "law": "The law",
     "data": "Data and numbers",
 }
-"""The groups of terms, each with its heading."""
+"""Groups of terms, which are the top tables of the file, each with its heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """A word and its meaning.
+    """A term of the glossary; its name is the key in `terms`.
 
     Attributes:
-        meaning: One sentence.
-        defined_in: Module and name that define it, below the root of the package.
-        title: The name in a few words; empty if the name is a word of its own.
-        display_unit: Unit in which tables show it; empty for a pure number or a text.
-        avoid: Words that must not be used for it.
+        meaning: The meaning in one sentence.
+        defined_in: Module and name that define it, without `overtaking.`, such as
+            "model.verdicts.OvertakeClass".
+        title: A readable form of a coded name, such as "completed, legal" for `Success_L`; empty
+            for a name that is a plain word.
+        display_unit: Unit in which tables show the value; empty for pure numbers and texts.
+        avoid: Words that code and texts must not use for this term, separated by commas.
     """
 
     meaning: str
@@ -45,10 +51,13 @@ def terms(group: str) -> Mapping[str, Term]:
     """The terms of a group by name, in the order in which tables show them.
 
     Args:
-        group: One of `TERM_GROUPS`.
+        group: A key of `TERM_GROUPS`.
+
+    Returns:
+        A read-only mapping, cached and shared by all callers.
 
     Raises:
-        KnowledgeError: A term lacks a key or has an unknown one.
+        KnowledgeError: A term in the file lacks a key or has an unknown one.
         KeyError: There is no such group.
     """
     return read_records(Term, "glossary.toml", group)

@@ -1,4 +1,15 @@
-"""Numbers with unit and source, and how an entry of a TOML file becomes one."""
+"""Numbers with unit and source, parsed from entries of the knowledge files.
+
+An entry is a TOML table with a number, or with a distribution of a number over a population:
+
+    length = { value = 4.4, sigma = 0.2, unit = "m", source = "choice", rationale = "..." }
+    patience = { distribution = "lognormal", median = 30.0, sigma = 0.4, low = 1.0, high = 120.0,
+                 unit = "s", source = "choice", rationale = "..." }
+
+`parse_quantity` and `parse_distribution` check an entry and convert its numbers to SI. A name with
+a suffix such as `_percent` or `_mm` is the exception: its numbers stay in that unit
+(`core.units.UNCONVERTED_SUFFIXES`). `toml_reader` reads the files and calls these functions.
+"""
 
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
@@ -12,10 +23,12 @@ Values: TypeAlias = "float | tuple[Values, ...]"
 """A number, or a tuple of numbers or of tuples, as deep as the lists of the file."""
 
 ENGINEERING_CHOICE = "choice"
-"""The source of an engineering choice; such an entry must give its rationale."""
+"""Source of a number that the authors chose; its entry must state a rationale."""
 
 SUPPORT_SIGMAS = 2.0
-"""A quantity with a sigma is sampled within this many sigmas of its value."""
+"""Samples of a quantity stay within this many standard deviations of its value, unless the entry
+states `low` and `high`. Chosen: rarer values make implausible vehicles."""
+
 SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
 
 
@@ -24,11 +37,11 @@ class Source:
     """A publication, standard or program from which values come.
 
     Attributes:
-        id: Short name by which entries refer to it.
+        id: Short name by which entries refer to it, such as "un-r157".
         citation: Author, year, title, and a DOI or an official number.
         kind: One of `SOURCE_KINDS`.
-        checked: Whether the values were read in the source or in a faithful reprint. If not, they
-            are common knowledge of the field.
+        checked: Whether the authors read the values in the source or in a faithful reprint. If
+            not, the values are common knowledge of the field.
     """
 
     id: str
@@ -43,13 +56,14 @@ class Quantity:
 
     Attributes:
         value: The number in `unit`, or nested tuples of such numbers.
-        sigma: Standard deviation within the population, in `unit`; None if the value is fixed.
-        low: Smallest value that a sample may take; equals `value` if there is no sigma.
-        high: Largest value that a sample may take; equals `value` if there is no sigma.
-        unit: The SI unit of `value`, or the unit that the entry's name carries as a suffix.
-        quoted_unit: The unit in which the file, following its source, writes the value.
-        source: Id of the source, or `choice`.
-        rationale: Why this value; always present for a choice.
+        sigma: Standard deviation within the population, in `unit`; None if all members have the
+            same value.
+        low: Smallest value of a sample, in `unit`; equals `value` without a sigma.
+        high: Largest value of a sample, in `unit`; equals `value` without a sigma.
+        unit: The SI unit, or the unit in the suffix of the entry's name.
+        quoted_unit: The unit in the file, which is the unit of its source.
+        source: `Source.id`, or "choice".
+        rationale: The reason for this value; None if a published source suffices.
     """
 
     value: Values
@@ -62,13 +76,17 @@ class Quantity:
     rationale: str | None
 
     def numbers(self) -> dict[str, Any]:
-        """The fields that decide values and their unit, as JSON types."""
+        """The fields that decide samples, as JSON types: all but the source and its texts."""
         limits = {"sigma": self.sigma, "low": self.low, "high": self.high}
         return {"value": self.value, **limits, "unit": self.unit}
 
     @property
     def number(self) -> float:
-        """The value of a scalar quantity; KnowledgeError for a table."""
+        """The value of a quantity that is a single number.
+
+        Raises:
+            KnowledgeError: The value is a table of numbers.
+        """
         if isinstance(self.value, tuple):
             raise KnowledgeError(
                 what="value",
@@ -80,7 +98,7 @@ class Quantity:
         return self.value
 
     def __float__(self) -> float:
-        """The value of a scalar quantity, as `number`."""
+        """The same as `number`."""
         return self.number
 
 
@@ -88,19 +106,23 @@ class Quantity:
 class Distribution:
     """The distribution of a parameter over a population.
 
-    The parameters by kind: `constant`: value; `uniform`: none beside the limits; `normal`: mean,
-    sigma; `lognormal`: median, sigma (of the natural logarithm, so without unit); `bernoulli`:
-    probability; `choice`: values, weights (which sum to 1).
+    Kinds and their parameters:
+        constant: value
+        uniform: none, because `low` and `high` decide it
+        normal: mean, sigma
+        lognormal: median, sigma (of the natural logarithm, so without unit)
+        bernoulli: probability of 1; else 0
+        choice: values, weights (as many, summing to 1)
 
     Attributes:
-        kind: One of the six above.
-        parameters: Name to number, or to a tuple of numbers for `choice`, in `unit`.
-        low: Smallest possible draw, in `unit`; normal and lognormal are truncated there.
-        high: Largest possible draw, in `unit`.
-        unit: The SI unit of a draw, or the unit that the entry's name carries as a suffix.
-        quoted_unit: The unit in which the file writes the numbers.
-        source: Id of the source, or `choice`.
-        rationale: Why this distribution; always present for a choice.
+        kind: A kind in this list.
+        parameters: Parameter name to number in `unit`; for "choice" to a tuple of numbers.
+        low: Smallest possible draw, in `unit`; normal and lognormal are truncated here.
+        high: Largest possible draw, in `unit`; normal and lognormal are truncated here.
+        unit: The SI unit of a draw, or the unit in the suffix of the entry's name.
+        quoted_unit: The unit in the file.
+        source: `Source.id`, or "choice".
+        rationale: The reason for this distribution; None if a published source suffices.
     """
 
     kind: str
@@ -117,12 +139,19 @@ class Distribution:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def numbers(self) -> dict[str, Any]:
-        """The fields that decide draws and their unit, as JSON types."""
+        """The fields that decide draws, as JSON types: all but the source and its texts."""
         limits = {"low": self.low, "high": self.high}
         return {"kind": self.kind, **self.parameters, **limits, "unit": self.unit}
 
     def parameter(self, name: str) -> float:
-        """One scalar parameter; KnowledgeError if this kind lacks it."""
+        """The value of a parameter that is a single number.
+
+        Args:
+            name: Name of the parameter, such as "median".
+
+        Raises:
+            KnowledgeError: Distributions of this kind do not have it, or it is a tuple.
+        """
         value = self.parameters.get(name)
         if isinstance(value, float):
             return value
@@ -136,11 +165,16 @@ class Distribution:
 
 
 _ENTRY_KEYS = frozenset(["value", "distribution", "unit", "source"])
-_PROVENANCE = frozenset(["unit", "source"])
-_OPTIONAL = frozenset(["rationale"])
+"""Any of these keys makes a table an entry."""
 
-# Kind of distribution: the keys that it needs beside unit and source.
-_PARAMETERS_BY_KIND = {
+_PROVENANCE = frozenset(["unit", "source"])
+"""Keys that every entry must have."""
+
+_OPTIONAL = frozenset(["rationale"])
+"""Keys that every entry may have."""
+
+# Kind of distribution to the keys that it needs beside `distribution`, `unit` and `source`.
+_KEYS_BY_KIND = {
     "constant": frozenset(["value"]),
     "uniform": frozenset(["low", "high"]),
     "normal": frozenset(["mean", "sigma", "low", "high"]),
@@ -149,42 +183,47 @@ _PARAMETERS_BY_KIND = {
     "choice": frozenset(["values", "weights"]),
 }
 
-# Parameters that are pure numbers whatever the unit of a draw.
-_UNITLESS = {"lognormal": frozenset(["sigma"]), "choice": frozenset(["weights"])}
-_WEIGHT_TOLERANCE = 1e-9
+# Kind of distribution to the parameters that are pure numbers, so that no unit applies to them.
+_UNITLESS_BY_KIND = {"lognormal": frozenset(["sigma"]), "choice": frozenset(["weights"])}
+
+_WEIGHT_TOLERANCE = 1e-9  # Rounding errors of a sum of some decimal fractions are far smaller.
 
 
 def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
-    """Whether an item is an entry, complete or not, rather than a table of entries."""
+    """Whether an item of a TOML document is an entry, complete or not.
+
+    Otherwise it is a table of entries, a text or a flag.
+    """
     if not isinstance(item, dict):
         return False
     table = cast("dict[str, object]", item)
+    # A table of entries may itself be named "value" or "source": it is a dict, and no such key.
     return any(key in table and not isinstance(table[key], dict) for key in _ENTRY_KEYS)
 
 
 def parse_quantity(
     entry: Mapping[str, Any], *, name: str, where: str, sources: Container[str]
 ) -> Quantity:
-    """A quantity from its inline table.
+    """Parse an entry with a value.
 
     Args:
         entry: Keys value, unit, source; optionally sigma, low, high, rationale.
-        name: Key of the entry; a suffix such as `_mm` keeps the value in that unit.
+        name: Name of the entry; a suffix such as `_mm` keeps the value in that unit.
         where: File and entry, for messages.
-        sources: The known source ids.
+        sources: The ids that `source` may have.
 
     Returns:
         The quantity, in SI or in the unit of the suffix.
 
     Raises:
-        KnowledgeError: A key is missing or unknown, or a value is not what its key asks for.
+        KnowledgeError: A key is missing or unknown, or its value is invalid.
     """
     spread = frozenset(["sigma", "low", "high"])
-    _check(entry, needed=_PROVENANCE | {"value"}, also=spread, where=where, sources=sources)
-    unit, convert = _unit(entry, name, where)
-    value = _values(entry["value"], convert, where)
-    sigma = _number(entry["sigma"], convert, where) if "sigma" in entry else None
-    low, high = _limits(entry, value, sigma, convert, where)
+    _check_entry(entry, needed=_PROVENANCE | {"value"}, also=spread, where=where, sources=sources)
+    unit, convert = _unit_and_converter(entry, name, where)
+    value = _convert_values(entry["value"], convert, where)
+    sigma = _convert_number(entry["sigma"], convert, where) if "sigma" in entry else None
+    low, high = _range_of_samples(entry, value, sigma, convert, where)
     return Quantity(
         value=value,
         sigma=sigma,
@@ -198,35 +237,38 @@ def parse_quantity(
 def parse_distribution(
     entry: Mapping[str, Any], *, name: str, where: str, sources: Container[str]
 ) -> Distribution:
-    """A distribution from its inline table.
+    """Parse an entry with a distribution.
 
     Args:
-        entry: Keys distribution, unit, source and the parameters of the kind.
-        name: Key of the entry; a suffix such as `_mm` keeps the values in that unit.
+        entry: Keys distribution, unit, source and the parameters of the kind; optionally rationale.
+        name: Name of the entry; a suffix such as `_mm` keeps the values in that unit.
         where: File and entry, for messages.
-        sources: The known source ids.
+        sources: The ids that `source` may have.
 
     Returns:
         The distribution, in SI or in the unit of the suffix.
 
     Raises:
-        KnowledgeError: The kind is unknown, or its parameters do not make a distribution.
+        KnowledgeError: A key is missing or unknown, the kind is unknown, or the parameters are
+            inconsistent.
     """
     kind = entry.get("distribution")
-    if kind not in _PARAMETERS_BY_KIND:
-        raise _wrong("distribution", where, f"one of {', '.join(_PARAMETERS_BY_KIND)}", kind)
-    needed = _PROVENANCE | {"distribution"} | _PARAMETERS_BY_KIND[kind]
-    _check(entry, needed=needed, also=frozenset(), where=where, sources=sources)
-    unit, convert = _unit(entry, name, where)
-    plain = _UNITLESS.get(kind, frozenset())
+    if kind not in _KEYS_BY_KIND:
+        raise _error("distribution", where, f"one of {', '.join(_KEYS_BY_KIND)}", kind)
+    needed = _PROVENANCE | {"distribution"} | _KEYS_BY_KIND[kind]
+    _check_entry(entry, needed=needed, also=frozenset(), where=where, sources=sources)
+    unit, convert = _unit_and_converter(entry, name, where)
+    unitless = _UNITLESS_BY_KIND.get(kind, frozenset())
     numbers = {
-        key: _values(entry[key], float if key in plain else convert, where)
-        for key in sorted(_PARAMETERS_BY_KIND[kind])
+        key: _convert_values(entry[key], float if key in unitless else convert, where)
+        for key in sorted(_KEYS_BY_KIND[kind])
     }
     low, high = _range_of_draws(kind, numbers, where)
     return Distribution(
         kind=kind,
-        parameters=cast("Any", {k: v for k, v in numbers.items() if k not in ("low", "high")}),
+        parameters=cast(
+            "Any", {key: value for key, value in numbers.items() if key not in ("low", "high")}
+        ),
         low=low,
         high=high,
         unit=unit,
@@ -235,7 +277,7 @@ def parse_distribution(
 
 
 def _origin(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Unit and source of an entry, by field of `Quantity` and `Distribution`."""
+    """Unit in the file, source and rationale, as fields of `Quantity` and `Distribution`."""
     return {
         "quoted_unit": entry["unit"],
         "source": entry["source"],
@@ -243,7 +285,7 @@ def _origin(entry: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _check(
+def _check_entry(
     entry: Mapping[str, Any],
     *,
     needed: frozenset[str],
@@ -251,99 +293,120 @@ def _check(
     where: str,
     sources: Container[str],
 ) -> None:
-    """KnowledgeError unless the keys are right and the source is known or explained."""
+    """Raise KnowledgeError for wrong keys, an unknown source, or a choice without a rationale.
+
+    Args:
+        entry: The entry.
+        needed: Keys that the entry must have.
+        also: Keys that it may have besides, and besides a rationale.
+        where: File and entry, for messages.
+        sources: The ids that `source` may have.
+    """
     for key in sorted(needed - entry.keys()):
-        raise _wrong(f"missing {key}", where, f"the keys {', '.join(sorted(needed))}", entry)
+        raise _error(f"missing {key}", where, f"the keys {', '.join(sorted(needed))}", entry)
     for key in sorted(entry.keys() - needed - also - _OPTIONAL):
         allowed = ", ".join(sorted(needed | also | _OPTIONAL))
-        raise _wrong(f"unknown key {key}", where, f"only the keys {allowed}", key)
+        raise _error(f"unknown key {key}", where, f"only the keys {allowed}", key)
     source = entry["source"]
     if source == ENGINEERING_CHOICE and not str(entry.get("rationale", "")).strip():
-        raise _wrong("missing rationale", where, "a reason beside source = 'choice'", "none")
+        raise _error("missing rationale", where, "a reason beside source = 'choice'", "none")
     if source != ENGINEERING_CHOICE and source not in sources:
-        raise _wrong("unknown source", where, "an id of sources.toml", repr(source))
+        raise _error("unknown source", where, "an id of sources.toml", repr(source))
 
 
-def _unit(entry: Mapping[str, Any], name: str, where: str) -> tuple[str, Callable[[Any], float]]:
-    """The unit in which the value is kept, and the conversion into it."""
-    quoted: str = entry["unit"]
-    convert = unit_converter(str(quoted), where=where)
+def _unit_and_converter(
+    entry: Mapping[str, Any], name: str, where: str
+) -> tuple[str, Callable[[Any], float]]:
+    """The unit of the parsed numbers, and the function that converts numbers of the entry to it."""
+    quoted_unit: str = entry["unit"]
+    convert_to_si = unit_converter(str(quoted_unit), where=where)
     suffix_unit = unit_of_suffix(name)
     if suffix_unit is None:
-        return si_unit(quoted), convert
-    if suffix_unit != quoted:
-        raise _wrong("unit", where, f"{suffix_unit}, as the name {name} says", quoted)
-    return quoted, float
+        return si_unit(quoted_unit), convert_to_si
+    if suffix_unit != quoted_unit:
+        raise _error("unit", where, f"{suffix_unit}, as the name {name} says", quoted_unit)
+    return quoted_unit, float
 
 
-def _values(item: Any, convert: Callable[[Any], float], where: str) -> Values:
-    """A number or nested lists of numbers, converted; lists become tuples."""
+def _convert_values(item: Any, convert: Callable[[Any], float], where: str) -> Values:
+    """Convert a number, or nested lists of numbers to nested tuples; an empty list is invalid."""
     if isinstance(item, list):
-        parts = cast("list[Any]", item)
-        if parts:
-            return tuple(_values(part, convert, where) for part in parts)
-    return _number(item, convert, where)
+        elements = cast("list[Any]", item)
+        if elements:
+            return tuple(_convert_values(element, convert, where) for element in elements)
+    return _convert_number(item, convert, where)
 
 
-def _number(item: Any, convert: Callable[[Any], float], where: str) -> float:
-    """A finite number, converted."""
+def _convert_number(item: Any, convert: Callable[[Any], float], where: str) -> float:
+    """Convert a finite number."""
+    # For NaN and infinities the difference is NaN, which differs from 0.
     if isinstance(item, bool) or not isinstance(item, int | float) or item - item != 0:
-        raise _wrong("value", where, "a finite number", item)
+        raise _error("value", where, "a finite number", item)
     return convert(float(item))
 
 
-def _limits(
+def _range_of_samples(
     entry: Mapping[str, Any],
     value: Values,
     sigma: float | None,
     convert: Callable[[Any], float],
     where: str,
 ) -> tuple[Values, Values]:
-    """Smallest and largest value of a sample of the quantity."""
+    """Smallest and largest value of a sample of a quantity, for `Quantity.low` and `.high`."""
     if isinstance(value, tuple):
         if entry.keys() & {"sigma", "low", "high"}:
-            raise _wrong("spread", where, "sigma, low and high beside one number only", "a list")
+            raise _error("spread", where, "sigma, low and high beside one number only", "a list")
         return value, value
     reach = SUPPORT_SIGMAS * (sigma or 0.0)
-    low = _number(entry["low"], convert, where) if "low" in entry else value - reach
-    high = _number(entry["high"], convert, where) if "high" in entry else value + reach
+    low = _convert_number(entry["low"], convert, where) if "low" in entry else value - reach
+    high = _convert_number(entry["high"], convert, where) if "high" in entry else value + reach
     if (sigma is not None and sigma <= 0.0) or not low <= value <= high:
-        raise _wrong("spread", where, "sigma > 0 and low <= value <= high", entry)
+        raise _error("spread", where, "sigma > 0 and low <= value <= high", entry)
     return low, high
 
 
 def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
-    """Smallest and largest possible draw; KnowledgeError for inconsistent parameters."""
+    """Smallest and largest possible draw of a distribution.
+
+    Args:
+        kind: A key of `_KEYS_BY_KIND`.
+        numbers: Its parameters, and `low` and `high` if the kind has them, by key of the entry.
+        where: File and entry, for messages.
+
+    Raises:
+        KnowledgeError: The parameters are inconsistent.
+    """
     if kind == "choice":
-        return _choice_support(numbers, where)
+        return _range_of_choice(numbers, where)
     if any(isinstance(number, tuple) for number in numbers.values()):
-        raise _wrong("parameters", where, "numbers, not lists", kind)
+        raise _error("parameters", where, "numbers, not lists", kind)
     if kind == "constant":
         return numbers["value"], numbers["value"]
     if kind == "bernoulli":
         if not 0.0 <= numbers["probability"] <= 1.0:
-            raise _wrong("probability", where, "0 to 1", numbers["probability"])
+            raise _error("probability", where, "0 to 1", numbers["probability"])
         return 0.0, 1.0
     low, high = numbers["low"], numbers["high"]
-    centre = numbers.get("mean", numbers.get("median", low))
-    positive = kind != "lognormal" or low > 0.0
-    if not (low < high and low <= centre <= high and numbers.get("sigma", 1.0) > 0.0 and positive):
-        raise _wrong("parameters", where, "low < high around the centre, sigma > 0", numbers)
+    centre = numbers.get("mean", numbers.get("median", low))  # A uniform distribution has neither.
+    sigma = numbers.get("sigma", 1.0)
+    has_logarithm = kind != "lognormal" or low > 0.0
+    if not (low < high and low <= centre <= high and sigma > 0.0 and has_logarithm):
+        raise _error("parameters", where, "low < high around the centre, sigma > 0", numbers)
     return low, high
 
 
-def _choice_support(numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
-    """Smallest and largest of the values to choose from."""
+def _range_of_choice(numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
+    """Smallest and largest value of a distribution of the kind "choice"."""
     values, weights = numbers["values"], numbers["weights"]
-    pair = isinstance(values, tuple) and isinstance(weights, tuple)
-    if not pair or len(values) != len(weights):
-        raise _wrong("weights", where, "as many as values", numbers)
+    are_tuples = isinstance(values, tuple) and isinstance(weights, tuple)
+    if not are_tuples or len(values) != len(weights):
+        raise _error("weights", where, "as many as values", numbers)
     if min(weights) < 0.0 or abs(sum(weights) - 1.0) > _WEIGHT_TOLERANCE:
-        raise _wrong("weights", where, "none negative, summing to 1", weights)
+        raise _error("weights", where, "none negative, summing to 1", weights)
     return min(values), max(values)
 
 
-def _wrong(what: str, where: str, expected: str, got: object) -> KnowledgeError:
+def _error(what: str, where: str, expected: str, got: object) -> KnowledgeError:
     return KnowledgeError(
         what=what, where=where, expected=expected, got=got, next_step="correct the entry"
     )

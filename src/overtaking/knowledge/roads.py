@@ -1,7 +1,8 @@
-"""Sight facts and general speed limits, from `data/roads.toml`.
+"""Numbers for sight on roads, and speed limits of roads without signs, from `data/roads.toml`.
 
-`read_record` turns each entry into the SI value of its unit, so that the limits that the file
-states in km/h are m/s here.
+`world.sight_distance` and the readers of road maps use them. `read_record` fills a dataclass from a
+section of the file and converts each value to SI: the file states limits in km/h, the fields hold
+m/s.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ class GeneralLimits:
     """Limits of roads without a posted limit, for light passenger vehicles [m/s].
 
     Attributes:
-        motorway: On motorways.
-        town: Inside localities.
-        other: Everywhere else.
+        motorway: Limit on motorways.
+        town: Limit inside localities, which town signs mark.
+        other: Limit everywhere else.
     """
 
     motorway: float
@@ -37,18 +38,18 @@ class SightFacts:
     `world.sight_distance` interpolates linearly between its rows.
 
     Attributes:
-        clearance: Lateral distance from the centre of the innermost lane of a bend to the objects
-            beside the road that block the view [m].
+        clearance: Lateral distance from the centre of the lane on the inside of a bend to objects
+            beside the road that block the view, such as hedges [m].
         eye_height: Height of a car driver's eyes above the road [m].
         truck_eye_height: Height of a truck driver's eyes above the road [m].
         object_height: Height of the part of a vehicle that a driver must see, above the road [m].
-        passing_zone_speeds: Speed limits, ascending [m/s].
-        passing_zone_sight: Smallest sight distance at each of these speed limits at which markings
-            allow passing [m].
+        passing_zone_speeds: Speed limits, ascending, shape (row,) [m/s].
+        passing_zone_sight: Sight distance needed at each of these speed limits before the centre
+            line may be broken, so that drivers may pass, shape (row,) [m].
 
     Source:
         AASHTO, A Policy on Geometric Design of Highways and Streets (2018), section 3.2.6 and
-        table 3-4; the clearance is a choice, see the file.
+        table 3-4. The clearance is chosen: half a lane, a verge and a ditch.
     """
 
     clearance: float
@@ -61,7 +62,7 @@ class SightFacts:
 
 @cache
 def sight_facts() -> SightFacts:
-    """The numbers for sight on roads that bend or rise."""
+    """The numbers for sight in bends and over crests."""
     return read_record(SightFacts, _FILE, "sight")
 
 
@@ -72,12 +73,11 @@ def general_limits() -> GeneralLimits:
 
 
 def general_limit(road_type: str) -> float:
-    """The limit of a road without a sign, by its OpenDRIVE road type.
+    """The limit of a road without a sign, by its road type in OpenDRIVE, a format of road maps.
 
-    The types "town", "townArterial" and the others that begin with "town" lie inside localities; so
-    does "lowSpeed", OpenDRIVE's word for a 30 km/h zone. All types except these and "motorway" get
-    the limit outside localities: "rural"; "unknown", because nothing shows that such a road lies in
-    a locality; "pedestrian" and "bicycle", on which the package simulates no traffic.
+    Types that begin with "town", such as "townArterial", lie inside localities, and so does
+    "lowSpeed", a 30 km/h zone. All other types except "motorway" get the limit outside localities.
+    This includes "unknown", because nothing shows that such a road lies in a locality.
 
     Args:
         road_type: Attribute `type` of an element `<type>` of OpenDRIVE.

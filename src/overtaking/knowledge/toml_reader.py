@@ -1,17 +1,25 @@
 """Reads the TOML files of the knowledge base into typed, frozen values.
 
-Every number in a file is an inline table with at least a value, a unit and a source. An unknown or
+The knowledge base is the folder `data`: all numbers about vehicles, drivers, roads, weather and
+law. Each number is an entry, an inline table with at least a value, a unit and a source, such as
+`eye_height = { value = 1.08, unit = "m", source = "aashto-green-book-2018" }`. An unknown or
 missing key, unit or source raises an error here, so callers need not check.
 
-Three forms of a document state unit and source once for many numbers; `load_toml` expands them:
+Callers get one number (`number`, `constant`), a quantity with unit and source (`load_quantity`), a
+section as a dataclass (`read_record`), or all sections of a file (`read_records`). Dotted names
+address nested tables: `fog.clear_range` is the entry `clear_range` of the table `[fog]`.
 
-- `[columns]` and `[rows]`: one row for each item, with values in the order of the columns. A
-  column has a unit and a source; a column `{}` holds texts or flags.
+Three forms of a document state unit and source once for many numbers; `load_toml` expands them to
+one entry for each number:
+
+- `[columns]` and `[rows]`: one row for each item, such as a vehicle, with values in the order of
+  the columns. A column has a unit and a source; a column `{}` holds texts or flags.
 - `[labels]` and `[quantities]`: one line for each quantity, with a value for each item and with
-  unit, source and rationale at its end. An item may state its own source or rationale as a table;
-  with a source of its own, it has no rationale but its own. Labels are texts or flags.
-- `base = "name"` in a table: the table takes each entry of the table `name`, which stands above it,
-  that it does not state itself.
+  unit, source and rationale for the whole line. A value may be a table with its own source or
+  rationale; a value with its own source does not get the rationale of the line. Labels are texts or
+  flags.
+- `base = "name"` in a table: the table takes each entry that it does not state itself from the
+  table `name`, which must stand above it.
 """
 
 import copy
@@ -38,13 +46,15 @@ from overtaking.knowledge.quantities import (
 )
 
 Record = TypeVar("Record")
+"""A dataclass whose fields are the keys of a table."""
 
 DATA_FOLDER = Path(__file__).with_name("data")
-"""The folder of the files that are part of the package."""
-_SOURCES = "sources.toml"
-_ROW_TABLES = {"columns", "rows"}
-_LINE_TABLES = {"labels", "quantities"}
-_SHARED_KEYS = ("unit", "source", "rationale")
+"""Folder of the knowledge files of this package."""
+
+_SOURCES_FILE = "sources.toml"
+_KEYS_OF_ROW_FORM = {"columns", "rows"}
+_KEYS_OF_LINE_FORM = {"labels", "quantities"}
+_KEYS_OF_WHOLE_LINE = ("unit", "source", "rationale")
 
 
 @cache
@@ -52,11 +62,11 @@ def load_toml(file: str | Path) -> dict[str, Any]:
     """The content of one knowledge file.
 
     Args:
-        file: A name inside the package's data folder, or an absolute path.
+        file: A name in `DATA_FOLDER`, or an absolute path.
 
     Returns:
-        The TOML document, with tables expanded to one entry a number (see the head of this
-        module); callers must not change it.
+        The TOML document, in which each number has an entry of its own (the three short forms are
+        expanded). It is cached and shared by all callers, which must not change it.
 
     Raises:
         KnowledgeError: The file is missing or invalid, or a table in it is incomplete.
@@ -72,31 +82,35 @@ def load_toml(file: str | Path) -> dict[str, Any]:
             got=str(error),
             next_step="restore or correct the file",
         ) from error
-    if document.keys() == _ROW_TABLES:
-        return _entries_of_rows(document["columns"], document["rows"], path.name)
-    if document.keys() == _LINE_TABLES:
-        return _entries_of_lines(document["labels"], document["quantities"], path.name)
-    _inherit(document, document, path.name)
+    if document.keys() == _KEYS_OF_ROW_FORM:
+        return _expand_rows(document["columns"], document["rows"], path.name)
+    if document.keys() == _KEYS_OF_LINE_FORM:
+        return _expand_lines(document["labels"], document["quantities"], path.name)
+    _expand_bases(document, document, path.name)
     return document
 
 
 @cache
 def sources() -> Mapping[str, Source]:
     """Every source that entries may refer to, by id."""
-    return MappingProxyType({id_: _source(id_, item) for id_, item in load_toml(_SOURCES).items()})
+    return MappingProxyType(
+        {id_: _parse_source(id_, item) for id_, item in load_toml(_SOURCES_FILE).items()}
+    )
 
 
 def read_record(cls: type[Record], file: str | Path, section: str = "") -> Record:
-    """One section of a knowledge file as a frozen dataclass.
+    """One table of a knowledge file as a frozen dataclass.
 
-    A field of type `Quantity` or `Distribution` keeps unit and source; a field of type `float`,
-    `int` or a tuple takes the value alone, in SI or in the unit that its name ends in; `str`,
-    `bool` and enumerated fields are names and flags, which have no unit; a field that is itself a
-    dataclass is a subsection. A field with a default may be absent.
+    The type of a field decides how its item is read:
+        Quantity, Distribution: an entry, with unit and source
+        float, int, tuple: the value of an entry alone, in SI or in the unit that the name ends in
+        str, bool, an enumeration: a text or flag without unit; a member by its value
+        another dataclass: a nested table, read by the same rules
+    A field with a default may be absent from the file.
 
     Args:
-        cls: The dataclass to fill; its field names are the keys of the section.
-        file: A name inside the package's data folder, or an absolute path.
+        cls: The dataclass to fill; its field names are the keys of the table.
+        file: A name in `DATA_FOLDER`, or an absolute path.
         section: Dotted name of the table; empty for the whole file.
 
     Returns:
@@ -116,16 +130,20 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
             got="none" if table is None else table,
             next_step="add the section",
         )
-    return _record_from_table(cls, cast("dict[str, Any]", table), where=_entry_place(file, section))
+    where = _describe_place(file, section)
+    return _record_from_table(cls, cast("dict[str, Any]", table), where=where)
 
 
 def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapping[str, Record]:
-    """The tables of a section, or of a whole file, by name in the order of the file.
+    """All tables of a file, or of one section, as dataclasses by name in the order of the file.
 
     Args:
-        cls: The dataclass to fill for each table.
-        file: A name inside the package's data folder, or an absolute path.
-        section: Name of the section; empty for the whole file.
+        cls: The dataclass to fill for each table, as in `read_record`.
+        file: A name in `DATA_FOLDER`, or an absolute path.
+        section: Name of the top table that holds the tables; empty for the whole file.
+
+    Returns:
+        A read-only mapping from the name of each table.
 
     Raises:
         KeyError: There is no such section.
@@ -141,7 +159,7 @@ def all_quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
     """Every number of a knowledge file, by dotted name, in the file's order.
 
     Args:
-        file: A name inside the package's data folder, or an absolute path.
+        file: A name in `DATA_FOLDER`, or an absolute path.
 
     Returns:
         Dotted name, such as `T.length`, to quantity or distribution.
@@ -149,19 +167,19 @@ def all_quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
     Raises:
         KnowledgeError: A number stands alone, or an entry lacks its unit or source.
     """
-    return MappingProxyType(dict(_walk(load_toml(file), "", Path(file).name)))
+    return MappingProxyType(dict(_parse_entries(load_toml(file), "", Path(file).name)))
 
 
 def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
-    """The numbers of a section as JSON types, without sources and reasons.
+    """The numbers of a section as JSON types, without sources and rationales.
 
     Args:
-        file: A name inside the package's data folder, or an absolute path.
+        file: A name in `DATA_FOLDER`, or an absolute path.
         section: Dotted name of a table.
 
     Returns:
-        Dotted name of each entry below the section, to the fields of its quantity or distribution
-        that decide values.
+        Dotted name of each entry within the section, to the result of `Quantity.numbers` or
+        `Distribution.numbers`; empty if there is no such section.
 
     Raises:
         KnowledgeError: A number stands alone, or an entry lacks its unit or source.
@@ -175,13 +193,13 @@ def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
 
 
 def number(path: str) -> float:
-    """The value of one scalar quantity of the package's knowledge files.
+    """The value of one quantity of the package's knowledge files.
 
     Args:
-        path: File without suffix and dotted name of the entry, as for `load_quantity`.
+        path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".
 
     Returns:
-        The value in SI, or in the unit that the name carries as a suffix.
+        The value in SI, or in the unit that the name ends in.
 
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
@@ -191,10 +209,16 @@ def number(path: str) -> float:
 
 @cache
 def constant(path: str) -> np.float32:
-    """The value of one scalar quantity, rounded once to float32, the type of the step.
+    """The value of one quantity, as `number`, rounded to float32.
+
+    The simulation step and the labels compute in float32, in Python and in Rust. With a float64
+    constant Python would compute in float64, with results that differ from Rust's.
 
     Args:
-        path: File without suffix and dotted name of the entry, as for `number`.
+        path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".
+
+    Returns:
+        The value in SI, or in the unit that the name ends in.
 
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
@@ -206,8 +230,11 @@ def load_quantity(path: str) -> Quantity:
     """One quantity of the package's knowledge files.
 
     Args:
-        path: File without suffix and dotted name of the entry: `weather.fog.clear_range` is the
+        path: File without suffix and dotted name of the entry: "weather.fog.clear_range" is the
             entry `fog.clear_range` of `weather.toml`.
+
+    Returns:
+        The quantity, with its unit and source.
 
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution.
@@ -218,20 +245,26 @@ def load_quantity(path: str) -> Quantity:
         return entry
     raise KnowledgeError(
         what="entry",
-        where=_entry_place(f"{stem}.toml", name),
+        where=_describe_place(f"{stem}.toml", name),
         expected="a quantity",
         got="none" if entry is None else f"a {entry.kind} distribution",
         next_step="correct the name, or draw from the distribution",
     )
 
 
-def _entries_of_rows(
+def _expand_rows(
     columns: Mapping[str, dict[str, Any]], rows: Mapping[str, list[Any]], file: str
 ) -> dict[str, Any]:
-    """One table of entries for each row of values in the order of the columns."""
+    """Expand the form of `[columns]` and `[rows]` to one table of entries for each row.
+
+    Args:
+        columns: Name of each column, to its unit and source; to an empty table for texts or flags.
+        rows: Name of each item, to its values in the order of the columns.
+        file: Name of the file, for messages.
+    """
     for name, row in rows.items():
         if len(row) != len(columns):
-            raise _wrong_kind(f"{file} [{name}]", f"{len(columns)} values", f"{len(row)} values")
+            raise _error(f"{file} [{name}]", f"{len(columns)} values", f"{len(row)} values")
     return {
         name: {
             key: {"value": value, **column} if column else value
@@ -241,24 +274,38 @@ def _entries_of_rows(
     }
 
 
-def _entries_of_lines(
+def _expand_lines(
     labels: Mapping[str, dict[str, Any]], quantities: Mapping[str, dict[str, Any]], file: str
 ) -> dict[str, Any]:
-    """One table of entries for each item that the lines name, in the order of the first line."""
+    """Expand the form of `[labels]` and `[quantities]` to one table of entries for each item.
+
+    Args:
+        labels: Name of each label, to a text or flag for each item.
+        quantities: Name of each quantity, to a value for each item, and to `_KEYS_OF_WHOLE_LINE`.
+        file: Name of the file, for messages.
+
+    Returns:
+        The tables by item, in the order of the first line.
+    """
     items = list(next(iter(labels.values()), {}))
     document: dict[str, Any] = {item: {} for item in items}
     for name, line in (*labels.items(), *quantities.items()):
-        shared = {key: line[key] for key in _SHARED_KEYS if key in line}
+        shared = {key: line[key] for key in _KEYS_OF_WHOLE_LINE if key in line}
         values = {key: value for key, value in line.items() if key not in shared}
         if values.keys() != document.keys():
-            raise _wrong_kind(f"{file} [{name}]", f"a value for {', '.join(items)}", list(values))
+            raise _error(f"{file} [{name}]", f"a value for {', '.join(items)}", list(values))
         for item, value in values.items():
-            document[item][name] = value if name in labels else _entry_with_shared(value, shared)
+            document[item][name] = value if name in labels else _entry_from_line(value, shared)
     return document
 
 
-def _entry_with_shared(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
-    """The entry of one item; its own source and rationale replace the shared ones."""
+def _entry_from_line(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
+    """The entry of one item of a line; keys that the item states replace the keys of the line.
+
+    Args:
+        value: The value of the item, or a table with its value and some of the other keys.
+        shared: Unit, source and rationale of the line.
+    """
     if not isinstance(value, dict):
         return {"value": value, **shared}
     entry = cast("dict[str, Any]", value)
@@ -268,75 +315,97 @@ def _entry_with_shared(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
     return {**shared, **entry}
 
 
-def _inherit(table: dict[str, Any], document: Mapping[str, Any], file: str) -> None:
-    """Replace each `base` below a table by the entries of the table that it names, in place."""
+def _expand_bases(table: dict[str, Any], document: Mapping[str, Any], file: str) -> None:
+    """Replace each `base` in nested tables by the entries of the table that it names, in place.
+
+    Args:
+        table: The table to change; the whole document at first.
+        document: The whole document, in which bases are looked up.
+        file: Name of the file, for messages.
+    """
     for name, item in table.items():
         if not isinstance(item, dict) or is_entry(item):
             continue
         child = cast("dict[str, Any]", item)
         if isinstance(path := child.get("base"), str):
-            base = _table_at(document, path, f"{file} [{name}]")
+            base = _base_table(document, path, f"{file} [{name}]")
             del child["base"]
             table[name] = child = _merge_tables(base, child)
-        _inherit(child, document, file)
+        _expand_bases(child, document, file)
 
 
-def _table_at(document: Mapping[str, Any], path: str, where: str) -> Mapping[str, Any]:
-    """The table with a dotted name, whose own base is expanded already."""
+def _base_table(document: Mapping[str, Any], path: str, where: str) -> Mapping[str, Any]:
+    """The table with a dotted name.
+
+    Raises:
+        KnowledgeError: There is no such table, or it still has a base of its own, so it stands
+            below the table that names it.
+    """
     table: Any = document
     for part in path.split("."):
         table = table.get(part) if isinstance(table, dict) else None
     if not isinstance(table, dict) or "base" in table or is_entry(table):
-        raise _wrong_kind(where, "as base a table above this one", path)
+        raise _error(where, "as base a table above this one", path)
     return cast("dict[str, Any]", table)
 
 
 def _merge_tables(base: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries of a base, each replaced if the table states it, then the new entries."""
+    """The entries of a base in their order, replaced where the table states them, then new entries.
+
+    Drivers' traits are drawn in this order, so a change of it would change every scenario.
+    """
     merged = copy.deepcopy(dict(base))
     for key, item in table.items():
-        below = merged.get(key)
-        if isinstance(below, dict) and isinstance(item, dict) and not is_entry(item):
-            item = _merge_tables(cast("dict[str, Any]", below), cast("dict[str, Any]", item))
+        base_item = merged.get(key)
+        if isinstance(base_item, dict) and isinstance(item, dict) and not is_entry(item):
+            item = _merge_tables(cast("dict[str, Any]", base_item), cast("dict[str, Any]", item))
         merged[key] = item
     return merged
 
 
-def _source(id_: str, item: Any) -> Source:
+def _parse_source(id_: str, item: Any) -> Source:
     """One source from its table in the file of sources."""
+    where = f"{_SOURCES_FILE} [{id_}]"
     if not isinstance(item, dict):
-        raise _wrong_kind(f"{_SOURCES} [{id_}]", "a table", item)
-    source = _record_from_table(
-        Source, {"id": id_, **cast("dict[str, Any]", item)}, where=f"{_SOURCES} [{id_}]"
-    )
+        raise _error(where, "a table", item)
+    table = {"id": id_, **cast("dict[str, Any]", item)}
+    source = _record_from_table(Source, table, where=where)
     if source.kind not in SOURCE_KINDS:
-        expected = f"a kind out of {', '.join(SOURCE_KINDS)}"
-        raise _wrong_kind(f"{_SOURCES} [{id_}]", expected, source.kind)
+        raise _error(where, f"a kind out of {', '.join(SOURCE_KINDS)}", source.kind)
     return source
 
 
-def _entry_place(file: str | Path, name: str) -> str:
-    """File and entry or section, for messages."""
+def _describe_place(file: str | Path, name: str) -> str:
+    """Name of the file, and of the entry or section in it, for messages."""
     return f"{Path(file).name} [{name}]" if name else Path(file).name
 
 
-def _walk(
+def _parse_entries(
     table: Mapping[str, Any], prefix: str, file: str
 ) -> Iterator[tuple[str, Quantity | Distribution]]:
-    """The entries below a table, depth first."""
+    """Parse all entries of a table and of the tables in it, in the order of the file.
+
+    Args:
+        table: The table.
+        prefix: Dotted name of the table with a dot at its end; empty for a whole file.
+        file: Name of the file, for messages.
+
+    Yields:
+        Dotted name and number of each entry. Texts and flags are left out.
+    """
     for key, item in table.items():
         name = f"{prefix}{key}"
         if is_entry(item):
             parse = parse_distribution if "distribution" in item else parse_quantity
             yield name, parse(item, name=key, where=f"{file} [{name}]", sources=sources())
         elif isinstance(item, dict):
-            yield from _walk(cast("dict[str, Any]", item), f"{name}.", file)
+            yield from _parse_entries(cast("dict[str, Any]", item), f"{name}.", file)
         elif not isinstance(item, str | bool):
-            raise _wrong_kind(f"{file} [{name}]", "a table with value, unit and source", item)
+            raise _error(f"{file} [{name}]", "a table with value, unit and source", item)
 
 
 def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: str) -> Record:
-    """An instance of a dataclass from a table whose keys are its fields."""
+    """An instance of a dataclass from a table whose keys are its fields, as `read_record`."""
     fields = {field.name: field for field in dataclasses.fields(cast("Any", cls)) if field.init}
     required = {
         name
@@ -344,6 +413,7 @@ def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: st
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
     }
     _check_keys(set(table), allowed=set(fields), required=required, where=where)
+    # Both types by name, so that a module may import them for type checkers only.
     hints = get_type_hints(cls, localns={"Quantity": Quantity, "Distribution": Distribution})
     values = {
         key: _field_value(item, hints[key], key, f"{where} {key}") for key, item in table.items()
@@ -352,7 +422,7 @@ def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: st
 
 
 def _check_keys(keys: set[str], *, allowed: set[str], required: set[str], where: str) -> None:
-    """KnowledgeError for the first key that is unknown or missing."""
+    """Raise KnowledgeError for the first key, by alphabet, that is unknown, or else missing."""
     for fault, names in (("unknown key", keys - allowed), ("missing key", required - keys)):
         if names:
             raise KnowledgeError(
@@ -365,9 +435,16 @@ def _check_keys(keys: set[str], *, allowed: set[str], required: set[str], where:
 
 
 def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
-    """One item of a table, as the type that its field declares."""
+    """One item of a table, converted to the type of its field by the rules of `read_record`.
+
+    Args:
+        item: The item, as TOML states it.
+        hint: Type of the field.
+        name: Name of the field, whose suffix may be a unit.
+        where: File, table and field, for messages.
+    """
     if isinstance(hint, UnionType):
-        hint = get_args(hint)[0]  # The type beside None.
+        hint = get_args(hint)[0]  # `X | None`: TOML has no null, so an item is always an X.
     if hint in (str, bool) or isinstance(hint, EnumType):
         return _text_or_flag(item, hint, where)
     if dataclasses.is_dataclass(hint) and hint not in (Quantity, Distribution):
@@ -375,9 +452,9 @@ def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
             return _record_from_table(
                 cast("type[Any]", hint), cast("dict[str, Any]", item), where=where
             )
-        raise _wrong_kind(where, "a table", item)
+        raise _error(where, "a table", item)
     if not is_entry(item):
-        raise _wrong_kind(where, "a table with value, unit and source", item)
+        raise _error(where, "a table with value, unit and source", item)
     if hint is Distribution:
         return parse_distribution(item, name=name, where=where, sources=sources())
     quantity = parse_quantity(item, name=name, where=where, sources=sources())
@@ -385,31 +462,31 @@ def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
 
 
 def _text_or_flag(item: Any, hint: Any, where: str) -> Any:
-    """A name, a flag or a member of an enumeration."""
+    """Check a text or flag; for an enumeration, the member with this value."""
     if isinstance(hint, EnumType):
         members = [str(cast("Enum", member).value) for member in hint]
         if item in members:
             return hint(item)
-        raise _wrong_kind(where, f"one of {', '.join(members)}", item)
+        raise _error(where, f"one of {', '.join(members)}", item)
     if isinstance(item, hint):
         return item
-    raise _wrong_kind(where, f"a {hint.__name__}", item)
+    raise _error(where, f"a {hint.__name__}", item)
 
 
 def _bare_value(quantity: Quantity, hint: Any, where: str) -> Any:
-    """The value of a quantity alone, for a field of type float, int or tuple."""
+    """The value of a quantity without unit and source, for a field of type float, int or tuple."""
     value = quantity.value
     is_table = isinstance(value, tuple)
     if is_table != (hint not in (float, int)):
-        raise _wrong_kind(where, "a list" if not is_table else "one number", value)
+        raise _error(where, "a list" if not is_table else "one number", value)
     if hint is not int:
         return value
     if not is_table and value == int(value):
         return int(value)
-    raise _wrong_kind(where, "a whole number", value)
+    raise _error(where, "a whole number", value)
 
 
-def _wrong_kind(where: str, expected: str, got: object) -> KnowledgeError:
+def _error(where: str, expected: str, got: object) -> KnowledgeError:
     return KnowledgeError(
         what="entry", where=where, expected=expected, got=got, next_step="correct the file"
     )

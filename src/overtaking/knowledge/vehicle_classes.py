@@ -1,4 +1,12 @@
-"""The seven vehicle classes and the eight colours."""
+"""The seven vehicle classes and the eight colours of vehicles, from two TOML files.
+
+`scenarios` draws the bodies of vehicles from the classes. `read_record` fills a dataclass from a
+table of a file. A `Quantity` is a number with unit and source, and with `sigma`, `low` and `high`
+where the vehicles of a class differ; its `value` is in SI units.
+
+The file `vehicle_classes.toml` has the classes in the order of their codes 0 to 6, which the study
+`pinto-2023` defined and recordings store. The code is the position in `VEHICLE_CLASS_NAMES`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,33 +17,34 @@ from overtaking.knowledge.quantities import Quantity
 from overtaking.knowledge.toml_reader import load_toml, read_record
 
 VEHICLE_CLASS_NAMES = tuple(load_toml("vehicle_classes.toml"))
-"""Class names by code; 0 to 6 are the encoding of the study `pinto-2023`."""
+"""Names of the classes in the order of their codes: S, M, L (small, medium and large car), V (van),
+T (truck), MC (motorcycle) and B (bicycle)."""
 
 COLOUR_NAMES = ("yellow", "blue", "red", "green", "orange", "grey", "white", "brown")
-"""Colour names by code, in the order of the study `pinto-2023`."""
+"""Names of the colours in the order of their codes, as the study `pinto-2023` encodes them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleClass:
     """Properties of the vehicles of one class, with their spread.
 
-    The centre of gravity lies `cg_to_front_ratio` of the wheelbase behind the front axle, written
-    a, and b ahead of the rear axle. All values are SI.
+    In the entry of `inertia_factor`, a and b are the distances from the centre of gravity to the
+    front and to the rear axle. "Empty" is a vehicle with its driver and no load.
 
     Attributes:
-        name: The class in words.
-        two_wheeler: Whether it leans, and moves as a point mass.
+        name: The class in words, such as "small car".
+        two_wheeler: Whether it leans, and moves as a point mass: inertia and stiffness are unused.
         motorway_allowed: Whether the law lets it on a motorway.
-        length: Bumper to bumper [m].
-        width: Of the body, without mirrors [m].
-        height: Of the body, or of the rider's head [m].
-        mass: With driver and load [kg].
-        mass_empty: With the driver only [kg].
-        wheelbase: Front to rear axle [m].
-        cg_to_front_ratio: Centre of gravity behind the front axle, over the wheelbase.
-        cg_height: Height of the centre of gravity at the value of `mass` [m].
-        cg_height_empty: Height of the centre of gravity at `mass_empty` [m].
-        inertia_factor: Yaw inertia over mass x a x b.
+        length: Length from bumper to bumper [m].
+        width: Width of the body without mirrors [m].
+        height: Height of the body, or of the rider's head, above the road [m].
+        mass: Mass with driver and load [kg].
+        mass_empty: Mass with the driver and no load [kg].
+        wheelbase: Distance from the front to the rear axle [m].
+        cg_to_front_ratio: Distance of the centre of gravity from the front axle over the wheelbase.
+        cg_height: Height of the centre of gravity of a vehicle with the mass `mass.value` [m].
+        cg_height_empty: Height of the centre of gravity of an empty vehicle [m].
+        inertia_factor: Moment of inertia about the vertical axis over mass x a x b.
         front_stiffness: Cornering stiffness of the front axle over its load [1/rad].
         rear_stiffness: Cornering stiffness of the rear axle over its load [1/rad].
         front_drive_share: Part of the drive force that acts at the front axle.
@@ -44,15 +53,16 @@ class VehicleClass:
         drag_area: Drag coefficient times frontal area [m^2].
         side_area: Area seen from the side [m^2].
         rolling_resistance: Rolling resistance over weight.
-        governed_speed: Highest speed, by limiter or by design [m/s].
-        peak_decel: Hardest braking on a dry road [m/s^2].
-        comfort_decel: Braking that drivers choose [m/s^2].
-        wind_side_coefficient: Side force over dynamic pressure and `side_area`.
-        wind_centre_ratio: Centre of wind pressure ahead of mid-wheelbase, over the wheelbase.
-        spray_factor: Spray thrown up, relative to a car.
-        lamp_separation: Centres of the rear position lamps; a single lamp's diameter [m].
-        track_width: Centres of the front tyres; a two-wheeler's tyre width [m].
-        motorway_limit: Legal speed on a Portuguese motorway [m/s].
+        governed_speed: Highest speed, by a limiter or by design [m/s].
+        peak_decel: Hardest braking on a dry road, positive [m/s^2].
+        comfort_decel: Braking that drivers choose in everyday traffic, positive [m/s^2].
+        wind_side_coefficient: Side force over wind pressure and `side_area`.
+        wind_centre_ratio: Distance of the centre of wind pressure ahead of mid-wheelbase, over the
+            wheelbase.
+        spray_factor: Spray thrown up from a wet road, relative to a car.
+        lamp_separation: Distance between the rear position lamps; diameter of a single lamp [m].
+        track_width: Distance between the front tyres; width of a two-wheeler's tyre [m].
+        motorway_limit: Speed limit of the class on Portuguese motorways [m/s].
     """
 
     name: str
@@ -89,12 +99,13 @@ class VehicleClass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paint:
-    """A colour of paint.
+    """A colour of the body of a vehicle.
 
     Attributes:
-        name: The colour in words.
-        contrast: Of the body against a bright horizon or fog, 0 to 1.
-        rgb: Red, green and blue of sRGB, 0 to 255, for pictures.
+        name: A name in `COLOUR_NAMES`.
+        contrast: Luminance contrast of the body against a bright horizon or fog, from 0 to 1; it
+            decides at which distance drivers see the vehicle in fog.
+        rgb: Red, green and blue in sRGB, 0 to 255, for pictures.
     """
 
     name: str
@@ -104,6 +115,8 @@ class Paint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ColourEntry:
+    """A table of `colours.toml`; `read_record` reads a list of numbers as floats."""
+
     contrast: Quantity
     rgb: tuple[float, float, float]
 
@@ -127,5 +140,5 @@ def colours() -> Mapping[str, Paint]:
 
 def _colour(name: str) -> Paint:
     entry = read_record(_ColourEntry, "colours.toml", name)
-    red, green, blue = (int(part) for part in entry.rgb)
+    red, green, blue = (int(channel) for channel in entry.rgb)
     return Paint(name=name, contrast=entry.contrast, rgb=(red, green, blue))

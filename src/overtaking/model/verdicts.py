@@ -1,4 +1,18 @@
-"""Labels of a simulation: the verdict of each rule, and a class for each policy."""
+"""Labels of a simulation: the verdict of each rule of the law, and a class for each policy.
+
+`labels` fills in these batches from a `Case`; tables, films and statistics read them.
+
+Terms:
+    ego, target: the vehicle under study, and the vehicle that it overtakes.
+    rule: one duty of a law as a check, such as the safe distance; a pack holds the rules of a law.
+    policy: a choice of rules that make an overtake illegal if they are broken, such as "strict".
+    margin: distance of the ego's conduct from the limit of a rule; a negative margin is a breach.
+    belief: the driver's perceived distances and speeds, which can differ from the true ones.
+    paper: `pinto-2023` in docs/reference/sources.md, the study that this package reproduces.
+
+`FieldSpec` declares the table column of a field: `names` are the texts for its integers, `missing`
+is the value that is null in tables, and a field with `column=None` is not written.
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -16,48 +30,48 @@ class Verdict(IntEnum):
 
     LEGAL = 0
     ILLEGAL = 1
-    NOT_APPLICABLE = 2
-    UNDECIDABLE = 3
+    NOT_APPLICABLE = 2  # The situation that the rule is about does not occur.
+    UNDECIDABLE = 3  # The recording lacks a property that the rule needs, or is not exact enough.
 
 
 class Belief(IntEnum):
-    """The verdict at a decision beside the verdict by the driver's belief."""
+    """True verdict on a decision of the ego's driver, compared with the verdict on its belief."""
 
     NONE = 0  # The rule does not judge beliefs, or no belief was recorded.
     LEGAL = 1  # Legal, and legal by belief.
-    MISTAKEN = 2  # Illegal, and legal by belief.
+    MISTAKEN = 2  # Illegal, but legal by belief.
     KNOWINGLY_ILLEGAL = 3  # Illegal, and illegal by belief.
-    LUCKY = 4  # Legal, and illegal by belief.
+    LUCKY = 4  # Legal, but illegal by belief.
 
 
 class Severity(IntEnum):
-    """Severity of a breach, by the law of its rule."""
+    """Severity of a breach, as the law grades it."""
 
-    NONE = 0
+    NONE = 0  # No breach.
     LIGHT = 1
     SERIOUS = 2
     VERY_SERIOUS = 3
 
 
 class OvertakeClass(IntEnum):
-    """The paper's five classes, and three that it does not have."""
+    """Class of a simulation: the paper's five classes (0 to 4) and three further ones."""
 
-    NO_ATTEMPT = 0
-    SUCCESS_I = 1
-    SUCCESS_L = 2
-    UNSUCCESS_COL = 3
-    UNSUCCESS_NCOL = 4
-    SUCCESS_U = 5
-    CENSORED = 6
-    UNSUCCESS_DEP = 7
+    NO_ATTEMPT = 0  # The ego begins no overtake.
+    SUCCESS_I = 1  # Completed, and illegal.
+    SUCCESS_L = 2  # Completed, and legal.
+    UNSUCCESS_COL = 3  # Collision.
+    UNSUCCESS_NCOL = 4  # Begun and not completed, without a collision.
+    SUCCESS_U = 5  # Completed, and a required rule is undecidable.
+    CENSORED = 6  # The recording ends during the overtake; left out of rates.
+    UNSUCCESS_DEP = 7  # The ego leaves the road or spins, without a collision.
 
     @property
     def title(self) -> str:
-        """The name as the paper writes it."""
+        """The name in tables and statistics; the paper writes the first five in this way."""
         return _TITLES[self]
 
 
-_TITLES = (
+_TITLES = (  # In the order of the integers of `OvertakeClass`.
     "No_attempt",
     "Success_I",
     "Success_L",
@@ -71,13 +85,15 @@ _TITLES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class Case(IdentityBatch):
-    """All inputs of rules and features; a case equals itself alone.
+    """All inputs of rules and features, for a batch of simulations.
+
+    Functions cache their results per `Case` object, so `==` is true for the same object only.
 
     Attributes:
-        trajectories: The recording, with its road, weather and vehicles.
+        trajectories: The recorded states, with road, weather and vehicles.
         signals: Signals of the ego and its neighbours, frame by frame.
-        events: Phases of the overtake as frame numbers.
-        target: The vehicle to overtake, frame by frame.
+        events: Events of the overtake as frame numbers.
+        target: Signals of the target, frame by frame.
     """
 
     trajectories: Trajectories
@@ -86,25 +102,27 @@ class Case(IdentityBatch):
     target: TargetSignals
 
 
-def _code(meaning: str, codes: type[IntEnum]) -> FieldSpec:
-    """Declaration of codes, whose names tables write in small letters."""
-    return FieldSpec(meaning, names=[code.name.lower() for code in codes])
+def _enumeration_spec(meaning: str, enumeration: type[IntEnum]) -> FieldSpec:
+    """Declaration of a field with the integers of an enumeration; tables show lower-case names."""
+    return FieldSpec(meaning, names=[member.name.lower() for member in enumeration])
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding(Batch):
-    """Findings of one rule; every array has shape (simulation,).
+    """Result of one rule; every array has shape (simulation,).
 
-    The margin is 0 where the verdict is neither legal nor illegal. Without a breach its first and
-    last frame are `NEVER`, its longest run is 0 and its severity `NONE`.
+    The margin is 0 where the verdict is neither legal nor illegal. Without a breach the first and
+    the last frame are `NEVER` (-1), the longest run is 0 and the severity is `NONE`. Between the
+    first and the last frame the breach may be interrupted.
     """
 
-    verdict: Annotated[U8, _code("Verdict of the rule", Verdict)]
+    verdict: Annotated[U8, _enumeration_spec("Verdict of the rule", Verdict)]
     margin: Annotated[
         F32,
         FieldSpec(
-            "Distance from the limit of the law in the unit of the rule, negative in a breach"
+            "Distance from the limit of the law where it is smallest, in the unit of the rule, "
+            "negative in a breach"
         ),
     ]
     first_frame: Annotated[
@@ -118,17 +136,17 @@ class Finding(Batch):
     longest_run: Annotated[
         I32, FieldSpec("Number of frames of the longest unbroken run of the breach", column=None)
     ]
-    severity: Annotated[U8, _code("Severity of the breach", Severity)]
-    belief: Annotated[U8, _code("Verdict by the belief of the driver", Belief)]
+    severity: Annotated[U8, _enumeration_spec("Severity of the breach", Severity)]
+    belief: Annotated[U8, _enumeration_spec("Verdict by the belief of the driver", Belief)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings(Finding):
-    """Findings of each rule of a pack; the arrays of `Finding` have shape (simulation, rule).
+    """Results of all rules of a pack: the fields of `Finding` with shape (simulation, rule).
 
     Attributes:
-        rule_codes: Codes of the rules, in the order of the last axis.
-        version: Version of the pack.
+        rule_codes: Codes of the rules, such as "L3", in the order of the last axis.
+        version: Version of the pack, as recorded in data sets.
     """
 
     rule_codes: tuple[str, ...]
@@ -138,29 +156,30 @@ class Findings(Finding):
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels(Batch):
-    """The class of each simulation.
+    """The class of each simulation under each policy.
 
-    Arrays have shape (simulation, policy); `outcome` and `detail` have shape (simulation,).
+    Arrays have shape (simulation, policy); `outcome` and `detail` have shape (simulation,). A
+    required rule is a rule that a legal overtake must not break under the policy.
     """
 
     policies: Annotated[
         tuple[str, ...],
         FieldSpec("Names of the policies, in the order of the last axis", column=None),
     ]
-    outcome: Annotated[U8, _code("How the overtake ended, legality aside", Outcome)]
-    detail: Annotated[U8, _code("Reason of the outcome", OutcomeDetail)]
+    outcome: Annotated[U8, _enumeration_spec("How the overtake ended, legality aside", Outcome)]
+    detail: Annotated[U8, _enumeration_spec("Reason of the outcome", OutcomeDetail)]
     classes: Annotated[
         U8,
         FieldSpec(
             "Class of the simulation under the policy",
             column=ColumnName("class"),
-            names=[one.title for one in OvertakeClass],
+            names=[overtake_class.title for overtake_class in OvertakeClass],
         ),
     ]
     is_legal: Annotated[
         Mask,
         FieldSpec(
-            "Whether no required rule is known to be broken",
+            "Whether no required rule is broken, as far as the rules are decidable",
             column=ColumnName("legal_as_far_as_decidable"),
         ),
     ]

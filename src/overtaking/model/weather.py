@@ -1,4 +1,13 @@
-"""Weather, and weather without one of its factors."""
+"""Weather as an input of a simulation, and weather without some of its factors.
+
+`scenarios` draws the weather, and readers of recordings fill it in. The functions of `world`
+turn it into friction, sight distance and wind forces. `Weather.without` answers "what if"
+questions: the same scene without rain, fog, wind, night or glare.
+
+Percentages are the settings of the simulator CARLA, 0 to 100 without physical meaning; `world`
+converts them, such as 100 % of rain to a rate in mm/h. `FieldSpec` declares description, unit,
+smallest and largest value of a field; `missing` is a further value, which is null in tables.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,25 +23,37 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.model.batch import AxisEnd, Batch, FieldSpec, with_field_docs
 
 NO_PRESET = np.uint8(255)
-"""Value of `Weather.preset` for any other weather."""
+"""Value of `Weather.preset` for a weather that is not one of CARLA's named weathers."""
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralPushes(Batch):
-    """Effects of weather as in the study: lateral pushes and less sight instead of physics.
+    """Effects of weather as in the study `pinto-2023`: lateral pushes and less sight.
 
-    The road is dry, and air, rain and wind have no other effect.
+    They replace physics: the road is dry, and air, rain and wind have no other effect. In CARLA,
+    where the study was made, weather does not act on vehicles. Every vehicle is pushed to the
+    leeward side, the more often the more rain and wind there is; `docs/explanation/pushes.md` has
+    the formula.
     """
 
     accel: Annotated[float, FieldSpec("Lateral acceleration of a push", "m/s^2", 0.0, 50.0)]
-    duration: Annotated[float, FieldSpec("How long a push lasts", "s", 0.05, 10.0)]
+    # The shortest times are one decision of the drivers, 0.05 s.
+    duration: Annotated[float, FieldSpec("Duration of a push", "s", 0.05, 10.0)]
     interval: Annotated[
-        float, FieldSpec("From one push to the next at 100 % of rain and wind", "s", 0.05, 1000.0)
+        float,
+        FieldSpec(
+            "Time from one push to the next at 100 % of rain and of wind, longer with less",
+            "s",
+            0.05,
+            1000.0,
+        ),
     ]
     sight_distance: Annotated[
         float,
-        FieldSpec("Field of vision by night, under clouds, towards the sun", "m", 1.0, 1000.0),
+        FieldSpec(
+            "Sight distance at night, above 60 % of clouds and towards a low sun", "m", 1.0, 1000.0
+        ),
     ]
 
 
@@ -58,32 +79,43 @@ class Weather(Batch):
     wind_direction: Annotated[
         F32,
         FieldSpec(
-            "Where the wind blows to, anticlockwise from the direction of travel",
+            "Direction towards which the wind blows, anticlockwise from the direction of travel",
             "rad",
             -math.tau,
             math.tau,
         ),
     ]
     fog: Annotated[F32, FieldSpec("CARLA's fog density", "%", 0.0, 100.0)]
+    # Altitudes from -pi / 2 to pi / 2, rounded up so that float32 values of the ends are valid.
     sun_altitude: Annotated[
-        F32, FieldSpec("Height of the sun above the horizon", "rad", -1.5708, 1.5708)
+        F32,
+        FieldSpec("Angle of the sun above the horizon, negative at night", "rad", -1.5708, 1.5708),
     ]
     sun_azimuth: Annotated[
-        F32, FieldSpec("Anticlockwise from the direction of travel", "rad", -math.tau, math.tau)
+        F32,
+        FieldSpec(
+            "Direction of the sun, anticlockwise from the direction of travel",
+            "rad",
+            -math.tau,
+            math.tau,
+        ),
     ]
     night: Annotated[Mask, FieldSpec("Whether it is night")]
-    low_sun: Annotated[Mask, FieldSpec("Whether the sun stands low ahead")]
+    low_sun: Annotated[Mask, FieldSpec("Whether a low sun ahead dazzles the drivers")]
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Number of weather presets."""
+        """Number of weather presets, which limits the index `preset`."""
         return {"preset": len(weather_presets())}
 
     def without(self, *factors: str) -> "Weather":
-        """The same weather without some factors; the preset is then `NO_PRESET`.
+        """The same weather without some factors.
 
         Args:
-            factors: Names in `REMOVABLE_FACTORS`, in any order. Without rain the road is dry and
-                has no puddles, and the clouds of the rain are gone.
+            factors: Names in `REMOVABLE_FACTORS`, in any order. Without rain there are no puddles,
+                and where it rained no clouds either. Without night or glare the sun stands high.
+
+        Returns:
+            The weather with preset `NO_PRESET`; without any factor, the weather itself.
 
         Raises:
             ConfigError: A name is not in `REMOVABLE_FACTORS`.
@@ -94,22 +126,26 @@ class Weather(Batch):
             )
         weather = self
         # In a fixed order, because night and glare both move the sun.
-        for name, remove in _REMOVERS.items():
-            weather = remove(weather) if name in factors else weather
+        for name, remove_factor in _REMOVERS.items():
+            weather = remove_factor(weather) if name in factors else weather
         return weather
 
 
-_NOON = np.float32(np.pi / 4)
-"""A sun that neither dazzles nor leaves twilight [rad]."""
+_HIGH_SUN = np.float32(np.pi / 4)
+"""Altitude of a sun that neither dazzles nor leaves twilight: 45 degrees, as in CARLA's presets of
+noon [rad]."""
 
 
 def _without_wind(weather: Weather) -> Weather:
-    """Weather without wind and gusts."""
+    """Weather without wind."""
     return _with_consequences(weather.replace(wind=np.zeros_like(weather.wind)))
 
 
 def _without_rain(weather: Weather) -> Weather:
-    """Weather without rain, and without the puddles and clouds that came with it."""
+    """Weather without rain, its clouds, and all puddles.
+
+    Clouds stay where it did not rain. No quantity says which part of the clouds comes with rain.
+    """
     zero = np.zeros_like(weather.rain)
     clouds = np.where(weather.rain > 0, zero, weather.cloudiness)
     return _with_consequences(weather.replace(rain=zero, puddles=zero, cloudiness=clouds))
@@ -122,15 +158,15 @@ def _without_fog(weather: Weather) -> Weather:
 
 def _without_night(weather: Weather) -> Weather:
     """Weather by day: the sun stands high where it was night."""
-    altitude = np.where(weather.night, _NOON, weather.sun_altitude)
+    altitude = np.where(weather.night, _HIGH_SUN, weather.sun_altitude)
     return _with_consequences(
         weather.replace(night=np.zeros_like(weather.night), sun_altitude=altitude)
     )
 
 
 def _without_glare(weather: Weather) -> Weather:
-    """Weather without a low sun: by day it stands high."""
-    altitude = np.where(weather.night, weather.sun_altitude, _NOON)
+    """Weather without a low sun: by day the sun stands high."""
+    altitude = np.where(weather.night, weather.sun_altitude, _HIGH_SUN)
     return _with_consequences(weather.replace(sun_altitude=altitude))
 
 
@@ -147,7 +183,10 @@ REMOVABLE_FACTORS = tuple(_REMOVERS)
 
 
 def _with_consequences(weather: Weather) -> Weather:
-    """The same weather without a preset, and with the right `low_sun`."""
+    """The same weather with the fields that follow from others: `preset` and `low_sun`.
+
+    A changed weather is no preset. The sun dazzles where it is low, ahead, and not behind clouds.
+    """
     low, high = (
         constant("weather.glare.min_sun_altitude"),
         constant("weather.glare.max_sun_altitude"),

@@ -62,7 +62,7 @@ def test_every_quantity_has_a_unit_and_a_known_source_or_a_reason(file: str):
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_no_number_of_a_file_escapes_the_walk(file: str):
+def test_no_number_of_a_file_is_left_out(file: str):
     document = load_toml(file)
     accounted = 0
     for name in all_quantities(file):
