@@ -1,7 +1,15 @@
-"""Random streams, choices, importance sampling, and the block of simulations drawn together.
+"""Random numbers of scenarios, and importance sampling.
+
+A scenario is drawn from the seed of its data set and its *scenario index*, a 64-bit number. Each
+purpose, such as weather or layout, has a *stream* of random numbers of its own, so that a draw more
+for one purpose changes no other. `SampleBlock` gives the samplers of this package their streams.
+
+*Importance sampling* draws rare scenarios more often. A specification may have *components*, which
+change the distributions of some random numbers; `ProposalSampler` replaces these numbers and
+computes the weight by which each simulation counts in statistics.
 
 A scenario has the same bits on every machine. NumPy chooses an implementation of `exp` and `power`
-by the CPU, and their last bits differ; `core.native` computes the same bits everywhere.
+by the CPU, and their last bits differ; `core.native` computes the same float32 bits everywhere.
 """
 
 from __future__ import annotations
@@ -25,28 +33,32 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=np.generic)
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
+"""A limit of a range: the same for all simulations, or an array."""
 
 NumberTransform = Callable[[str, F32], F32]
-"""Replaces a named number, uniform in (0, 1) or standard normal, of each simulation."""
+"""Takes the name of a random number and its value in each simulation, uniform in (0, 1) or standard
+normal, shape (simulation,); returns the values to use in its place."""
 
 MAX_SIGMAS = np.float32(number("sampling.draws.max_sigmas"))
-"""Normal numbers are limited to this many standard deviations on either side of zero (2.5, see
-`knowledge/data/sampling.toml`)."""
+"""Normal numbers are limited to this many standard deviations on either side of zero, so that no
+vehicle or driver is too odd. A choice in `knowledge/data/sampling.toml`: 2.5, which limits 1.2 % of
+them."""
 
 
 class RandomStream:
-    """Successive random numbers of one stream.
+    """Successive random numbers of one stream; each method returns the next, for all simulations.
 
-    Normal numbers come in pairs; the second of a pair is returned by the next call.
+    The arrays have the shape of `scenario_index` broadcast against `stream`.
     """
 
     def __init__(self, seed: int, scenario_index: U64, stream: U32 | int) -> None:
         """Start at the first number.
 
         Args:
-            seed: Seed of the data set.
+            seed: Seed of the data set, 0 <= seed < 2**64.
             scenario_index: Index of each scenario, any shape.
-            stream: A `core.random_numbers.Stream`, plus slots that broadcast against
+            stream: Number of a purpose, see `core.random_numbers.Stream`. For streams of single
+                vehicles the slots are added to it, an array that broadcasts against
                 `scenario_index`.
         """
         self._draws = PhiloxStream(seed, scenario_index, stream)
@@ -61,7 +73,10 @@ class RandomStream:
         return truncate(self.unbounded_normal())
 
     def unbounded_normal(self) -> F32:
-        """The next standard normal number, without a limit."""
+        """The next standard normal number, without a limit.
+
+        The Box-Muller method makes two from two uniform numbers; the next call returns the second.
+        """
         if self._second_normal is not None:
             normal, self._second_normal = self._second_normal, None
             return normal
@@ -69,21 +84,25 @@ class RandomStream:
         return normal
 
     def integer(self, count: int) -> NDArray[np.int32]:
-        """The next integer in [0, count)."""
+        """The next integer in [0, count), each equally likely.
+
+        Args:
+            count: Number of integers, at most 65536.
+        """
         return self._draws.integer(count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleBlock:
-    """Simulations that are drawn together.
+    """Simulations that are drawn together, with the source of their random numbers.
 
     Attributes:
         specification: The specification of the scenarios.
-        road: The road, as long as the horizon needs.
+        road: The road, so long that no vehicle leaves it during a simulation.
         seed: Seed of the data set.
         scenario_index: Index of each scenario, shape (simulation,).
-        proposal: Transforms the numbers that importance sampling may change. It accumulates density
-            ratios, so each block needs its own instance.
+        proposal: Replaces the numbers that importance sampling may change. It collects the weights
+            of these simulations, so each block needs its own instance.
     """
 
     specification: Specification
@@ -96,7 +115,15 @@ class SampleBlock:
     def from_indices(
         cls, specification: Specification, road: Road, seed: int, scenario_index: U64
     ) -> SampleBlock:
-        """A block with the proposal of its specification, before the first draw."""
+        """A block before its first draw.
+
+        Args:
+            specification: The specification of the scenarios; importance sampling follows its
+                section `[[proposal]]`.
+            road: The road, so long that no vehicle leaves it during a simulation.
+            seed: Seed of the data set, 0 <= seed < 2**64.
+            scenario_index: Index of each scenario, shape (simulation,).
+        """
         proposal = ProposalSampler(specification.proposal or (), seed, scenario_index)
         return cls(
             specification=specification,
@@ -107,15 +134,22 @@ class SampleBlock:
         )
 
     def stream(self, stream: int) -> RandomStream:
-        """A stream of random numbers of shape (simulation,), from its first draw."""
+        """A stream of numbers of shape (simulation,); each call begins it anew.
+
+        Args:
+            stream: Number of a purpose, such as `Stream.LAYOUT`.
+        """
         return RandomStream(self.seed, self.scenario_index, stream)
 
     def slot_streams(self, stream: int, num_slots: int) -> RandomStream:
-        """A stream for each slot; its numbers have the shape (simulation, vehicle).
+        """A stream for each vehicle slot; its numbers have shape (simulation, vehicle).
+
+        With a stream of its own, a vehicle stays the same if the number of slots changes.
 
         Args:
-            stream: A `Stream` that its comment marks "+ slot". These are 0x100 apart, so up to 256
-                slots do not reach the next one; a scenario has at most `MAX_VEHICLES`.
+            stream: `Stream.VEHICLE`, `Stream.DRIVER` or another one of which each slot has its own.
+                The slot is added to its number. These numbers are 256 apart, and no scenario has
+                more than 32 slots.
             num_slots: Number of slots.
         """
         slots = np.uint32(stream) + np.arange(num_slots, dtype=np.uint32)
@@ -128,9 +162,15 @@ def truncate(normal: F32) -> F32:
 
 
 def scale_to_range(u: F32, low: Number, high: Number) -> F32:
-    """Scale a number from (0, 1) to [low, high]."""
+    """Scale numbers from (0, 1) to [low, high].
+
+    Args:
+        u: Numbers in (0, 1), any shape.
+        low: Smallest result, a number or an array of the same shape.
+        high: Largest result, a number or an array of the same shape.
+    """
     low32, high32 = np.asarray(low, np.float32), np.asarray(high, np.float32)
-    # Rounding can carry the sum beyond a limit.
+    # Clamped because rounding can carry the sum beyond a limit.
     return clamp(low32 + (high32 - low32) * u, low32, high32)
 
 
@@ -144,7 +184,7 @@ def choose_weighted(u: F32, weights: Sequence[float]) -> U8:
     Returns:
         Positions, each as probable as its share of the weights; the shape of `u`.
     """
-    # Added one by one: since Python 3.12 `sum` rounds differently.
+    # Not `sum(weights)`: since Python 3.12 it rounds differently.
     *partial_sums, total = itertools.accumulate(weights)
     position = np.zeros(u.shape, np.uint8)
     # Positions after the last positive weight are never chosen, so they need no comparison.
@@ -155,48 +195,66 @@ def choose_weighted(u: F32, weights: Sequence[float]) -> U8:
 
 
 def weights_of(weights: Mapping[str, float], order: Sequence[str]) -> list[float]:
-    """The weights of all names in `order`, zero for names that `weights` does not have."""
+    """Weights as a list, for `choose_weighted`.
+
+    Args:
+        weights: Weight by name, such as the vehicle classes of a specification.
+        order: All names; those without a weight get zero.
+    """
     return [weights.get(name, 0.0) for name in order]
 
 
 def sort_columns(values: NDArray[T], order: IndexArray) -> list[NDArray[T]]:
-    """Sort the entries of each row of an array (row, column), and return the columns.
+    """Sort the vehicles of each simulation, and return one array for each rank.
 
     Args:
-        values: Shape (row, column).
-        order: Position in `values` of each sorted entry, the same shape.
+        values: Values of the vehicles, shape (simulation, vehicle).
+        order: Slots of the vehicles in sorted order, as `np.argsort` returns them, the same shape.
+
+    Returns:
+        For each rank from first to last, the values of the vehicles with that rank, a contiguous
+        array of shape (simulation,).
     """
     return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
 
 
 def unsort_columns(columns: list[F32], order: IndexArray) -> F32:
-    """Undo `sort_columns`."""
+    """Undo `sort_columns`: values of shape (simulation, vehicle), in the order of the slots.
+
+    Args:
+        columns: For each rank, the values of the vehicles with that rank, shape (simulation,).
+        order: The `order` of `sort_columns`.
+    """
     values = np.empty(order.shape, np.float32)
     np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
     return values
 
 
 def identity_transform(name: str, profile_number: F32) -> F32:
-    """Return the number itself: a `NumberTransform` without effect."""
+    """Return the number itself: a `NumberTransform` without effect.
+
+    Args:
+        name: Any name; it makes no difference.
+        profile_number: The number as drawn.
+    """
     del name
     return profile_number
 
 
 class ProposalSampler:
-    """Draws the numbers of scenarios from a proposal, and weighs each simulation.
+    """Replaces random numbers as the proposal of a specification asks, and weighs each simulation.
 
-    Stateful: one per block, numbers in a fixed order.
+    The *proposal* is a mixture: each simulation is drawn from component k with probability
+    `share[k]`, and from the profile, without a change, with the remaining probability. A component
+    replaces each of its numbers independently; v is the number that replaces u or z:
 
-    Each simulation is drawn from component k with probability `share[k]`, and from the profile with
-    the remaining probability; these simulations are the natural ones. A component transforms each
-    of its numbers independently:
+        powers   v = u^a for a uniform number u                    density ratio v^(1/a - 1) / a
+        parts    v uniform between two limits, from a uniform u    density ratio 1 / (high - low)
+        shifts   v = z + d for a standard normal number z          density ratio exp(d v - d^2 / 2)
 
-        powers   u^a of a uniform number u             density ratio v^(1/a - 1) / a
-        parts    a uniform number between two limits   density ratio 1 / (high - low)
-        shifts   z + d of a standard normal number z   density ratio exp(d v - d^2 / 2)
-
-    A density ratio is the component's density over the profile's, at the value v. `truncate` limits
-    normal numbers only after their transformation, so the ratio of a shift needs no term for it.
+    A density ratio is the component's density over the profile's, at the value v. The weight of a
+    simulation is the profile's density over the mixture's. Each number may be transformed only
+    once, because each call multiplies the ratios.
 
     Source:
         Owen and Zhou (2000), "Safe and effective importance sampling".
@@ -206,13 +264,13 @@ class ProposalSampler:
         """Decide which component each simulation is drawn from.
 
         Args:
-            components: Components of the specification; without any, nothing is transformed.
+            components: Components of the specification; without any, no number is replaced.
             seed: Seed of the data set.
             scenario_index: Index of each scenario, shape (simulation,).
         """
         num_simulations = len(scenario_index)
-        # Each temper scales the powers and shifts of a component; the copies divide its share
-        # equally (see `Component.tempers`).
+        # A component may have several *tempers*: weaker copies of itself, whose powers and shifts
+        # change less. The copies divide its share equally.
         self._components = tuple(
             copy for component in components for copy in component.at_each_temper()
         )
@@ -223,17 +281,23 @@ class ProposalSampler:
             for component in self._components:
                 low, total_share = total_share, total_share + component.share
                 self._is_drawn_from.append((u >= np.float32(low)) & (u < np.float32(total_share)))
-        self._natural_share = np.full(num_simulations, 1.0 - total_share)
+        self._profile_share = np.full(num_simulations, 1.0 - total_share)
+        # Of each component, the product of the ratios of all numbers so far, shape (simulation,).
+        # float64, because products of many ratios leave the range of float32.
         self._density_ratios = [np.ones(num_simulations, np.float64) for _ in self._components]
 
     def transform(self, name: str, profile_number: F32) -> F32:
         """Replace a number of the profile by the number of the simulation's component.
 
         Args:
-            name: Name of the number, one of `PROPOSAL_UNIFORMS` or `PROPOSAL_NORMALS` of
-                `scenarios.specification`.
+            name: Name of the number. Components change only numbers whose names are in
+                `PROPOSAL_UNIFORMS` or `PROPOSAL_NORMALS` of `scenarios.specification`.
             profile_number: The number as the profile draws it: uniform in (0, 1), or standard
-                normal without a limit, shape (simulation,).
+                normal, shape (simulation,). A normal number must not be truncated yet: the density
+                ratio of a shift holds for the unlimited normal distribution.
+
+        Returns:
+            The numbers to use, the same shape.
         """
         if not any(component.changes(name) for component in self._components):
             return profile_number
@@ -248,20 +312,19 @@ class ProposalSampler:
 
     @property
     def weight_so_far(self) -> F64:
-        """The profile's density over the mixture's, for the numbers drawn so far.
+        """The profile's density over the mixture's, for the numbers drawn so far, (simulation,).
 
-        Shape (simulation,). After the last number it is the sampling weight. The mixture's density
-        is at least the natural share of the profile's, so no weight exceeds
-        1 / (1 - sum of the shares).
+        After the last number it is the sampling weight. A part of the mixture, 1 minus the sum of
+        the shares, is drawn from the profile itself, so no weight exceeds 1 over that part.
         """
-        mixture = self._natural_share
+        mixture_over_profile = self._profile_share
         for component, ratio in zip(self._components, self._density_ratios, strict=True):
-            mixture = mixture + component.share * ratio
-        return 1.0 / mixture
+            mixture_over_profile = mixture_over_profile + component.share * ratio
+        return 1.0 / mixture_over_profile
 
 
 def _transform_number(component: Component, name: str, profile_number: F32) -> F32:
-    """The number as the component draws it."""
+    """The numbers as the component draws them, shape (simulation,)."""
     if name in component.powers:
         return power(profile_number, np.full_like(profile_number, component.powers[name]))
     if name in component.parts:
@@ -271,7 +334,7 @@ def _transform_number(component: Component, name: str, profile_number: F32) -> F
 
 
 def _density_ratio(component: Component, name: str, drawn: F32) -> F64:
-    """The component's density over the profile's, at the drawn values."""
+    """The component's density over the profile's, at the drawn values, shape (simulation,)."""
     if name in component.powers:
         inverse = np.float32(1.0 / component.powers[name])
         ratio = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
@@ -282,5 +345,4 @@ def _density_ratio(component: Component, name: str, drawn: F32) -> F64:
     else:
         shift = np.float32(component.shifts.get(name, 0.0))
         ratio = exp(shift * (drawn - np.float32(0.5) * shift))
-    # Products of many ratios leave the range of float32.
     return ratio.astype(np.float64)

@@ -1,9 +1,10 @@
 """Default values for quantities that a recording lacks, so that formulas stay finite.
 
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
-its driver. `Trajectories.unknown` names the missing quantities. The default values only keep
-formulas from dividing by zero; no result may depend on them. They depend on recorded quantities
-alone, so that a recording from memory and from a file has the same ones.
+its driver. Importers of recordings (`recordings`, `data.tables.restore`) fill the missing fields
+from here, and name them in `Trajectories.unknown`, so that no result depends on them. The default
+values depend on recorded quantities alone: a recording has the same ones when it is imported and
+when a file with it is read again.
 """
 
 from typing import Any
@@ -19,21 +20,30 @@ from overtaking.scenarios.vehicle_sampling import typical_vehicles
 
 DEFAULT_KIND = VehicleKind.MEDIUM_CAR
 """Type of a vehicle whose type is not known."""
-_HIGH_SUN = np.float32(0.8)  # Neither night nor glare.
-_ABEAM = np.float32(1.57)
+
+_SUN_ALTITUDE = np.float32(0.8)
+"""Height of the sun [rad], 46 degrees: neither night nor glare, which ends at 18 degrees."""
+
+_SUN_AZIMUTH = np.float32(1.57)
+"""Direction of the sun, at a right angle to the road, so that it dazzles in neither direction
+[rad]."""
 
 
 def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
-    """Vehicle types where a source knows at most cars and trucks.
+    """Guess vehicle types from lengths where a source states at most "car" and "truck".
 
-    Small, medium and large are parted half-way between the typical lengths of the three classes. A
-    vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
-    distinguished. `may_be_kind` checks whether a length contradicts a stated type.
+    Cars are small, medium or large, with limits half-way between the typical lengths of these
+    classes. A vehicle without a stated type is a truck if its length exceeds half-way between van
+    and truck, otherwise a car. Vans, motorcycles and bicycles are not distinguished.
 
     Args:
-        length: Shape (vehicle,) [m].
-        is_truck: Whether the source calls it a truck or bus, same shape.
-        is_car: Whether the source calls it a car, same shape.
+        length: Length, bumper to bumper, shape (vehicle,) [m].
+        is_truck: Whether the source states a truck or bus, the same shape.
+        is_car: Whether the source states a car, the same shape. False in both masks: no type is
+            stated.
+
+    Returns:
+        Codes of `VehicleKind`, the same shape.
     """
     small, medium, large, van, truck = (
         float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
@@ -43,8 +53,8 @@ def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
         [VehicleKind.SMALL_CAR, VehicleKind.MEDIUM_CAR],
         VehicleKind.LARGE_CAR,
     )
-    trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
-    return np.where(trucks, VehicleKind.TRUCK, car).astype(np.uint8)
+    is_taken_for_truck = is_truck | (~is_car & (length >= (van + truck) / 2.0))
+    return np.where(is_taken_for_truck, VehicleKind.TRUCK, car).astype(np.uint8)
 
 
 def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:
@@ -52,17 +62,21 @@ def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleS
 
     Args:
         valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
-        kind: `VehicleKind`, same shape.
-        length: Same shape [m].
-        width: Same shape [m].
+        kind: Codes of `VehicleKind`, same shape.
+        length: Recorded length, bumper to bumper, same shape [m].
+        width: Recorded width, same shape [m].
     """
     colour = np.full(kind.shape, Colour.GREY, np.uint8)
-    bodies = typical_vehicles(kind, colour)
-    return bodies.replace(valid=valid, length=length, width=width)
+    vehicles = typical_vehicles(kind, colour)
+    return vehicles.replace(valid=valid, length=length, width=width)
 
 
 def default_drivers(shape: tuple[int, int]) -> DriverTraits:
-    """Assumed drivers of recorded vehicles, shape (simulation, vehicle)."""
+    """Drivers without meaning, in range: each number is 1 in its unit, each flag is false.
+
+    Args:
+        shape: Numbers of simulations and vehicles.
+    """
     values: dict[str, Any] = {
         name: np.zeros(shape, np.bool_) if field.is_flag else np.ones(shape, np.float32)
         for name, field in batch_fields(DriverTraits).items()
@@ -71,7 +85,11 @@ def default_drivers(shape: tuple[int, int]) -> DriverTraits:
 
 
 def default_weather(num_simulations: int) -> Weather:
-    """A dry, clear day for recordings without weather."""
+    """A dry, clear and calm day.
+
+    Args:
+        num_simulations: Length of the arrays, which have shape (simulation,).
+    """
     zero = np.zeros(num_simulations, np.float32)
     is_false = np.zeros(num_simulations, np.bool_)
     percentages: dict[str, Any] = dict.fromkeys(
@@ -80,8 +98,8 @@ def default_weather(num_simulations: int) -> Weather:
     return Weather(
         preset=np.full(num_simulations, NO_PRESET, np.uint8),
         wind_direction=zero,
-        sun_altitude=zero + _HIGH_SUN,
-        sun_azimuth=zero + _ABEAM,
+        sun_altitude=zero + _SUN_ALTITUDE,
+        sun_azimuth=zero + _SUN_AZIMUTH,
         night=is_false,
         low_sun=is_false,
         **percentages,

@@ -1,4 +1,15 @@
-"""Repairs starts so that every driver can avoid the vehicle ahead."""
+"""Repairs starts so that no vehicles overlap and every driver can avoid the vehicle ahead.
+
+Samplers of traffic return a `TrafficStart`; `sampler` obtains stations and speeds from it, and
+`repair_starts` moves vehicles along their lane and slows them where necessary. Without a repair, a
+driver may start so fast and near that no braking helps, and its collision says nothing about
+overtaking.
+
+Arrays have shape (simulation, vehicle) if nothing else is stated; a *slot* is a position in the
+second axis, and the ego, the vehicle under study, has slot 0. A *station* `s` is the distance of a
+vehicle's centre along the road, in its own direction of travel: a follower has the smaller station
+in both directions.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,20 +31,24 @@ from overtaking.world.constants import model_constants
 from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
 from overtaking.world.road_parameters import RoadParameters, allowed_speed, bend_speed
 
+# The next four numbers are choices; `knowledge/data/sampling.toml` has values and reasons, in
+# section [safety].
+
 USABLE_SHARE = number("sampling.safety.usable_grip_share")
-"""Share of the peak friction that a surprised driver uses."""
+"""Share of the peak friction that a surprised driver uses [1]."""
 
 REACTION_MARGIN = number("sampling.safety.reaction_margin")
-"""Factor on the driver's reaction time, because reactions are slower at night and in haze."""
+"""Factor on the driver's reaction time, because reactions are slower at night and in haze [1]."""
 
 CLEARANCE = number("sampling.safety.clearance")
 """Smallest gap between two vehicles after braking [m]."""
 
 MAX_KEPT_GAP_SHARE = number("sampling.safety.max_kept_gap_share")
-"""A vehicle that has to move back keeps at most this share of the space behind it. The share is
-drawn, so that starts do not pile up at the end of the zone."""
+"""Largest value of `DrawnStarts.kept_gap_share` [1]."""
 
-_NO_LANE = np.uint8(100)  # Above every lane; each empty slot gets a lane of its own from here on.
+_NO_LANE = np.uint8(100)
+"""First number of the lanes of empty slots. Each empty slot has a lane of its own, so that it limits
+no vehicle. Roads have at most 8 lanes and scenarios at most 32 slots."""
 
 
 class StartStates(NamedTuple):
@@ -52,7 +67,8 @@ class StartZone:
         high: Largest station [m].
         ego_lanes: Lanes for the ego, 0 the slowest.
         num_lanes: Lanes of the road.
-        max_in_lane: Vehicles that fit into one lane of the zone, however long they are.
+        max_in_lane: Number of the longest vehicles, with the smallest gaps, that fit into one lane
+            of the zone.
     """
 
     low: float
@@ -63,36 +79,38 @@ class StartZone:
 
     @classmethod
     def whole_road(cls, road: Road, low: float = 0.0) -> Self:
-        """A zone for traffic that fills the road and needs no other limit.
+        """A zone for traffic that fills the road, with all lanes and no limit of their vehicles.
 
         Args:
             road: The road.
-            low: Smallest station [m].
+            low: Smallest station [m]. It is negative if vehicles may move back beyond the beginning
+                of the road.
         """
         return cls(
             low=low,
             high=road.length,
             ego_lanes=tuple(range(road.num_lanes)),
             num_lanes=road.num_lanes,
-            max_in_lane=255,
+            max_in_lane=255,  # More than a scenario has vehicles.
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficStart:
-    """Vehicles and drivers before their stations are known; arrays (simulation, vehicle).
+    """Vehicles and drivers of a block of simulations, before their stations are known.
 
     Attributes:
-        vehicles: Vehicles.
+        vehicles: Vehicles; `vehicles.valid` is false in empty slots.
         drivers: Drivers.
         lane: Lane, 0 the slowest.
         kept_gap_share: See `DrawnStarts`.
         zone: The part of the road on which they may start.
-        deadline: Time at which a simulation without an attempt ends, shape (simulation,) [s].
-        states_at_speed: Returns stations and speeds for the speeds that drivers want in their
-            weather [m/s].
+        deadline: Time at which a simulation ends if the ego has not begun to overtake, shape
+            (simulation,) [s].
+        states_at_speed: Returns stations and speeds for desired speeds [m/s]. The caller knows
+            them only when the weather is drawn, and calls it again where bends slow the vehicles.
         is_oncoming: Vehicles that drive in the other direction, with stations from the far end of
-            the road; None without any.
+            the road; None if there is no such direction.
     """
 
     vehicles: VehicleSpecs
@@ -106,20 +124,21 @@ class TrafficStart:
 
 
 TrafficSampler = Callable[[SampleBlock], TrafficStart]
-"""Draws the vehicles and drivers of a block."""
+"""Function that draws the traffic of a block of simulations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnStarts:
-    """Starts as drawn, shape (simulation, vehicle); empty slots hold numbers, too.
+    """Starts as drawn, before their repair; empty slots hold numbers without meaning.
 
     Attributes:
         valid: Whether the slot holds a vehicle.
         lane: Lane, 0 the slowest.
         s: Station [m].
-        speed: Speed that the vehicle arrives with [m/s].
-        kept_gap_share: Share of the space behind it that the vehicle keeps if it has to move back
-            [1].
+        speed: Speed [m/s].
+        kept_gap_share: A vehicle that starts too near moves back, but gives up only 1 minus this
+            share of the free part of the zone behind it, and slows for the rest of the danger. The
+            share is drawn, so that starts do not pile up at the end of the zone [1].
     """
 
     valid: Mask
@@ -131,12 +150,12 @@ class DrawnStarts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowerLimits:
-    """Properties that limit how close behind another vehicle one may start; (simulation, vehicle).
+    """Properties that limit how near behind another vehicle a vehicle may start.
 
     Attributes:
         length: Length, bumper to bumper [m].
         reaction_time: Reaction time of the driver [s].
-        decel: Deceleration that the driver can count on [m/s^2].
+        decel: Deceleration that the driver can count on, positive [m/s^2].
     """
 
     length: F32
@@ -149,10 +168,12 @@ class RoadSpeeds:
     """Speeds that drivers choose for the bends and lower limits at and ahead of a station.
 
     Attributes:
-        road: A road that varies along its length.
-        speed_limit: Limit of the whole road [m/s].
-        max_lateral_accel: Largest lateral acceleration that drivers ask for, (simulation,) [m/s^2].
-        factors: The factors of the desired speeds, shape (simulation, vehicle).
+        road: A road with bends, slopes or several speed limits, as the simulation uses it.
+        speed_limit: Highest limit of the road [m/s].
+        max_lateral_accel: Largest lateral acceleration that drivers accept in a bend, shape
+            (simulation,) [m/s^2].
+        factors: Quantities that decide the desired speed under a limit, arrays of shape
+            (simulation, vehicle).
     """
 
     road: RoadParameters
@@ -165,8 +186,8 @@ class RoadSpeeds:
 
         Args:
             s: Stations in the vehicles' own directions, shape (simulation,) [m].
-            lane: Lanes, shape (simulation,).
-            slot: Slots, shape (simulation,).
+            lane: Lanes, which tell the direction, shape (simulation,).
+            slot: Slots of the vehicles, shape (simulation,).
         """
         simulation = np.arange(len(slot))
         factors = DesiredSpeedFactors(*(factor[simulation, slot] for factor in self.factors))
@@ -177,18 +198,19 @@ class RoadSpeeds:
 
         Args:
             s: Stations in the vehicles' own directions, shape (simulation, vehicle) [m].
-            lane: Lanes, the same shape.
+            lane: Lanes, which tell the direction, the same shape.
         """
-        # Simulations go last, along the axis of `max_lateral_accel`.
+        # Transposed, so that the last axis broadcasts with `max_lateral_accel`.
         factors = DesiredSpeedFactors(*(factor.T for factor in self.factors))
         return self._speeds(s.T, lane.T, factors).T
 
     def _speeds(self, s: F32, lane: U8, factors: DesiredSpeedFactors) -> F32:
+        """The smaller of the speeds for limits and for bends; infinite where neither slows."""
         constants = model_constants()
         is_oncoming = lane >= self.road.num_own_lanes
         limit = allowed_speed(constants, self.road, s, is_oncoming)
         desired_speed = adapted_speed(factors, limit)
-        # Only a local limit below the limit of the road slows a start.
+        # The limit of the whole road is already part of the desired speed of the start.
         desired_speed = np.where(limit < self.speed_limit, desired_speed, np.float32(np.inf))
         in_bend = bend_speed(constants, self.road, self.max_lateral_accel, s, is_oncoming)
         return minimum(in_bend, desired_speed)
@@ -197,7 +219,7 @@ class RoadSpeeds:
 def assumed_start_decel(
     vehicles: VehicleSpecs, weather: Weather, road: Road, lane: U8, speed: F32
 ) -> F32:
-    """Deceleration that a driver can count on when braking from a speed [m/s^2].
+    """Deceleration that a driver can count on when braking from a speed, positive [m/s^2].
 
     Friction falls with speed, so the friction at the start of braking is a safe value for all of
     it. Puddles count with the share of the lane that they cover.
@@ -205,19 +227,25 @@ def assumed_start_decel(
     Args:
         vehicles: Vehicles, shape (simulation, vehicle).
         weather: Weather, shape (simulation,).
-        road: The road.
-        lane: Lane of each vehicle, 0 the slowest, (simulation, vehicle).
-        speed: Speed at which it begins to brake, (simulation, vehicle) [m/s].
+        road: The road; its lanes drain differently.
+        lane: Lane of each vehicle, 0 the slowest, shape (simulation, vehicle).
+        speed: Speed at which it begins to brake, shape (simulation, vehicle) [m/s].
+
+    Returns:
+        Decelerations, shape (simulation, vehicle), at most what the brakes allow.
     """
     constants = model_constants()
     is_truck = (vehicles.kind == VehicleKind.TRUCK).astype(np.float32)
-    columns = road_surface.friction_at_speed(constants, speed, vehicles.tyre_wear, is_truck)
+    # Friction on several depths of water, between which `friction_at_film` interpolates.
+    friction_by_film = road_surface.friction_at_speed(
+        constants, speed, vehicles.tyre_wear, is_truck
+    )
     film = _lane_films(weather, road)[np.arange(lane.shape[0])[:, None], lane]
-    depth = road_surface.puddle_depth(weather.puddles)
-    cover = road_surface.puddle_cover(weather.puddles)
-    outside = road_surface.friction_at_film(constants, columns, film)
-    in_puddle = road_surface.friction_at_film(constants, columns, film + depth[:, None])
-    friction = outside + cover[:, None] * (in_puddle - outside)
+    puddle_film = film + road_surface.puddle_depth(weather.puddles)[:, None]
+    cover = road_surface.puddle_cover(weather.puddles)[:, None]
+    outside = road_surface.friction_at_film(constants, friction_by_film, film)
+    in_puddle = road_surface.friction_at_film(constants, friction_by_film, puddle_film)
+    friction = outside + cover * (in_puddle - outside)
     usable_gravity = np.float32(USABLE_SHARE * number("model.nature.gravity"))
     return minimum(vehicles.peak_decel, usable_gravity * friction)
 
@@ -231,14 +259,21 @@ def repair_starts(
 ) -> StartStates:
     """Move and slow vehicles until none overlap and every driver can avoid the vehicle ahead.
 
-    No vehicle starts faster than its driver takes the bends and limits at and ahead of the start.
+    Three passes, each over all vehicles once: separate the vehicles, slow them for the road, and
+    make collisions avoidable. Vehicles stay in their lanes and in their order. In the traffic of
+    the study, the repair lowered the share of simulations with a collision in the first three
+    seconds from 20 % to 2 %.
 
     Args:
         drawn: Starts as drawn.
         limits: Lengths, reactions and brakes.
-        section: Section `[starts]` of the specification.
+        section: Section `[starts]` of the specification. With its key `allow_doomed`, vehicles may
+            start so fast and near that no braking helps: the third pass is left out.
         zone: The part of the road on which vehicles may start.
-        road_speeds: Speeds for bends and limits; None on a road without them.
+        road_speeds: Speeds for bends and local limits; None on a road without them.
+
+    Returns:
+        Stations and speeds, shape (simulation, vehicle), without meaning where a slot is empty.
     """
     # Bad starts are repaired, not drawn again: otherwise the number of draws would depend on luck,
     # and the accepted starts would follow a distribution that no profile states.
@@ -256,22 +291,27 @@ def repair_starts(
         slot=list(order.T),
         road_speeds=road_speeds,
     )
-    rearmost = _separate(vehicles, zone)
+    rear_limits = _separate(vehicles, zone)
     for rank in range(len(vehicles.s)):
         vehicles.slow_for_road(rank)
     if not section.allow_doomed:
-        _make_collisions_avoidable(vehicles, rearmost)
+        _make_collisions_avoidable(vehicles, rear_limits)
     return StartStates(
         s=unsort_columns(vehicles.s, order), speed=unsort_columns(vehicles.speed, order)
     )
 
 
 def _lane_films(weather: Weather, road: Road) -> F32:
-    """Film of water outside puddles, shape (simulation, lane) [mm]."""
+    """Film of water outside puddles, shape (simulation, lane) [mm].
+
+    Source:
+        Gallaway et al. 1979; the formula is in `road_surface.lane_film`.
+    """
     rate = road_surface.rain_rate(weather.rain)
     min_film = road_surface.min_wet_film(rate, weather.puddles)
-    # Water runs to the slow side, so a lane also drains the lanes on its fast side. The path is
-    # computed in float64 and rounded once: the start of a simulation keeps its bits on every road.
+    # Water runs from the fastest lane to the slowest, so the path to a lane begins at the edge
+    # beside the fastest lane. It is computed in float64 and rounded once: another order of rounding
+    # would change the starts of existing seeds.
     path = np.abs(road.lane_boundaries[-1] - road.lane_centres).astype(np.float32)
     texture = np.asarray(constant("weather.film.texture_depth_mm"))
     return road_surface.lane_film(
@@ -284,17 +324,20 @@ def _lane_films(weather: Weather, road: Road) -> F32:
 
 @dataclass(slots=True, kw_only=True)
 class _SortedVehicles:
-    """The vehicles of each simulation from the rearmost to the foremost, one array for each.
+    """The vehicles of each simulation by rank, from the rearmost (0) to the foremost.
+
+    Each list has one array of shape (simulation,) for each rank. Empty slots come last, each in a
+    lane of its own. The passes of the repair replace the arrays of `s` and `speed`.
 
     Attributes:
-        lane: Lane; each empty slot has a lane of its own.
+        lane: Lane.
         s: Station [m].
         speed: Speed [m/s].
         kept_gap_share: See `DrawnStarts`.
         half_length: Half of the length [m].
-        reaction_time: Time until the driver brakes [s].
-        decel: Deceleration that the driver can count on [m/s^2].
-        min_gap: Smallest gap between two vehicles in a lane [m].
+        reaction_time: Time until the driver brakes, with the margin [s].
+        decel: Deceleration that the driver can count on, positive [m/s^2].
+        min_gap: Smallest gap between two vehicles in a lane, the same for all [m].
         slot: Slot of the vehicle.
         road_speeds: Speeds for bends and limits; None on a road without them.
     """
@@ -311,58 +354,71 @@ class _SortedVehicles:
     road_speeds: RoadSpeeds | None
 
     def slow_for_road(self, rank: int) -> None:
-        """Limit a vehicle's speed to its driver's choice for the bends and limits ahead."""
+        """Limit the speed of the vehicles of a rank to their choice for bends and limits ahead."""
         if self.road_speeds is not None:
             limit = self.road_speeds.speed_at(self.s[rank], self.lane[rank], self.slot[rank])
             self.speed[rank] = minimum(self.speed[rank], limit)
 
     def min_distance(self, rear: int, front: int) -> F32:
-        """Smallest distance of two centres; minus infinity in different lanes [m]."""
+        """Smallest distance of the centres of two ranks, shape (simulation,) [m].
+
+        Minus infinity, which limits nothing, where the vehicles are in different lanes.
+        """
         distance = self.half_length[rear] + self.half_length[front] + self.min_gap
         return np.where(self.lane[rear] == self.lane[front], distance, np.float32(-np.inf))
 
 
 def _separate(vehicles: _SortedVehicles, zone: StartZone) -> list[F32]:
-    """Move vehicles forward until no gap is too small, then back into the zone.
+    """Move vehicles forward until no gap is too small, then back into the zone; changes `s`.
 
     Returns:
-        For each vehicle the smallest station that leaves space in the zone for all behind it [m].
+        For each rank the smallest station that leaves space in the zone for all vehicles behind it,
+        shape (simulation,) [m].
     """
     s = vehicles.s
-    rearmost = [np.full_like(s[0], zone.low) for _ in s]
+    rear_limits = [np.full_like(s[0], zone.low) for _ in s]
     for front in range(1, len(s)):
         for rear in range(front):
             distance = vehicles.min_distance(rear, front)
             s[front] = maximum(s[front], s[rear] + distance)
-            rearmost[front] = maximum(rearmost[front], rearmost[rear] + distance)
+            rear_limits[front] = maximum(rear_limits[front], rear_limits[rear] + distance)
     high = np.full_like(s[0], zone.high)
     for rear in reversed(range(len(s))):
         s[rear] = minimum(s[rear], high)
         for front in range(rear + 1, len(s)):
             s[rear] = minimum(s[rear], s[front] - vehicles.min_distance(rear, front))
-    return rearmost
+    return rear_limits
 
 
-def _make_collisions_avoidable(vehicles: _SortedVehicles, rearmost: list[F32]) -> None:
-    """Let every driver be able to avoid the vehicle ahead, from the front backwards.
+def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]) -> None:
+    """Move back and slow each vehicle that could not avoid the vehicle ahead of it.
 
-    A vehicle that is too fast starts farther back, as far as there is space, and then slower. The
-    vehicle ahead counts with the lowest speed of all ahead in its lane from the first moment on,
-    which is worse than any braking of its own down to that speed. A follower at that speed is safe,
-    so no vehicle gets slower than the slowest was drawn.
+    From the foremost to the rearmost, because the limits of a follower depend on the final start of
+    its leader. A vehicle that is too fast first moves back as far as it may, then slows.
+
+    The leader counts as if it had, from the first moment on, the lowest speed of all vehicles ahead
+    in the lane: this is worse than any braking of the leader down to that speed. A follower at that
+    speed is safe, so no vehicle gets slower than the slowest vehicle was drawn.
+
+    Args:
+        vehicles: The vehicles; their stations and speeds change.
+        rear_limits: The smallest stations, from `_separate`.
     """
-    lowest_speed = list(vehicles.speed)  # Of the vehicle and of all ahead of it in its lane.
+    # For each rank, the lowest speed of its vehicle and of all vehicles ahead of it in its lane.
+    lowest_speed = list(vehicles.speed)
     for follower in reversed(range(len(vehicles.s) - 1)):
         contact_s, speed_ahead = _contact_and_speed_ahead(vehicles, follower, lowest_speed)
         reaction_time, decel = vehicles.reaction_time[follower], vehicles.decel[follower]
         closing_speed = maximum(vehicles.speed[follower] - speed_ahead, np.zeros_like(speed_ahead))
         s = minimum(vehicles.s[follower], contact_s - vehicles.min_gap)
         safe_s = minimum(s, contact_s - _avoiding_gap(closing_speed, reaction_time, decel))
-        space = s - rearmost[follower]
-        s = maximum(safe_s, rearmost[follower] + vehicles.kept_gap_share[follower] * space)
+        free_space = s - rear_limits[follower]
+        last_s = rear_limits[follower] + vehicles.kept_gap_share[follower] * free_space
+        s = maximum(safe_s, last_s)
         vehicles.s[follower] = s
         closing_speed = _avoidable_closing_speed(contact_s - s, reaction_time, decel)
         vehicles.speed[follower] = minimum(vehicles.speed[follower], speed_ahead + closing_speed)
+        # The vehicle may have moved back to a bend.
         vehicles.slow_for_road(follower)
         lowest_speed[follower] = minimum(vehicles.speed[follower], speed_ahead)
 
@@ -370,7 +426,13 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rearmost: list[F32]) -
 def _contact_and_speed_ahead(
     vehicles: _SortedVehicles, follower: int, lowest_speed: list[F32]
 ) -> tuple[F32, F32]:
-    """The station at which a follower touches the next vehicle in its lane, and the speed there.
+    """The station at which a follower touches its leader, and the lowest speed ahead.
+
+    Args:
+        vehicles: The vehicles by rank.
+        follower: Rank of the follower.
+        lowest_speed: For each rank in front of the follower, the lowest speed of its vehicle and of
+            all vehicles ahead of it in its lane, shape (simulation,) [m/s].
 
     Returns:
         Stations of the follower's centre [m] and lowest speeds ahead [m/s], shape (simulation,);
@@ -378,6 +440,7 @@ def _contact_and_speed_ahead(
     """
     contact_s = np.full_like(vehicles.s[follower], np.inf)
     speed = np.full_like(contact_s, np.inf)
+    # From the front, so that the nearest vehicle in the lane of the follower overwrites the others.
     for leader in reversed(range(follower + 1, len(vehicles.s))):
         is_same_lane = vehicles.lane[leader] == vehicles.lane[follower]
         touching = (
@@ -389,13 +452,22 @@ def _contact_and_speed_ahead(
 
 
 def _avoiding_gap(closing_speed: F32, reaction_time: F32, decel: F32) -> F32:
-    """Gap from which braking leaves the clearance: clearance + dv t + dv^2 / 2b [m]."""
+    """Gap from which braking leaves the clearance: clearance + dv t + dv^2 / 2b [m].
+
+    Args:
+        closing_speed: Speed dv of the follower above its leader, shape (simulation,) [m/s].
+        reaction_time: Time t until the follower brakes [s].
+        decel: Its deceleration b [m/s^2].
+    """
     braking = closing_speed * closing_speed / (np.float32(2.0) * decel)
     return np.float32(CLEARANCE) + closing_speed * reaction_time + braking
 
 
 def _avoidable_closing_speed(gap: F32, reaction_time: F32, decel: F32) -> F32:
-    """Closing speed for which a gap is the `_avoiding_gap` [m/s]."""
+    """Closing speed for which a gap is just wide enough, the inverse of `_avoiding_gap` [m/s].
+
+    Zero where the gap is smaller than the clearance.
+    """
     distance = maximum(gap - np.float32(CLEARANCE), np.zeros_like(gap))
     speed_loss = decel * reaction_time
     return np.sqrt(speed_loss * speed_loss + np.float32(2.0) * decel * distance) - speed_loss
