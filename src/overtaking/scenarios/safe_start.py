@@ -5,7 +5,7 @@ Samplers of traffic return a `TrafficStart`; `sampler` obtains stations and spee
 driver may start so fast and near that no braking helps, and its collision says nothing about
 overtaking.
 
-Arrays have shape (simulation, vehicle) if nothing else is stated; a *slot* is a position in the
+Arrays have shape (simulation, vehicle) unless stated otherwise; a *slot* is a position in the
 second axis, and the ego, the vehicle under study, has slot 0. A *station* `s` is the distance of a
 vehicle's centre along the road, in its own direction of travel: a follower has the smaller station
 in both directions.
@@ -47,8 +47,8 @@ MAX_KEPT_GAP_SHARE = number("sampling.safety.max_kept_gap_share")
 """Largest value of `DrawnStarts.kept_gap_share` [1]."""
 
 _NO_LANE = np.uint8(100)
-"""First number of the lanes of empty slots. Each empty slot has a lane of its own, so that it limits
-no vehicle. Roads have at most 8 lanes and scenarios at most 32 slots."""
+"""First lane number of empty slots. Each empty slot has a lane of its own, so that it limits no
+vehicle. Roads have at most 8 lanes and scenarios at most 32 slots."""
 
 
 class StartStates(NamedTuple):

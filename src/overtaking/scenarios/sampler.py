@@ -1,4 +1,14 @@
-"""Draws scenarios from a specification, a road, a seed and the scenarios' indices."""
+"""Draws scenarios from a specification, a road, a seed and the indices of the scenarios.
+
+`ScenarioSource.sample` returns a `Scenario`, the input of a batch of simulations: road, vehicles,
+drivers, weather, and the station, lane and speed of each vehicle at the start. The modules
+`placed_traffic`, `motorway_traffic` and `two_way_traffic` draw the three kinds of traffic, and
+`weather_sampling` the weather; this module calls them in blocks, and computes the starts.
+
+The *scenario index* and the seed decide all random numbers of a scenario. The *horizon* is the
+longest duration of a simulation. The *ego* is the vehicle under study; it has *slot* 0, the first
+position in the second axis of arrays (simulation, vehicle).
+"""
 
 import math
 from collections.abc import Callable
@@ -43,28 +53,33 @@ from overtaking.world.road_parameters import has_two_directions, road_parameters
 from overtaking.world.weather_parameters import scene_conditions, with_effective_weather
 
 ScenarioModifier = Callable[[Scenario], Scenario]
-"""Changes weather or drivers before speeds and stations are computed from them.
+"""Function that changes the weather or the drivers of scenarios, for example to ask what would have
+happened without rain.
 
-Speeds and braking distances at the start follow the change. Vehicles of a flow or of a two-way road
-are lined up with the time gaps, gaps at standstill and lengths as drawn, before the change."""
+It is called before the starts are computed, so speeds and braking distances at the start follow the
+change. Only the gaps in which motorway and two-way traffic lines up follow the time gaps, gaps at
+standstill and lengths as drawn, before the change."""
 
 BLOCK_SIZE = 2048
-"""Simulations that are drawn together: few enough for their arrays to stay in the cache."""
+"""Simulations that are drawn together: few enough for their arrays to stay in the processor's
+cache. It changes no result."""
 
 MAX_SEED = 2**64 - 1
+"""Largest seed: the random numbers take 64 bits of it."""
 
 _ROAD_STEP = 100.0
-"""Lengths of extended roads are multiples of this [m], to be round numbers. The length is part of a
-two-way scenario, because stations of oncoming vehicles count from the far end of the road."""
+"""Lengths of extended roads are multiples of this [m], to be round numbers (a choice). Another step
+would change two-way scenarios, whose oncoming vehicles start at the far end of the road."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioSource:
-    """Everything that scenarios are drawn from.
+    """Everything from which scenarios are drawn, except for their indices.
 
     Attributes:
         specification: The specification of the scenarios.
-        road: The road. Scenarios have the same road, extended where the horizon needs it.
+        road: The road. Scenarios have the same road, but longer if vehicles would otherwise leave
+            it before the horizon.
         seed: Seed of the data set, 0 <= seed < 2**64.
     """
 
@@ -76,11 +91,11 @@ class ScenarioSource:
         """Draw scenarios; each is the same in any batch and has the same bits on every machine.
 
         Args:
-            scenario_index: Index of each scenario, shape (simulation,).
-            modify: Changes the scenarios before speeds and stations are computed.
+            scenario_index: Index of each scenario, whole numbers from 0 on, shape (simulation,).
+            modify: Changes weather or drivers before starts are computed; None for no change.
 
         Returns:
-            The scenarios, with the ego in slot 0 and its leader in slot 1.
+            The scenarios, with the ego in slot 0.
 
         Raises:
             ConfigError: The seed or an index is out of range, or the specification does not fit
@@ -89,7 +104,7 @@ class ScenarioSource:
         """
         indices = _checked_indices(scenario_index)
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")
-        sample_traffic, road = _traffic_sampler(self.specification, self.road)
+        sample_traffic, road = _traffic_sampler_and_road(self.specification, self.road)
         batches = []
         # Without indices one empty block is drawn: a batch of no simulations, with all its fields.
         for first in range(0, max(len(indices), 1), BLOCK_SIZE):
@@ -100,18 +115,27 @@ class ScenarioSource:
 
 
 def extend_road(specification: Specification, road: Road) -> Road:
-    """The road that a data set of a specification states.
+    """The road that the manifest of a data set states.
 
-    A two-way road is as long as the horizon needs, because oncoming vehicles start at its far end.
-    A road of one direction is returned unchanged. `ScenarioSource.sample` extends that road, too,
-    but its length changes no other value of a scenario.
+    `ScenarioSource.sample` extends every road. On a two-way road the length decides scenarios,
+    because oncoming vehicles start at its far end, so the manifest must state the extended road. On
+    a road with one direction the length changes no other value of a scenario, and the manifest
+    states the road as it is.
+
+    Args:
+        specification: The specification of the scenarios.
+        road: The road, before any extension.
+
+    Raises:
+        ConfigError: The specification has two-way traffic, which does not fit the road.
     """
     if not isinstance(specification.traffic, TwoWayTraffic):
         return road
-    return _traffic_sampler(specification, road)[1]
+    return _traffic_sampler_and_road(specification, road)[1]
 
 
 def _checked_indices(scenario_index: ArrayLike) -> U64:
+    """The indices as an array; ConfigError unless they are whole numbers from 0 on."""
     indices = np.asarray(scenario_index)
     is_whole = np.issubdtype(indices.dtype, np.integer) or indices.size == 0
     if indices.ndim != 1 or not is_whole or (indices.size and int(indices.min()) < 0):
@@ -125,22 +149,25 @@ def _checked_indices(scenario_index: ArrayLike) -> U64:
     return indices.astype(np.uint64)
 
 
-def _traffic_sampler(specification: Specification, road: Road) -> tuple[TrafficSampler, Road]:
+def _traffic_sampler_and_road(
+    specification: Specification, road: Road
+) -> tuple[TrafficSampler, Road]:
     """The function that draws the traffic of a specification, and the road, long enough for it."""
     traffic = specification.traffic
     if isinstance(traffic, FlowTraffic):
         _check_lanes(specification, traffic, road)
-        needed = _round_up(motorway_traffic.road_length(specification, traffic))
+        min_length = motorway_traffic.road_length(specification, traffic)
         sample_traffic = partial(motorway_traffic.sample_motorway_traffic, flow=traffic)
-        return sample_traffic, road.extend_to(max(road.length, needed))
-    if isinstance(traffic, TwoWayTraffic):
+    elif isinstance(traffic, TwoWayTraffic):
         _check_two_directions(specification, road)
-        needed = _round_up(two_way_traffic.road_length(specification, traffic))
+        min_length = two_way_traffic.road_length(specification, traffic)
         sample_traffic = partial(two_way_traffic.sample_two_way_traffic, traffic=traffic)
-        return sample_traffic, road.extend_to(max(road.length, needed))
-    zone = start_zone(specification, traffic, road)
-    sample_traffic = partial(sample_placed_traffic, traffic=traffic, zone=zone)
-    return sample_traffic, road.extend_to(_needed_length(specification, traffic, road, zone))
+    else:
+        zone = start_zone(specification, traffic, road)
+        min_length = _placed_road_length(specification, traffic, zone)
+        sample_traffic = partial(sample_placed_traffic, traffic=traffic, zone=zone)
+    rounded_length = math.ceil(min_length / _ROAD_STEP) * _ROAD_STEP
+    return sample_traffic, road.extend_to(max(road.length, rounded_length))
 
 
 def _check_lanes(specification: Specification, flow: FlowTraffic, road: Road) -> None:
@@ -158,8 +185,8 @@ def _check_lanes(specification: Specification, flow: FlowTraffic, road: Road) ->
 def _check_two_directions(specification: Specification, road: Road) -> None:
     """ConfigError unless the road has one lane in each direction.
 
-    `road.is_two_way` is true also for roads with several lanes in a direction; their oncoming
-    traffic cannot be simulated.
+    The error says if the road has oncoming traffic (`road.is_two_way`), but several lanes in a
+    direction, because the oncoming traffic of such a road cannot be simulated.
     """
     if not has_two_directions(road):
         raise ConfigError(
@@ -172,20 +199,15 @@ def _check_two_directions(specification: Specification, road: Road) -> None:
         )
 
 
-def _needed_length(
-    specification: Specification, traffic: PlacedTraffic, road: Road, zone: StartZone
+def _placed_road_length(
+    specification: Specification, traffic: PlacedTraffic, zone: StartZone
 ) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m].
+    """Length of a road that no placed vehicle leaves before the horizon [m].
 
     A vehicle that overtakes may exceed its desired speed, by up to the factor `PASSING_MARGIN`.
     """
     max_speed = PASSING_MARGIN * max_placed_desired_speed(specification.drivers, traffic)
-    return max(road.length, _round_up(zone.high + max_speed * specification.time.horizon_s))
-
-
-def _round_up(length: float) -> float:
-    """The next round length [m]."""
-    return math.ceil(length / _ROAD_STEP) * _ROAD_STEP
+    return zone.high + max_speed * specification.time.horizon_s
 
 
 def _sample_block(
@@ -194,27 +216,29 @@ def _sample_block(
     """The scenarios of a block.
 
     Args:
-        block: The simulations that are drawn together.
-        sample_traffic: Draws vehicles and drivers, and gives their stations.
-        modify: See `ScenarioSource.sample`.
+        block: The simulations that are drawn together, with their random numbers.
+        sample_traffic: Draws vehicles and drivers, and returns a function for their stations.
+        modify: Changes weather or drivers before starts are computed; None for no change.
     """
     weather = sample_weather(block)
     start = sample_traffic(block)
     scenario = _scenario_before_start(block, start, weather)
     if modify is not None:
-        # Modify the scenario before speeds are computed: they depend on weather and drivers.
         scenario = modify(scenario)
     s, speed = _start_states(block.specification.starts, start, scenario)
     if start.is_oncoming is not None:
-        # Up to here stations of oncoming vehicles count from the far end of the road.
+        # Samplers count stations of oncoming vehicles from the far end of the road, scenarios all
+        # stations from its beginning.
         s = np.where(start.is_oncoming, np.float32(block.road.length) - s, s)
     return scenario.replace(start_s=s, start_speed=speed)
 
 
 def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Weather) -> Scenario:
-    """Scenarios whose vehicles have lanes, but neither stations nor speeds yet."""
+    """Scenarios whose vehicles have lanes, but zeros in place of stations and speeds."""
     specification = block.specification
-    pushes = specification.weather.pushes
+    pushes = (
+        specification.weather.pushes
+    )  # Stand for the effects of weather in the study's traffic.
     not_yet_known = np.zeros_like(start.drivers.desired_speed)
     return Scenario(
         profile=specification.name,
@@ -224,7 +248,8 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
         scenario_index=block.scenario_index,
         horizon=np.full(block.scenario_index.shape, specification.time.horizon_s, np.float32),
         attempt_deadline=start.deadline,
-        # Complete here: weather and traffic have drawn all numbers.
+        # The weight of importance sampling is complete, because no number is drawn after weather
+        # and traffic.
         weight=block.proposal.weight_so_far,
         vehicles=start.vehicles,
         drivers=start.drivers,
@@ -237,20 +262,25 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
 
 
 def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenario) -> StartStates:
-    """Stations in each vehicle's own direction [m] and speeds [m/s], safe for every driver."""
+    """Stations in each vehicle's own direction [m] and speeds [m/s], safe for every driver.
+
+    Args:
+        section: Section `[starts]` of the specification.
+        start: Traffic as its sampler returns it.
+        scenario: The scenarios with their final weather and drivers.
+    """
     conditions = scene_conditions(scenario)
     factors = desired_speed_factors(scenario, conditions)
     desired_speed = adapted_speed(factors, np.float32(scenario.road.speed_limit))
-    # The compiled `minimum` gives the same result as NumPy's, faster.
     desired_speed = minimum(desired_speed, scenario.vehicles.max_speed)
     states = start.states_at_speed(desired_speed)
     road_speeds = _speeds_for_road(scenario, factors, conditions.max_lateral_accel)
     if road_speeds is not None:
-        # Place the vehicles again: speeds in bends depend on the stations, and gaps depend on the
-        # speeds. `repair_starts` slows the vehicles that are still too fast. Stations count in each
-        # vehicle's own direction; `speeds_of_all` takes the bends of that direction, by the lane.
-        limited = minimum(desired_speed, road_speeds.speeds_of_all(states.s, start.lane))
-        states = start.states_at_speed(limited)
+        # Speeds in bends depend on the stations, and stations on the speeds through the gaps. The
+        # vehicles are placed a second time with the speeds for their first stations, but not until
+        # both agree: `repair_starts` slows the vehicles that are still too fast.
+        limited_speed = minimum(desired_speed, road_speeds.speeds_of_all(states.s, start.lane))
+        states = start.states_at_speed(limited_speed)
     drawn = DrawnStarts(
         valid=scenario.vehicles.valid,
         lane=start.lane,
@@ -263,13 +293,19 @@ def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenari
 
 
 def _follower_limits(start: TrafficStart, scenario: Scenario, speed: F32) -> FollowerLimits:
-    """Properties that limit how close behind another vehicle each vehicle may start."""
-    # Water drains from the oncoming lane to its own edge, so its film is the film of lane 0.
+    """Properties that limit how near behind another vehicle each vehicle may start.
+
+    Args:
+        start: Traffic as its sampler returns it.
+        scenario: The scenarios with their final weather and drivers.
+        speed: Speed at the start, shape (simulation, vehicle) [m/s].
+    """
+    # Water drains from the middle of a two-way road to both edges, so the film of water on the
+    # oncoming lane is the film of lane 0.
     drainage_lane = start.lane
     if start.is_oncoming is not None:
         drainage_lane = np.where(start.is_oncoming, np.uint8(0), start.lane)
-    # Where pushes stand for the weather, drivers brake on a dry road. `scene_conditions` applies
-    # the same rule itself and needs the recorded weather.
+    # Where lateral pushes stand for the weather (`Scenario.pushes`), the road is dry.
     weather = with_effective_weather(scenario).weather
     return FollowerLimits(
         length=scenario.vehicles.length,
@@ -281,16 +317,15 @@ def _follower_limits(start: TrafficStart, scenario: Scenario, speed: F32) -> Fol
 def _speeds_for_road(
     scenario: Scenario, factors: DesiredSpeedFactors, max_lateral_accel: F32
 ) -> RoadSpeeds | None:
-    """The speeds for bends and lower limits; None on a road without them.
+    """Speeds for bends and local limits; None on a straight and level road with one limit.
 
     Args:
         scenario: A batch of scenarios.
-        factors: Factors of the desired speeds.
-        max_lateral_accel: Largest lateral acceleration that drivers choose in a bend, shape
+        factors: Quantities that decide the desired speeds under a limit.
+        max_lateral_accel: Largest lateral acceleration that drivers accept in a bend, shape
             (simulation,) [m/s^2].
     """
     road = road_parameters(scenario.road)
-    # `course` has shape (10, station), without stations on a straight, level road with one limit.
     if not road.varies_along_road:
         return None
     shape = scenario.start_s.shape
