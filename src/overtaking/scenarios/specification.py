@@ -1,7 +1,15 @@
-"""Sections of a specification, one frozen model for each; proposals of importance sampling.
+"""A specification of scenarios: one Pydantic model for each section of its TOML file.
 
-Units are in the names of the keys. The checks here need nothing but the file; the sampler checks
-what depends on the road.
+`profiles.load_specification` makes a `Specification` from a file; the samplers of this package read
+its sections. Section `[traffic]` is in `traffic_specification`, types of values are in
+`specification_values`. The name of a key states its unit: `_m`, `_s`, `_kmh`, `_percent`; a key
+without a unit is a plain number, a flag or a text. Two values in brackets are a range, from which
+each simulation draws uniformly unless its key says otherwise.
+
+The checks here need nothing but the file; `sampler` checks the specification against the road. The
+*ego* is the vehicle under study, and a *trait* is a parameter of a driver, a field of
+`model.vehicles.DriverTraits`. A *population*, from `knowledge/data/drivers.toml`, has distributions
+of traits. `u` is a random number, uniform in (0, 1), and `z` is a standard normal one.
 """
 
 from __future__ import annotations
@@ -44,27 +52,25 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 PROPOSAL_UNIFORMS = (
-    "rains",
-    "rain",
-    "foggy",
-    "fog",
+    "rains",  # Small: it rains.
+    "rain",  # Amount of rain, if any.
+    "foggy",  # Small: there is fog.
+    "fog",  # Density of the fog, if any.
     "wind",
     "puddles",
     "clouds",
-    "sun",
-    "sun_direction",
-    "density",
-    "flow",
-    "start",
-    "held_up",
-    "ego_driving_style",
-    "ego_heeds_solid_lines",
-    "others_driving_style",
+    "sun",  # Height of the sun.
+    "sun_direction",  # 0.5: the sun stands ahead.
+    "density",  # Density of the traffic on a motorway.
+    "flow",  # Flow of the traffic on a two-way road.
+    "start",  # Station of the ego on a two-way road.
+    "held_up",  # Small: the ego follows a platoon at the start, on a two-way road.
+    "ego_driving_style",  # Small: careful.
+    "ego_heeds_solid_lines",  # Large: the ego ignores solid lines, on a two-way road.
+    "others_driving_style",  # Small: careful. Each of the other drivers has a number of its own.
 )
-"""Uniform numbers that a proposal may transform. Small values of `rains` and `foggy` mean rain and
-fog. Only two-way roads have `flow`, `start` (the ego's station), `held_up` (small: the ego is held
-up) and `ego_heeds_solid_lines` (large: the ego ignores lines). `others_driving_style` is
-transformed for each of the other drivers separately."""
+"""Uniform numbers that a proposal may transform. Where no comment says otherwise, a large number
+gives a large quantity."""
 
 PROPOSAL_NORMALS = tuple(
     f"ego_{trait}"
@@ -82,72 +88,81 @@ PROPOSAL_NORMALS = tuple(
         "passing_time_factor",
     )
 )
-"""Standard normal numbers that a proposal may transform: traits of the ego, normal or lognormal."""
+"""Standard normal numbers that a proposal may transform: they decide traits of the ego whose
+distribution is normal or lognormal. Large: the trait is large."""
 
 _MIN_PART = 0.001
+"""Smallest width of a part of (0, 1) (a choice). The density ratio of a part is 1 / width, which a
+width of zero would make infinite."""
 
 
-def _rising(part: tuple[float, float]) -> tuple[float, float]:
+def _check_part(part: tuple[float, float]) -> tuple[float, float]:
+    """Refuse a part of (0, 1) that is too narrow, or whose limits are in the wrong order."""
     if part[1] - part[0] < _MIN_PART:
         expected = f"a lower end below the upper one, by {_MIN_PART:g} or more"
         raise specification_error(expected, "swap them or move them apart", got=list(part))
     return part
 
 
+# Ranges of the changes that a component may make; choices, which keep density ratios finite.
 _Power = Annotated[float, Field(ge=0.01, le=20.0)]
-_Part = Annotated[tuple[Share, Share], AfterValidator(_rising)]
+_Part = Annotated[tuple[Share, Share], AfterValidator(_check_part)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
 _Temper = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 def _is_of_ego(name: str) -> bool:
-    """Whether a quantity belongs to the ego."""
+    """Whether a random number decides a property of the ego's driver."""
     return name.startswith("ego_")
 
 
-def _name_check(names: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    def check_names(numbers: dict[str, Any]) -> dict[str, Any]:
-        for name in numbers:
+def _keys_check(names: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """A validator that refuses a table with a key that is not in `names`."""
+
+    def check_keys(table: dict[str, Any]) -> dict[str, Any]:
+        for name in table:
             if name not in names:
                 raise specification_error("a known quantity", suggestion(name, names), got=name)
-        return numbers
+        return table
 
-    return check_names
+    return check_keys
 
 
 class Component(Section):
     """Entry of section `[[proposal]]`: draws a share of the simulations from other distributions.
 
-    A power replaces u, uniform in (0, 1), by u^power: a power below one favours the upper end, a
-    power above one the lower. A part replaces u by a uniform number between two limits. A shift
-    replaces z, standard normal, by z + shift.
+    This is importance sampling: rare simulations are drawn more often, and each gets a weight that
+    corrects statistics (`random_draws.ProposalSampler`). A *power* replaces u by u^power: below one
+    it favours large numbers, above one small ones. A *part* replaces u by a uniform number between
+    two limits. A *shift* replaces z by z + shift.
 
     Attributes:
-        name: Purpose of these simulations.
+        name: Purpose of these simulations, in words.
         share: Share of the simulations that the component draws.
-        powers: Power by name, one of `PROPOSAL_UNIFORMS`.
-        parts: Lower and upper limit by name, one of `PROPOSAL_UNIFORMS`.
-        shifts: Standard deviations by name, one of `PROPOSAL_NORMALS`.
-        tempers: The share is divided equally among copies of the component, one for each temper t:
-            its powers are raised to t and its shifts multiplied by it, so a small t changes little.
+        powers: Power by name of the number, one of `PROPOSAL_UNIFORMS`.
+        parts: Lower and upper limit by name of the number, one of `PROPOSAL_UNIFORMS`.
+        shifts: Shift by name of the number, one of `PROPOSAL_NORMALS` [standard deviations].
+        tempers: For each temper t, from 0 to 1, the component has a copy with an equal part of its
+            share, whose powers are raised to t and whose shifts are multiplied by t. So a small t
+            changes little, and the weights do not jump between changed and unchanged simulations.
             Parts stay.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
     share: Annotated[Share, Field(gt=0.0, lt=1.0)]
-    powers: Annotated[dict[str, _Power], AfterValidator(_name_check(PROPOSAL_UNIFORMS))] = Field(
+    powers: Annotated[dict[str, _Power], AfterValidator(_keys_check(PROPOSAL_UNIFORMS))] = Field(
         default_factory=dict
     )
-    parts: Annotated[dict[str, _Part], AfterValidator(_name_check(PROPOSAL_UNIFORMS))] = Field(
+    parts: Annotated[dict[str, _Part], AfterValidator(_keys_check(PROPOSAL_UNIFORMS))] = Field(
         default_factory=dict
     )
-    shifts: Annotated[dict[str, _Shift], AfterValidator(_name_check(PROPOSAL_NORMALS))] = Field(
+    shifts: Annotated[dict[str, _Shift], AfterValidator(_keys_check(PROPOSAL_NORMALS))] = Field(
         default_factory=dict
     )
     tempers: Annotated[tuple[_Temper, ...], Field(min_length=1)] = (1.0,)
 
     def at_each_temper(self) -> tuple[Self, ...]:
-        """The component at each of its tempers, with equal parts of its share."""
+        """Copies of the component, one for each temper, which have the only temper 1."""
         return tuple(
             self.model_copy(
                 update={
@@ -161,13 +176,19 @@ class Component(Section):
         )
 
     def changes(self, name: str) -> bool:
-        """Whether the component transforms a number."""
+        """Whether the component transforms a number.
+
+        Args:
+            name: Name of the number, as in `PROPOSAL_UNIFORMS` and `PROPOSAL_NORMALS`.
+        """
         return name in self.powers or name in self.parts or name in self.shifts
 
     def without_ego_quantities(self) -> Self:
-        """The component without its changes of the ego: its marginal for the scene and the others.
+        """The component without its changes of the ego's driver.
 
-        A component draws each number independently, so leaving some out integrates over them.
+        `analysis.evaluation` compares drivers, which all get the same scenes; weights then must
+        cover the scene and the other drivers alone. They are exact, because a component draws each
+        number independently: its distribution of the remaining numbers is the marginal one.
         """
         changes = {
             field: {
@@ -180,17 +201,18 @@ class Component(Section):
         return self.model_copy(update=changes)
 
     @model_validator(mode="after")
-    def _once(self) -> Self:
-        twice = set(self.powers) & set(self.parts)
-        if twice:
-            name = min(twice)
+    def _check_one_change_per_number(self) -> Self:
+        names_in_both = set(self.powers) & set(self.parts)
+        if names_in_both:
+            name = min(names_in_both)
             raise specification_error(
                 "a power or a part for a quantity", "leave one out", key=f"parts.{name}", got="both"
             )
         return self
 
 
-def _check_natural_share(components: tuple[Component, ...]) -> tuple[Component, ...]:
+def _check_total_share(components: tuple[Component, ...]) -> tuple[Component, ...]:
+    """Refuse shares that leave no simulations to the profile: weights would have no bound."""
     total = sum(component.share for component in components)
     if not total < 1.0:
         raise specification_error(
@@ -202,22 +224,25 @@ def _check_natural_share(components: tuple[Component, ...]) -> tuple[Component, 
     return components
 
 
-Proposal = Annotated[
-    tuple[Component, ...], Field(min_length=1), AfterValidator(_check_natural_share)
-]
+Proposal = Annotated[tuple[Component, ...], Field(min_length=1), AfterValidator(_check_total_share)]
 """Components; all other simulations are drawn from the profile itself, which bounds every weight by
 1 / (1 - the sum of the shares)."""
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
+"""Exponent e of low + (high - low) u^e; None for a uniform distribution."""
 
 Weibull = (
     tuple[Annotated[float, Field(gt=0.0, le=100.0)], Annotated[float, Field(ge=0.2, le=20.0)]]
     | None
 )
+"""Scale [%] and shape of a Weibull distribution; None for another distribution."""
 
 
-def _kind_of_traffic(section: Any) -> str:
-    """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
+def _traffic_mode(section: Any) -> str:
+    """Which model of section `[traffic]` applies: its key `mode`, or "placed" without it.
+
+    Pydantic calls this with the table of a file or with a model.
+    """
     mode = section.get("mode") if isinstance(section, dict) else getattr(section, "mode", None)
     return mode if mode in ("flow", "two-way") else "placed"
 
@@ -226,9 +251,10 @@ class ProfileSection(Section):
     """Section `[profile]`.
 
     Attributes:
-        name: Name of the profile, for manifests and tables.
-        road: A road that comes with the package; a map file given by the user replaces it.
-        frame_interval_ms: Time between two recorded frames.
+        name: Name of the profile, which manifests and tables of data sets state.
+        road: Name of a road of the package; users may replace it by a map file.
+        frame_interval_ms: Time between two recorded frames, a multiple of the time step of the
+            simulation (`STEP_MS`, 10 ms).
     """
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
@@ -241,14 +267,15 @@ class TimeSection(Section):
 
     Attributes:
         horizon_s: Longest duration of a simulation.
-        attempt_deadline_s: A simulation without an attempt ends here.
+        attempt_deadline_s: Time at which a simulation ends if the ego has not begun an attempt to
+            overtake.
     """
 
     horizon_s: Duration
     attempt_deadline_s: Duration
 
     @model_validator(mode="after")
-    def _deadline_inside(self) -> Self:
+    def _check_deadline(self) -> Self:
         if self.attempt_deadline_s > self.horizon_s:
             raise specification_error(
                 f"at most the horizon of {self.horizon_s:g}",
@@ -262,15 +289,16 @@ class TimeSection(Section):
 class PushesSection(Section):
     """Section `[weather.pushes]`: weather acts as in the study, not by physics.
 
-    The road is dry and the air clear and still. Rain and wind push all vehicles sideways, towards
-    where the wind blows to; the less of them, the longer the interval. By night, above 60 % of
-    clouds and towards a low sun, drivers see as far as `sight_m`.
+    The study is Pinto, Dutra and Fonseca (2023). The road is dry and the air clear and still. Rain
+    and wind push all vehicles sideways, to the side to which the wind blows; less rain or wind
+    makes the pushes rarer. By night, above 60 % of clouds and towards a low sun, drivers see as far
+    as `sight_m`.
 
     Attributes:
         accel_mps2: Lateral acceleration of a push; 0 without pushes.
         duration_s: How long a push lasts.
         interval_s: Time between the starts of two pushes at 100 % of rain and of wind.
-        sight_m: How far drivers see where vision is cut.
+        sight_m: Sight distance of drivers by night, under clouds and towards a low sun.
     """
 
     accel_mps2: Annotated[float, Field(ge=0.0, le=50.0)]
@@ -280,7 +308,7 @@ class PushesSection(Section):
 
     @property
     def to_model(self) -> LateralPushes:
-        """The same in the terms of the model."""
+        """The same values as a scenario states them, in SI units."""
         return LateralPushes(
             accel=self.accel_mps2,
             duration=self.duration_s,
@@ -290,12 +318,12 @@ class PushesSection(Section):
 
 
 class PresetWeather(Section):
-    """Section `[weather]` with `mode = "presets"`.
+    """Section `[weather]` with `mode = "presets"`: one of the weathers of the simulator CARLA.
 
     Attributes:
-        mode: Says which of the two kinds of weather this is.
-        presets: Weights of CARLA's named weathers.
-        pushes: How weather acts instead of by physics; None for physics.
+        mode: Distinguishes the two models of section `[weather]`.
+        presets: Weight of each preset by its name, such as `ClearNoon`.
+        pushes: Lateral pushes in place of the physical effects of the weather; None for physics.
     """
 
     mode: Literal["presets"]
@@ -306,29 +334,35 @@ class PresetWeather(Section):
 class IndependentWeather(Section):
     """Section `[weather]` with `mode = "independent"`: every quantity is drawn on its own.
 
-    Each range is uniform; or low + (high - low) u^exponent with u uniform where an exponent is
-    given; or a Weibull distribution above its lower end, cut off at its upper one, where a scale in
-    percent and a shape are given, as for what is seldom extreme. Puddles and clouds are raised to
-    what rain needs; see `weather`.
+    The percentages have the meaning of the simulator CARLA: 100 is the heaviest rain, the strongest
+    wind, the densest fog. A quantity is drawn from one of three distributions:
+
+    - uniform between the ends of its range;
+    - with an exponent e, low + (high - low) u^e, which makes small values more frequent for e > 1;
+    - with `..._weibull`, low + a Weibull number with this scale and shape, limited to high, for
+      quantities that are seldom extreme.
+
+    Rain never falls without clouds and water on the road: `weather_sampling` raises puddles and
+    cloudiness to a minimum for the rain.
 
     Attributes:
-        mode: Says which of the two kinds of weather this is.
-        rain_probability: Part of the simulations with rain.
-        rain_percent: Rain where it rains.
+        mode: Distinguishes the two models of section `[weather]`.
+        rain_probability: Share of the simulations with rain.
+        rain_percent: Rain, if any.
         puddles_percent: Water that lies on the road.
         wind_percent: Wind.
-        fog_probability: Part of the simulations with fog.
-        fog_percent: Fog where there is fog.
+        fog_probability: Share of the simulations with fog.
+        fog_percent: Fog, if any.
         cloudiness_percent: Clouds.
-        sun_altitude_deg: Height of the sun; below zero it is night.
-        rain_exponent: Above one, light rain is more frequent than heavy rain.
-        fog_exponent: The same for fog.
-        wind_exponent: The same for wind.
-        puddles_exponent: The same for the water that lies on the road.
-        rain_weibull: Scale and shape of rain.
-        wind_weibull: Scale and shape of wind.
-        puddles_weibull: Scale and shape of the water that lies on the road.
-        pushes: How weather acts instead of by physics; None for physics.
+        sun_altitude_deg: Height of the sun above the horizon; below zero it is night.
+        rain_exponent: Exponent e of rain.
+        fog_exponent: Exponent e of fog.
+        wind_exponent: Exponent e of wind.
+        puddles_exponent: Exponent e of the water that lies on the road.
+        rain_weibull: Scale [%] and shape of rain.
+        wind_weibull: Scale [%] and shape of wind.
+        puddles_weibull: Scale [%] and shape of the water that lies on the road.
+        pushes: Lateral pushes in place of the physical effects of the weather; None for physics.
     """
 
     mode: Literal["independent"]
@@ -355,10 +389,10 @@ class IndependentWeather(Section):
     pushes: PushesSection | None = None
 
     @model_validator(mode="after")
-    def _one_shape(self) -> Self:
+    def _check_one_distribution(self) -> Self:
         for name in ("rain", "wind", "puddles"):
-            shapes = (getattr(self, f"{name}_exponent"), getattr(self, f"{name}_weibull"))
-            if None not in shapes:
+            distributions = (getattr(self, f"{name}_exponent"), getattr(self, f"{name}_weibull"))
+            if None not in distributions:
                 raise specification_error(
                     f"{name}_exponent or {name}_weibull",
                     "leave one of them out",
@@ -368,40 +402,45 @@ class IndependentWeather(Section):
         return self
 
 
-def _fixable() -> dict[str, Any]:
-    """A key for each number of `DriverTraits` that is drawn, with the range of the field."""
-    keys: dict[str, Any] = {}
+def _fixed_trait_fields() -> dict[str, Any]:
+    """Fields of `FixedTraits`: (type, default) by key, for each trait with a range.
+
+    Flags, such as `uses_indicator`, have no range and cannot be fixed.
+    """
+    fields: dict[str, Any] = {}
     for name, field in RECORDED_TRAITS.items():
         if field.spec.is_bounded:
             low, high = field.spec.limits
             limits = Field(ge=low, le=high)
-            keys[name + NAME_SUFFIXES[field.spec.unit]] = (Annotated[float | None, limits], None)
-    return keys
+            fields[name + NAME_SUFFIXES[field.spec.unit]] = (Annotated[float | None, limits], None)
+    return fields
 
 
-class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
+class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixed_trait_fields())):
     """Section `[drivers.fixed]`: traits that are the same for every driver.
 
-    The keys are the numbers of `model.vehicles.DriverTraits` with their units and ranges; a trait
-    without a value is left to the population.
+    Its keys are names of traits with their unit, such as `reaction_time_s`. A trait without a value
+    (None) is drawn from the population.
     """
 
     def values(self) -> dict[str, float]:
-        """Fixed values by the names of `model.vehicles.DriverTraits`."""
+        """Fixed values by the names of traits, without a unit."""
         fixed = self.model_dump(exclude_none=True)
-        keys = {
+        names = {
             name + NAME_SUFFIXES[field.spec.unit]: name for name, field in RECORDED_TRAITS.items()
         }
-        return {keys[key]: value for key, value in fixed.items()}
+        return {names[key]: value for key, value in fixed.items()}
 
 
-_SCALABLE = tuple(name for name, field in RECORDED_TRAITS.items() if not field.is_flag)
+_SCALABLE_TRAITS = tuple(name for name, field in RECORDED_TRAITS.items() if not field.is_flag)
 
 
-def _scalable(factors: dict[str, float]) -> dict[str, float]:
+def _check_scaled_traits(factors: dict[str, float]) -> dict[str, float]:
+    """Refuse a factor on an unknown trait or on a flag."""
     for name in factors:
-        if name not in _SCALABLE:
-            raise specification_error("a known parameter", suggestion(name, _SCALABLE), got=name)
+        if name not in _SCALABLE_TRAITS:
+            next_step = suggestion(name, _SCALABLE_TRAITS)
+            raise specification_error("a known parameter", next_step, got=name)
     return factors
 
 
@@ -409,30 +448,35 @@ class DriversSection(Section):
     """Section `[drivers]`.
 
     Attributes:
-        population: A population of the knowledge base.
-        driving_style: Range of the driving style, 0 careful to 1 reckless.
-        fixed: Parameters that are the same for everyone.
-        scale: Factors on the drawn traits of all drivers, by the names of
-            `model.vehicles.DriverTraits`.
+        population: Name of a population.
+        driving_style: Range of the driving style, 0 careful to 1 reckless, on which the
+            distributions of the traits depend.
+        fixed: Traits that are the same for every driver.
+        scale: Factors on traits of every driver, drawn or fixed, by name of the trait; None
+            without factors.
     """
 
     population: PopulationName
     driving_style: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
-    scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
+    scale: Annotated[dict[str, Factor], AfterValidator(_check_scaled_traits)] | None = None
 
     @model_validator(mode="after")
-    def _scaled_inside(self) -> Self:
+    def _check_scaled_ranges(self) -> Self:
         fixed = self.fixed.values()
         for name, factor in (self.scale or {}).items():
-            value, spec = fixed.get(name), TRAIT_RANGES[name]
-            lowest, highest = spec.limits
+            fixed_value, spec = fixed.get(name), TRAIT_RANGES[name]
+            min_allowed, max_allowed = spec.limits
             unit = "" if spec.unit == "1" else f" {spec.unit}"
-            low, high = trait_range(self.population, name) if value is None else (value, value)
-            if factor * low < lowest or factor * high > highest:
+            low, high = (
+                trait_range(self.population, name)
+                if fixed_value is None
+                else (fixed_value, fixed_value)
+            )
+            if factor * low < min_allowed or factor * high > max_allowed:
                 raise specification_error(
-                    f"a factor that keeps {low:g} to {high:g} within {lowest:g} to"
-                    f" {highest:g}{unit}",
+                    f"a factor that keeps {low:g} to {high:g} within {min_allowed:g} to"
+                    f" {max_allowed:g}{unit}",
                     "choose one nearer to 1",
                     key=f"scale.{name}",
                     got=factor,
@@ -441,11 +485,12 @@ class DriversSection(Section):
 
 
 class StartsSection(Section):
-    """Section `[starts]`: conditions that every start fulfils.
+    """Section `[starts]`: conditions that every start fulfils, see `safe_start`.
 
     Attributes:
-        allow_doomed: Whether a vehicle may start so fast that no braking saves it.
-        min_gap_m: Smallest gap between two vehicles of a lane.
+        allow_doomed: Whether a vehicle may start so fast and near behind another one that braking
+            cannot avoid a collision.
+        min_gap_m: Smallest gap between two vehicles of a lane, bumper to bumper.
     """
 
     allow_doomed: bool = False
@@ -453,16 +498,17 @@ class StartsSection(Section):
 
 
 class Specification(Section):
-    """A whole specification of scenarios.
+    """A whole specification of scenarios; each attribute is a section of the file.
 
     Attributes:
-        profile: Name, road and frames.
+        profile: Name, road and interval of the recorded frames.
         time: Durations.
-        traffic: Vehicles.
+        traffic: Vehicles, their numbers, lanes and speeds.
         weather: Weather and light.
         drivers: Drivers.
-        starts: Safety of the first frame.
-        proposal: Components of importance sampling; None without them.
+        starts: Safety of the starts.
+        proposal: Components of importance sampling; None if all simulations are drawn from the
+            other sections as they are.
     """
 
     profile: ProfileSection
@@ -471,7 +517,7 @@ class Specification(Section):
         Annotated[PlacedTraffic, Tag("placed")]
         | Annotated[FlowTraffic, Tag("flow")]
         | Annotated[TwoWayTraffic, Tag("two-way")],
-        Discriminator(_kind_of_traffic),
+        Discriminator(_traffic_mode),
     ]
     weather: Annotated[PresetWeather | IndependentWeather, Field(discriminator="mode")]
     drivers: DriversSection
@@ -489,16 +535,19 @@ class Specification(Section):
         return self.profile.road
 
     def to_dict(self) -> dict[str, Any]:
-        """All values as JSON types, defaults included; `load_specification` reads them."""
+        """All values as JSON types, defaults included, None left out.
+
+        `profiles.load_specification` reads them.
+        """
         return self.model_dump(mode="json", exclude_none=True)
 
     def canonical_json(self) -> str:
-        """`to_dict` as text that is the same for equal specifications, on one line."""
+        """`to_dict` as text on one line, the same for equal specifications."""
         return json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     @property
     def specification_hash(self) -> str:
-        """SHA-256 of `canonical_json`, in hexadecimal."""
+        """SHA-256 of `canonical_json`, in hexadecimal; data sets state it."""
         return hashlib.sha256(self.canonical_json().encode()).hexdigest()
 
 
@@ -506,7 +555,6 @@ _SECTIONS: dict[tuple[str, ...], type[Section]] = {
     (): Specification,
     ("profile",): ProfileSection,
     ("time",): TimeSection,
-    ("traffic",): PlacedTraffic,
     ("weather", "pushes"): PushesSection,
     ("drivers",): DriversSection,
     ("drivers", "fixed"): FixedTraits,
@@ -514,10 +562,17 @@ _SECTIONS: dict[tuple[str, ...], type[Section]] = {
     ("proposal",): Component,
     ("traffic", "lanes"): FlowLane,
 }
+"""Models of the sections, by path, whose keys do not depend on a mode."""
 
 
 def known_keys(section: tuple[str, ...], mode: str | None = None) -> tuple[str, ...]:
-    """The keys that a section may have; `mode` is the weather's or the traffic's."""
+    """The keys that a section may have, for messages about unknown keys.
+
+    Args:
+        section: Path of the section, such as `("drivers", "fixed")`; a number in it is the position
+            of an entry of a list, as in `("proposal", "0")`.
+        mode: The `mode` of section `[weather]` or `[traffic]`; None for any other section.
+    """
     if section == ("weather",):
         model = PresetWeather if mode == "presets" else IndependentWeather
     elif section == ("traffic",):
