@@ -1,4 +1,11 @@
-"""Value types of a specification, and messages about wrong ones."""
+"""Types of the values of a specification, and error messages for wrong values.
+
+`specification` and `traffic_specification` declare the sections of a specification as Pydantic
+models; their fields have the types at the end of this module, such as `SpeedRange`. A type is a
+Python type with limits and with *checks*: functions that return the value, or raise
+`specification_error`. `config_error` turns what Pydantic finds into the one-line error that users
+see.
+"""
 
 from __future__ import annotations
 
@@ -20,61 +27,73 @@ from overtaking.world.constants import STEP_MS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-Keys: TypeAlias = "Callable[[tuple[str, ...], str | None], tuple[str, ...]]"
-_OURS = "specification"
+KnownKeys: TypeAlias = "Callable[[tuple[str, ...], str | None], tuple[str, ...]]"
+"""Function from the path of a section and its mode to the keys that it may have; see
+`specification.known_keys`."""
+
+_ERROR_TYPE = "specification"
+"""Type of the errors of our own checks, beside the types of Pydantic."""
 
 
 def specification_error(
     expected: str, next_step: str, *, key: str | None = None, got: object = None
 ) -> PydanticCustomError:
-    """An error of one of our own checks.
+    """The error that a check raises; `config_error` makes the user's message of it.
 
     Args:
-        expected: The kind of value that is right.
+        expected: Description of a valid value.
         next_step: The reader's next step, as an imperative.
-        key: Key inside the section, where the check is about a whole section.
-        got: The wrong value, if it is not the checked one.
+        key: The wrong key inside the section, if the check is about a whole section; None if it is
+            about a single value.
+        got: The wrong value; None for the value that was checked.
     """
     context = {"expected": expected, "next_step": next_step, "key": key, "got": got}
-    return PydanticCustomError(_OURS, "{expected}", context)
+    return PydanticCustomError(_ERROR_TYPE, "{expected}", context)
 
 
 def name_check(kind: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str], str]:
-    """A check that a text is one of `names()`."""
+    """A check that a text is a known name.
 
-    def check(name: str) -> str:
+    Args:
+        kind: Kind of the name for the message, such as "road".
+        names: Function that returns the known names, called at each check.
+    """
+
+    def check_name(name: str) -> str:
         if name in names():
             return name
         raise specification_error(f"a known {kind}", suggestion(name, names()), got=name)
 
-    return check
+    return check_name
 
 
-def config_error(error: ValidationError, where: str, keys: Keys) -> ConfigError:
-    """Make a `ConfigError` from one finding of a validation: an unknown key, else the first one.
+def config_error(error: ValidationError, where: str, known_keys: KnownKeys) -> ConfigError:
+    """The error for users, about one of Pydantic's findings.
 
-    A misspelt key leads to two findings, an unknown and a missing key. The unknown one names the
-    mistake.
+    A misspelt key leads to two findings, an unknown and a missing key. The unknown key shows the
+    mistake, so it is preferred; otherwise the error describes the first finding.
 
     Args:
         error: The error that Pydantic raised.
         where: The file or profile that was read.
-        keys: Gives the known keys of a section, named by its path, and the weather's mode.
+        known_keys: Returns the keys of a section, from which the error suggests the most similar.
     """
     findings = error.errors(include_url=False)
-    unknown = (finding for finding in findings if finding["type"] == "extra_forbidden")
-    first = next(unknown, findings[0])
-    path, mode = _path(first)
-    expected, got, next_step = _explain(first, path, lambda: keys(tuple(path[:-1]), mode))
-    key = first.get("ctx", {}).get("key")
+    unknown_keys = (finding for finding in findings if finding["type"] == "extra_forbidden")
+    finding = next(unknown_keys, findings[0])
+    path, mode = _path_and_mode(finding)
+    expected, got, next_step = _explain(finding, path, lambda: known_keys(tuple(path[:-1]), mode))
+    key = finding.get("ctx", {}).get("key")
     name = ".".join([*path, key] if key else path)
     return ConfigError(what=name, where=where, expected=expected, got=got, next_step=next_step)
 
 
-def _path(finding: ErrorDetails) -> tuple[list[str], str | None]:
-    """The key path of a finding, and the mode of the weather or traffic if it lies there.
+def _path_and_mode(finding: ErrorDetails) -> tuple[list[str], str | None]:
+    """The parts of the dotted key that a finding is about, and the mode of its section.
 
-    Pydantic names the mode after the section, and marks the keys of a mapping.
+    Only `[weather]` and `[traffic]` have a mode; elsewhere it is missing (None). Pydantic puts it
+    after the section, as in `("traffic", "flow", "lanes", 0)`. For the key of a table it adds
+    "[key]", which is no part of a dotted key.
     """
     path = [str(part) for part in finding["loc"] if part != "[key]"]
     if path[:1] in (["weather"], ["traffic"]) and len(path) > 1:
@@ -82,9 +101,10 @@ def _path(finding: ErrorDetails) -> tuple[list[str], str | None]:
     return path, None
 
 
-_MODE = 'mode = "presets" or mode = "independent"'
+_MODE = 'mode = "presets" or mode = "independent"'  # Only `[weather]` requires a mode.
 
-_TYPES = {
+# Descriptions of a valid value, by Pydantic's type of error.
+_EXPECTED_BY_TYPE = {
     "int_type": "a whole number",
     "float_type": "a number",
     "string_type": "a text in quotes",
@@ -102,14 +122,21 @@ _TYPES = {
 def _explain(
     finding: ErrorDetails, path: list[str], keys: Callable[[], tuple[str, ...]]
 ) -> tuple[str, object, str]:
-    """Expected, got and next step of one finding."""
+    """Expected value, wrong value and next step of one finding.
+
+    Args:
+        finding: One of Pydantic's findings.
+        path: Parts of the dotted key that it is about.
+        keys: Returns the keys that the section of the path may have.
+    """
     kind, context = finding["type"], finding.get("ctx", {})
-    if kind == _OURS:
+    if kind == _ERROR_TYPE:
         got = _format_value(finding["input"]) if context["got"] is None else context["got"]
         return context["expected"], got, context["next_step"]
     if kind == "extra_forbidden":
         return "a known key", repr(path[-1]), suggestion(path[-1], keys())
     if kind == "union_tag_not_found":
+        # The input is the table of the section: perhaps one of its keys is a misspelt `mode`.
         similar = difflib.get_close_matches("mode", map(str, finding["input"]), n=1)
         if similar:
             return f"the key mode, {_MODE}", f"the key {similar[0]}", "did you mean mode?"
@@ -118,12 +145,17 @@ def _explain(
     if kind in ("too_short", "too_long"):
         number = context["min_length" if kind == "too_short" else "max_length"]
         return f"{number} values", _format_value(finding["input"]), "correct the list"
-    expected = _TYPES.get(kind) or finding["msg"].removeprefix("Input should be ")
+    expected = _EXPECTED_BY_TYPE.get(kind) or finding["msg"].removeprefix("Input should be ")
     return expected, _format_value(finding["input"]), "correct the value"
 
 
 def suggestion(name: str, choices: Iterable[str]) -> str:
-    """The next step after an unknown name: the most similar name, or all names."""
+    """The next step after an unknown name: the most similar name, or a choice of all names.
+
+    Args:
+        name: The unknown name; capitals make no difference.
+        choices: The known names.
+    """
     by_lower = {candidate.lower(): candidate for candidate in choices}
     close = difflib.get_close_matches(name.lower(), by_lower, n=1)
     if close:
@@ -132,24 +164,37 @@ def suggestion(name: str, choices: Iterable[str]) -> str:
 
 
 def _format_value(value: object) -> str:
+    """A value as a user writes it: a list in brackets, though the models hold it as a tuple."""
     return repr(list(cast("tuple[object, ...]", value)) if isinstance(value, tuple) else value)
 
 
+# Limits of values. They are choices.
 MAX_HORIZON_S = 600.0
+"""Longest duration of a simulation [s]."""
+
 MAX_SPEED_KMH = 250.0
+"""Largest speed that a specification may state [km/h]."""
+
 MIN_GAP_M = 3.0
-MIN_VEHICLES = 2  # The ego and the one that it might overtake.
+"""Smallest value of `starts.min_gap_m` [m]. It exceeds the 2 m that braking leaves at least
+(`safe_start.CLEARANCE`)."""
+
+MIN_VEHICLES = 2
+"""Fewest vehicles: the ego, whose overtaking is studied, and a vehicle to overtake."""
 
 
 def check_ascending(pair: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Refuse a range that runs downwards."""
+    """Refuse a range whose first value is above its second."""
     if pair[0] > pair[1]:
         raise specification_error("a range from low to high", f"write [{pair[1]:g}, {pair[0]:g}]")
     return pair
 
 
 def equal_weights(value: Any) -> Any:
-    """A name or a list of names stands for equal weights."""
+    """Replace a name, or a list of names, by a table with the weight 1 for each name.
+
+    Other values, such as a table of weights, stay; Pydantic checks them.
+    """
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list | tuple):
         return names
@@ -167,7 +212,7 @@ def check_some_weight(weights: dict[str, float]) -> dict[str, float]:
 
 
 def check_four_wheels(weights: dict[str, float]) -> dict[str, float]:
-    """Refuse a two-wheeler as the ego."""
+    """Refuse motorcycles ("MC") and bicycles ("B") in the weights of the ego's vehicle classes."""
     two_wheelers = sorted({"MC", "B"} & {name for name, weight in weights.items() if weight > 0.0})
     if two_wheelers:
         raise specification_error(
@@ -184,29 +229,35 @@ def check_distinct(lanes: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def check_on_clock(interval_ms: int) -> int:
-    """Refuse frames between two steps."""
+    """Refuse an interval of frames that is not a multiple of the time step, `STEP_MS` [ms]."""
     if interval_ms % STEP_MS:
         nearest = max(STEP_MS, round(interval_ms / STEP_MS) * STEP_MS)
         raise specification_error(f"a multiple of {STEP_MS}", f"use {nearest}")
     return interval_ms
 
 
+# Numbers, each with its limits. Limits without a name are choices.
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
-Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
-Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]  # World x or y [m].
+Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]  # Distance along a road [m].
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]
+Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # From one time step on [s].
 Factor = Annotated[float, Field(ge=0.01, le=100.0)]
-Density = Annotated[float, Field(ge=0.1, le=250.0)]
+Density = Annotated[float, Field(ge=0.1, le=250.0)]  # Vehicles on a kilometre of a lane.
 SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
-Count = Annotated[int, Field(ge=MIN_VEHICLES, le=MAX_VEHICLES)]
-LaneNumber = Annotated[int, Field(ge=0, lt=MAX_LANES)]
+Count = Annotated[int, Field(ge=MIN_VEHICLES, le=MAX_VEHICLES)]  # Vehicles, the ego included.
+LaneNumber = Annotated[int, Field(ge=0, lt=MAX_LANES)]  # 0 is the slowest lane.
+
+# Ranges from a smallest to a largest value.
 WorldRange = Annotated[tuple[Coordinate, Coordinate], AfterValidator(check_ascending)]
 RoadRange = Annotated[tuple[Position, Position], AfterValidator(check_ascending)]
 SpeedRange = Annotated[tuple[SpeedKmh, SpeedKmh], AfterValidator(check_ascending)]
 PercentRange = Annotated[tuple[Percent, Percent], AfterValidator(check_ascending)]
-AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]
-Weight = Annotated[float, Field(ge=0.0, le=1e6)]
+
+AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]  # Height of the sun [degrees].
+Weight = Annotated[float, Field(ge=0.0, le=1e6)]  # Relative frequency.
+
+# Names that the files of `knowledge/data` define.
 TypeName = Annotated[str, AfterValidator(name_check("vehicle type", lambda: VEHICLE_CLASS_NAMES))]
 ColourName = Annotated[str, AfterValidator(name_check("colour", lambda: COLOUR_NAMES))]
 
@@ -216,6 +267,7 @@ PresetName = Annotated[
 RoadName = Annotated[str, AfterValidator(name_check("road", lambda: ROAD_NAMES))]
 PopulationName = Annotated[str, AfterValidator(name_check("population", population_names))]
 
+# Weights by name. A file may write one name, or a list of names with equal weights.
 Types = Annotated[
     dict[TypeName, Weight], BeforeValidator(equal_weights), AfterValidator(check_some_weight)
 ]
@@ -230,6 +282,9 @@ Presets = Annotated[
 
 
 class Section(BaseModel):
-    """A section: unknown keys, values of another type and infinite numbers are errors."""
+    """Base of the models of all sections, which are frozen.
+
+    Unknown keys, values of another type, infinite numbers and NaN are errors.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

@@ -1,4 +1,16 @@
-"""Section `[traffic]` of a specification: placed vehicles, flow, two-way traffic."""
+"""Section `[traffic]` of a specification, which has three models.
+
+- `PlacedTraffic`, without a key `mode`: a few vehicles, placed independently on a short stretch, as
+  in the study of Pinto, Dutra and Fonseca (2023);
+- `FlowTraffic`, `mode = "flow"`: dense traffic of a road with one direction;
+- `TwoWayTraffic`, `mode = "two-way"`: a road with one lane in each direction.
+
+`specification.Specification` contains the section; `placed_traffic`, `motorway_traffic` and
+`two_way_traffic` draw the vehicles. The *ego* is the vehicle whose overtaking is studied. The name
+of a key states its unit; two values in brackets are a range, from which each simulation draws
+uniformly unless the key says otherwise. Weights are relative frequencies by name; vehicle types are
+S, M and L (small, medium and large cars), V (van), T (truck), MC (motorcycle) and B (bicycle).
+"""
 
 from __future__ import annotations
 
@@ -31,19 +43,23 @@ from overtaking.scenarios.specification_values import (
 
 
 class PlacedTraffic(Section):
-    """Section `[traffic]`.
+    """Section `[traffic]` without a mode: a few vehicles, placed independently.
 
     Attributes:
         vehicles: Fewest and most vehicles, the ego among them, each number equally likely.
-        types: Weights of the vehicle types of everyone but the ego.
+        types: Weights of the vehicle types of all vehicles but the ego.
         ego_types: Weights of the ego's vehicle types; never a two-wheeler.
-        colours: Weights of the colours.
-        speed_kmh: Range of the speeds that vehicles come with.
-        leader_speed_kmh: The same for the vehicle ahead of the ego ...
-        leader_speed_exponent: ... which is low + (high - low) u^exponent with u uniform.
-        spawn_x_m: World x between which the centres of the vehicles start, or
-        spawn_s_m: position along the road between which they start; exactly one of the two.
-        ego_lanes: Lanes that the ego may start in, 0 the slowest; all but the fastest if not given.
+        colours: Weights of the colours of all vehicles.
+        speed_kmh: Range of the speeds at the start, except for the leader, the vehicle ahead of the
+            ego in its lane. Slow vehicle types start at most at their top speed.
+        leader_speed_kmh: Range of the leader's speed at the start.
+        leader_speed_exponent: The leader's speed is low + (high - low) u^exponent with u uniform in
+            (0, 1); an exponent above 1 makes slow leaders more frequent.
+        spawn_x_m: Range of the world coordinate x in which the centres of the vehicles start.
+        spawn_s_m: Range of the position along the road in which they start. Exactly one of the two
+            ranges is stated.
+        ego_lanes: Lanes in which the ego may start, 0 the slowest, each equally likely; None for
+            all but the fastest lane, in which there is no lane to overtake in.
     """
 
     vehicles: Annotated[tuple[Count, Count], AfterValidator(check_ascending)]
@@ -61,14 +77,14 @@ class PlacedTraffic(Section):
     ) = None
 
     @model_validator(mode="after")
-    def _one_zone(self) -> Self:
-        zones = [zone for zone in (self.spawn_x_m, self.spawn_s_m) if zone is not None]
-        if len(zones) != 1:
+    def _check_one_spawn_range(self) -> Self:
+        ranges = [span for span in (self.spawn_x_m, self.spawn_s_m) if span is not None]
+        if len(ranges) != 1:
             raise specification_error(
                 "exactly one of spawn_x_m and spawn_s_m",
                 "give the zone in which vehicles start once",
                 key="spawn_x_m",
-                got="both" if zones else "neither",
+                got="both" if ranges else "neither",
             )
         return self
 
@@ -80,11 +96,12 @@ class FlowLane(Section):
     """A lane of section `[traffic]` with `mode = "flow"`.
 
     Attributes:
-        density: Its density over the mean of all lanes.
-        types: Weights of the vehicle types in it.
-        speed_kmh: Mean speed of its traffic, by which the ends of the traffic stay out of the ego's
-            sight.
-        speed_factor: Factor on the desired speed that drivers of a vehicle class have on average.
+        density: Density of the lane relative to the other lanes; only ratios matter.
+        types: Weights of the vehicle types in the lane, also for the ego, which is never a
+            two-wheeler.
+        speed_kmh: Mean speed of the traffic in the lane. The vehicles do not start at this speed;
+            it estimates when the ego meets an end of the traffic.
+        speed_factor: Factor on the desired speeds of `FlowTraffic.free_speed_kmh` in this lane.
     """
 
     density: Factor
@@ -94,19 +111,22 @@ class FlowLane(Section):
 
 
 class FlowTraffic(Section):
-    """Section `[traffic]` with `mode = "flow"`: traffic of which the ego is one.
+    """Section `[traffic]` with `mode = "flow"`: traffic of one direction around the ego.
 
     Attributes:
-        mode: Says which of the two kinds of traffic this is.
-        vehicles: Fewest and most vehicles; there are as many as it takes to keep the ends of the
-            traffic out of the ego's sight.
-        density_per_km_lane: Vehicles on a kilometre of a lane, the mean of the lanes, uniform.
-        lanes: Traffic of each lane, the slowest first; as many as the road has.
-        free_speed_kmh: Mean desired speed on a free road by vehicle class.
-        spacing_sigma: Spread of the logarithm of the free part of the distances.
+        mode: Distinguishes the models of section `[traffic]`.
+        vehicles: Fewest and most vehicles, the ego among them. Between these there are as many as
+            keep the ends of the traffic out of the ego's sight while it may overtake.
+        density_per_km_lane: Range of the density, the mean of all lanes [vehicles per km and lane].
+        lanes: Traffic of each lane of the road, the slowest first.
+        free_speed_kmh: Mean desired speed on a free road by vehicle type.
+        spacing_sigma: Standard deviation of the logarithm of the spacing between two vehicles, of
+            the part above a minimum for the lane (`motorway_traffic.MIN_SPACING`): 0 is regular.
         colours: Weights of the colours.
-        ego_lanes: Lanes that the ego may start in, as likely as their densities say.
-        sight_m: How far the ego looks back and ahead; nearer than this it never sees an end.
+        ego_lanes: Lanes in which the ego may start, in proportion to their densities; not the
+            fastest.
+        sight_m: Distances to which the ego looks back and ahead, not a range. If the slots suffice,
+            no end of the traffic comes nearer.
     """
 
     mode: Literal["flow"]
@@ -122,7 +142,7 @@ class FlowTraffic(Section):
     sight_m: RoadRange
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_speeds_and_lanes(self) -> Self:
         missing = {name for lane in self.lanes for name in lane.types} - set(self.free_speed_kmh)
         if missing:
             name = min(missing)
@@ -143,39 +163,49 @@ class FlowTraffic(Section):
 
 
 END_MARGIN = number("sampling.flow.end_margin")
-"""Road behind the rearmost vehicle, and beyond both ends of two-way traffic [m]."""
+"""Road behind the rearmost vehicle, and beyond both ends of two-way traffic [m]. A choice of
+`knowledge/data/sampling.toml`."""
 
-_PerHour = Annotated[float, Field(ge=10.0, le=1500.0)]
+_FlowPerHour = Annotated[float, Field(ge=10.0, le=1500.0)]  # Vehicles per hour; limits are choices.
+
+# Numbers of vehicles besides the ego, of which one is ahead of it.
 _CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
 _CountFromZero = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
+
+_MAX_FLOW_SHARE = 0.9
+"""Largest flow of a direction, over the flow at which all vehicles have the shortest headway (a
+choice). At a share of 1 the exponential part of the headways would have a mean of zero."""
 
 
 class TwoWayTraffic(Section):
     """Section `[traffic]` with `mode = "two-way"`: a road with one lane in each direction.
 
-    Vehicles arrive at random, in each direction at a rate of its own, and follow slower vehicles.
-    Oncoming vehicles are drawn until the ego cannot meet another one while it overtakes, or until
-    all slots are filled.
+    Vehicles arrive at random, in each direction at a flow of its own, and follow slower vehicles. A
+    *headway* is the time between the arrivals of two vehicles at a point of the road.
 
     Attributes:
-        mode: Says which kind of traffic this is.
-        ahead: Vehicles ahead of the ego in its direction.
-        behind: Vehicles behind it.
-        oncoming: Most vehicles of the other direction.
-        flow_vph: Vehicles per hour and direction, the mean of both, uniform.
-        split: Share of the busier direction, uniform; either may be it.
-        min_headway_s: Least time between two arrivals; the rest is exponential.
+        mode: Distinguishes the models of section `[traffic]`.
+        ahead: Number of vehicles ahead of the ego in its direction.
+        behind: Number of vehicles behind it.
+        oncoming: Number of vehicles of the other direction. If the ego could meet all of them, the
+            simulation has an earlier deadline. Vehicles of either direction that would start
+            beyond the ends of the road are left out.
+        flow_vph: Range of the flow, the mean of both directions [vehicles per hour and direction].
+        split: Range of the share of the busier direction in the flow of both, 0.5 or more. Either
+            direction may be the busier one.
+        min_headway_s: Smallest headway; the rest of a headway is exponentially distributed.
         held_up: Share of the egos that follow the vehicle ahead in a platoon at the start; for the
-            others the first headway is drawn like all headways.
-        types: Weights of the vehicle types.
-        ego_types: Weights of the ego's; never a two-wheeler.
-        semitrailers: Part of the trucks that pull one.
-        free_speed_kmh: Mean desired speed on a free road by vehicle class.
-        slow_share: Part of the vehicles, the ego not among them, that are slow for some reason.
-        slow_speed_kmh: Desired speed of the slow vehicles.
-        start_s_m: Where the ego may start.
-        sight_m: Largest distance at which the ego may see an oncoming vehicle; within it no arrival
-            is missing.
+            others the headway to it is drawn like all headways.
+        types: Weights of the vehicle types of all vehicles but the ego.
+        ego_types: Weights of the ego's vehicle types; never a two-wheeler.
+        semitrailers: Share of the trucks that pull a semitrailer.
+        free_speed_kmh: Mean desired speed on a free road by vehicle type.
+        slow_share: Share of slow vehicles, such as tractors, among all but the ego and
+            two-wheelers.
+        slow_speed_kmh: Range of the desired speed of the slow vehicles.
+        start_s_m: Range of the position along the road at which the ego starts.
+        sight_m: Largest distance at which the ego may see an oncoming vehicle. The deadline ensures
+            that no arrival is missing within it while the ego overtakes.
         colours: Weights of the colours.
     """
 
@@ -183,7 +213,7 @@ class TwoWayTraffic(Section):
     ahead: _CountFromOne
     behind: _CountFromZero
     oncoming: _CountFromZero
-    flow_vph: Annotated[tuple[_PerHour, _PerHour], AfterValidator(check_ascending)]
+    flow_vph: Annotated[tuple[_FlowPerHour, _FlowPerHour], AfterValidator(check_ascending)]
     split: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.5, 0.5)
     min_headway_s: Annotated[float, Field(ge=0.5, le=5.0)] = 1.5
     held_up: Share = 0.0
@@ -199,11 +229,11 @@ class TwoWayTraffic(Section):
 
     @property
     def num_slots(self) -> int:
-        """Vehicles that are drawn, the ego among them."""
+        """Number of vehicles that are drawn, the ego among them."""
         return 1 + self.ahead + self.behind + self.oncoming
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_consistency(self) -> Self:
         if self.num_slots > MAX_VEHICLES:
             raise specification_error(
                 f"at most {MAX_VEHICLES - 1} vehicles besides the ego",
@@ -229,19 +259,20 @@ class TwoWayTraffic(Section):
                 got=two_wheelers,
             )
         if self.start_s_m[0] <= END_MARGIN:
-            # Vehicles nearer to an end of the road are left out; the ego must not be one of them.
+            # Vehicles nearer to an end of the road than this are left out; the ego must stay.
             raise specification_error(
                 f"more than {END_MARGIN:g} m from the beginning of the road",
                 f"begin above {END_MARGIN:g}",
                 key="start_s_m",
                 got=list(self.start_s_m),
             )
-        longest = 3600.0 / self.min_headway_s
-        if 2.0 * self.flow_vph[1] * self.split[1] > 0.9 * longest:
+        max_flow = _MAX_FLOW_SHARE * (3600.0 / self.min_headway_s)
+        busier_flow = 2.0 * self.flow_vph[1] * self.split[1]
+        if busier_flow > max_flow:
             raise specification_error(
-                f"less than {0.9 * longest:g} vehicles per hour in the busier direction",
+                f"less than {max_flow:g} vehicles per hour in the busier direction",
                 "lower the flow or the split",
                 key="flow_vph",
-                got=f"{2.0 * self.flow_vph[1] * self.split[1]:g}",
+                got=f"{busier_flow:g}",
             )
         return self

@@ -1,12 +1,20 @@
 """Draws the traffic of a two-way road: the ego's direction and the oncoming vehicles.
 
-Vehicles arrive with random headways. While they are placed, each vehicle has a station along its
-own direction: stations of oncoming vehicles count from the far end of the road. A vehicle that
-would drive into a slower one ahead follows it.
+`sample_two_way_traffic` takes section `[traffic]` of a specification with `mode = "two-way"` and
+returns vehicles, drivers, lanes and a function for stations and speeds. `sampler` calls it once for
+each block of simulations. The *ego* is the vehicle whose overtaking is studied; it has slot 0. A
+*slot* is the position of a vehicle in the second axis of arrays; slots 1 and following are the
+vehicles ahead of the ego, those behind it, and the oncoming ones.
 
-Three constants have the values of `motorway_traffic`: `END_MARGIN` [m], `PASSING_MARGIN` (largest
-speed while overtaking over the desired speed) and `RETURN_TIME` (duration of a common overtake
-[s]).
+Vehicles arrive with random *headways*, times between arrivals at a point of the road, which a
+typical speed converts into distances. While vehicles are placed, each has a *station* along its own
+direction: stations of oncoming vehicles count from the far end of the road. A vehicle that would
+drive into a slower one ahead follows it. The *horizon* is the longest duration of a simulation; the
+*deadline* is the time at which it ends if the ego has not begun to overtake.
+
+Three constants have the values of `motorway_traffic`: `END_MARGIN` (road beyond the outermost
+vehicles [m]), `PASSING_MARGIN` (largest speed while overtaking over the desired speed) and
+`RETURN_TIME` (duration of a common overtake [s]).
 """
 
 from collections.abc import Mapping
@@ -50,35 +58,37 @@ from overtaking.scenarios.traffic_specification import END_MARGIN, TwoWayTraffic
 from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, with_semitrailers
 
 MAX_HEADWAY = number("sampling.two_way.max_headway")
-"""Longest headway between two arrivals [s]; the ego rarely meets a vehicle that comes later.
+"""Longest headway [s], 60 s, a choice. The ego rarely meets a vehicle that comes later.
 
 The limit holds for all headways, so the road can be short. At low flows it makes traffic denser
 than stated: with a minimum of 1.5 s the mean headway at 100 vehicles per hour is 30 s instead of
 36 s, at 50 per hour 41 s instead of 72 s; at 400 per hour the difference is below 0.01 s."""
 
 MAX_PLATOON_HEADWAY = number("sampling.two_way.max_platoon_headway")
-"""An ego that is held up at the start follows the vehicle ahead within this headway [s]."""
+"""An ego that is held up at the start follows the vehicle ahead within this headway [s], a
+choice."""
 
 MIN_DEADLINE = np.float32(1.0)
-"""A deadline must be positive. Where the road behind the last oncoming vehicle is in sight almost
-at once, the computed deadline is zero or negative, and this one holds [s]."""
+"""Smallest deadline [s], a choice: a scenario needs a positive one. Where the road behind the last
+oncoming vehicle is in sight almost at once, the computed deadline is zero or negative."""
 
 _DRAWS_PER_DESIRED_SPEED = 2
-"""Numbers that `_desired_speeds` draws for each vehicle but the ego. `flows_per_second` skips them,
-because the flows come after them in the same stream."""
+"""Random numbers that `_desired_speeds` takes from its stream for each vehicle but the ego. The
+flows come after them in the same stream, so `flows_per_second` skips as many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrivalProcess:
-    """Arrivals at a point of the road with shifted exponential headways.
+    """Arrivals in one direction with shifted exponential headways.
 
-    A headway is a minimum plus an exponential part, and at most `MAX_HEADWAY`.
+    A headway is a minimum plus an exponentially distributed part, and at most `MAX_HEADWAY`.
 
     Attributes:
-        min_headway: Shortest time between two vehicles [s].
-        mean_headway: Mean time between them before the limit, shape (simulation,) [s]. It exceeds
-            `min_headway`, because `TwoWayTraffic` refuses flows above 90 % of 1 / `min_headway`.
-        speed: Speed that converts headways into distances [m/s].
+        min_headway: Shortest headway [s].
+        mean_headway: Mean headway without the limit `MAX_HEADWAY`, shape (simulation,) [s]. It
+            exceeds `min_headway`, because `TwoWayTraffic` refuses flows above 90 % of
+            1 / `min_headway`.
+        speed: Speed that converts headways into distances, the same for all vehicles [m/s].
     """
 
     min_headway: float
@@ -86,14 +96,18 @@ class ArrivalProcess:
     speed: np.float32
 
     def next_headway(self, stream: RandomStream) -> F32:
-        """Time until the next vehicle, shape (simulation,) [s]."""
+        """Time until the next vehicle, shape (simulation,) [s].
+
+        Args:
+            stream: Takes one uniform number of each simulation from it.
+        """
         shortest = np.float32(self.min_headway)
         headway = shortest - (self.mean_headway - shortest) * log(stream.uniform())
         return minimum(headway, np.full_like(headway, MAX_HEADWAY))
 
 
 class Arrivals(NamedTuple):
-    """Arrivals in the ego's direction and in the other."""
+    """Arrivals in the ego's direction (`own`) and in the other direction."""
 
     own: ArrivalProcess
     oncoming: ArrivalProcess
@@ -103,14 +117,12 @@ class Arrivals(NamedTuple):
 class DrawnSlots:
     """One vehicle for each slot; arrays have shape (simulation, vehicle).
 
-    Stations count along each vehicle's own direction; for oncoming vehicles they begin at the far
-    end of the road. A follower therefore has the smaller station in both directions.
-
     Attributes:
         vehicles: Vehicles, trucks with their semitrailers.
-        traits: Traits of the drivers by name.
+        traits: Parameters of the drivers by name, see `driver_sampling`.
         desired_speed: Speed that each driver wants on a free road [m/s].
-        s: Station of the centre [m].
+        s: Station of the centre along the vehicle's own direction, so that a follower has the
+            smaller station in both directions [m].
         is_oncoming: Whether the vehicle drives in the other direction.
     """
 
@@ -125,12 +137,18 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
     """Draw vehicles in both directions of a road, the ego among them.
 
     Args:
-        block: The simulations that are drawn together.
+        block: The simulations that are drawn together, with their random numbers.
         traffic: Section `[traffic]` of the specification.
+
+    Returns:
+        Vehicles and drivers, oncoming ones with stations from the far end of the road. Stations
+        follow later, when the desired speeds in the weather of each simulation are known: the
+        caller passes them to `states_at_speed`.
     """
     drawn = _draw_slots(block, traffic)
-    # A vehicle beyond an end of the road is left out: no other meets it before the horizon. The ego
-    # stays in slot 0, because `TwoWayTraffic` refuses a `start_s_m` that begins within END_MARGIN.
+    # Vehicles beyond an end of the road are left out: the road is so long that the ego does not
+    # meet them before the horizon. The ego itself stays in slot 0, because `TwoWayTraffic` refuses
+    # a range of its start, `start_s_m`, that begins within END_MARGIN.
     first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
     slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
     lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.
@@ -138,16 +156,16 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         valid=slots.vehicles.valid,
         lane=lane,
         s=slots.s,
-        # `following_starts` does not read the time; `_attempt_deadline` handles the end of the
-        # oncoming traffic.
+        # Time at which the ego sees an end of motorway traffic. Nothing reads it here:
+        # `_attempt_deadline` handles the end of the oncoming traffic.
         time=np.full(len(lane), block.specification.time.horizon_s, np.float32),
     )
     return TrafficStart(
         vehicles=slots.vehicles,
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
-        # A vehicle that starts too near moves back as far as safe braking requires, and keeps no
-        # share of the space behind it. That space may reach beyond the beginning of the road.
+        # The repair of starts moves a vehicle that starts too near back as far as safe braking
+        # requires (a kept share of 0), even beyond the beginning of the road (a negative `low`).
         kept_gap_share=np.zeros_like(slots.desired_speed),
         zone=StartZone.whole_road(block.road, low=-block.road.length),
         deadline=_attempt_deadline(block, traffic, drawn),
@@ -159,32 +177,38 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
 def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     """Length of a road for the ego and all oncoming vehicles that it can meet [m].
 
-    From the start on the road come, one behind the other: the ego's farthest start, the platoon
-    ahead of it, and the stretch from which oncoming vehicles come. That stretch is as long as the
-    distance that closes before the horizon if both drive at the highest passing speed, plus the
-    sight distance; it is shorter if all oncoming vehicles fit into less. Vehicles ahead that are
-    drawn beyond the end are left out.
+    The sum of the ego's farthest start, the length of a platoon of all vehicles ahead of it, and
+    the stretch from which oncoming vehicles come. That stretch is the distance that two vehicles at
+    the highest passing speed cover towards each other before the horizon, plus the sight distance;
+    it is shorter if all oncoming vehicles fit into less.
 
     With no or one oncoming vehicle the road can be too short for a fast ego: with one, profile
     `rural` has 2.5 km of road beyond the farthest start, and the fastest driver wants to drive
     3.0 km before the horizon.
+
+    Args:
+        specification: The specification of the scenarios: its horizon and its drivers.
+        traffic: Section `[traffic]` of the specification.
     """
     horizon = specification.time.horizon_s
     max_speed = PASSING_MARGIN * max_desired_speed(specification, traffic)
-    drawn_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
+    max_oncoming_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
     length_within_reach = traffic.sight_m + 2.0 * max_speed * horizon
-    platoon = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
-    return traffic.start_s_m[1] + platoon + min(drawn_length, length_within_reach) + END_MARGIN
+    platoon_length = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
+    oncoming_stretch = min(max_oncoming_length, length_within_reach)
+    return traffic.start_s_m[1] + platoon_length + oncoming_stretch + END_MARGIN
 
 
 def flows_per_second(specification: Specification, seed: int, scenario_index: U64) -> F64:
-    """Vehicles per second in the ego's direction and in the other, shape (2, simulation).
+    """Flows in the ego's direction and in the other, shape (2, simulation) [vehicles per second].
 
-    These are the flows as drawn; the limit `MAX_HEADWAY` makes the traffic denser at low flows.
+    Draws the flows of existing scenarios once more, because scenarios do not store them; the
+    validation of profiles relates the frequency of passing to them. The limit `MAX_HEADWAY` makes
+    the traffic denser than the flow at low flows.
 
     Args:
         specification: A specification with traffic on a two-way road.
-        seed: Seed of the data set.
+        seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario, shape (simulation,).
     """
     traffic = specification.traffic
@@ -198,7 +222,12 @@ def flows_per_second(specification: Specification, seed: int, scenario_index: U6
 
 
 def max_desired_speed(specification: Specification, traffic: TwoWayTraffic) -> float:
-    """The highest speed that a driver may want [m/s]."""
+    """The highest desired speed of any driver [m/s].
+
+    Args:
+        specification: The specification of the scenarios: its drivers.
+        traffic: Section `[traffic]` of the specification.
+    """
     free_speed = mps_from_kmh(max(traffic.free_speed_kmh.values()))
     return max_cruise_factor(specification.drivers) * free_speed
 
@@ -209,8 +238,8 @@ def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
     vehicles = sample_vehicles(block, kinds, traffic.colours, traffic.num_slots)
     traits = sample_traits(block, vehicles.kind, block.proposal.transform)
 
-    # All draws below come from one stream: another order would change every seed's scenarios.
-    # `transform` takes names of `specification.PROPOSAL_UNIFORMS`: "start", "held_up", "flow".
+    # All draws below come from one stream: another order would change the scenarios of every seed.
+    # `proposal.transform` lets importance sampling replace a number, by its name.
     stream = block.stream(Stream.LAYOUT)
     desired_speed = _desired_speeds(traffic, stream, traits["cruise_factor"], vehicles.kind)
     desired_speed = minimum(desired_speed, top_speeds()[vehicles.kind])
@@ -232,9 +261,14 @@ def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
 
 
 def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
-    """Vehicles on the road in the first slots, in the order in which they were drawn.
+    """Move the vehicles on the road to the first slots, as a scenario requires.
 
-    The slots behind them keep the numbers of the other vehicles, and `vehicles.valid` is false.
+    They stay in the order in which they were drawn. In the slots behind them, `vehicles.valid` is
+    false; these slots keep the numbers of the vehicles that are left out.
+
+    Args:
+        drawn: A vehicle in each slot.
+        is_on_road: Vehicles that stay, shape (simulation, vehicle).
     """
     order = np.argsort(~is_on_road, axis=1, kind="stable")
 
@@ -243,7 +277,6 @@ def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
 
     names = (field.name for field in fields(drawn.vehicles))
     columns = {name: pack(getattr(drawn.vehicles, name)) for name in names}
-    # Every slot holds a vehicle as drawn, so only its place on the road decides.
     columns["valid"] = pack(is_on_road)
     return DrawnSlots(
         vehicles=drawn.vehicles.replace(**columns),
@@ -275,23 +308,30 @@ def _own_direction_stations(
     arrivals: ArrivalProcess,
     ego_s: F32,
 ) -> list[F32]:
-    """Stations of the ego, then of the vehicles ahead, then of those behind [m].
+    """Stations of the ego, then of the vehicles ahead, then of the vehicles behind [m].
 
-    In each group the nearest comes first.
+    Each group begins with the vehicle nearest to the ego.
+
+    Args:
+        block: The simulations that are drawn together.
+        traffic: Section `[traffic]` of the specification.
+        stream: The stream of the layout.
+        arrivals: Arrivals in the ego's direction.
+        ego_s: Station of the ego, shape (simulation,) [m].
     """
     u = block.proposal.transform("held_up", stream.uniform())
     is_held_up = u < np.float32(traffic.held_up)
     platoon_headway = scale_to_range(stream.uniform(), traffic.min_headway_s, MAX_PLATOON_HEADWAY)
-    stations, front, rear = [ego_s], ego_s, ego_s
+    stations, foremost_s, rearmost_s = [ego_s], ego_s, ego_s
     for rank in range(traffic.ahead):
         headway = arrivals.next_headway(stream)
         if rank == 0:
             headway = np.where(is_held_up, platoon_headway, headway)
-        front = front + headway * arrivals.speed
-        stations.append(front)
+        foremost_s = foremost_s + headway * arrivals.speed
+        stations.append(foremost_s)
     for _ in range(traffic.behind):
-        rear = rear - arrivals.next_headway(stream) * arrivals.speed
-        stations.append(rear)
+        rearmost_s = rearmost_s - arrivals.next_headway(stream) * arrivals.speed
+        stations.append(rearmost_s)
     return stations
 
 
@@ -300,11 +340,13 @@ def _oncoming_stations(
 ) -> list[F32]:
     """Stations of the oncoming vehicles from the far end, nearest to the ego first [m].
 
+    All of them start beyond the ego, so the stations decrease.
+
     Args:
         traffic: Section `[traffic]` of the specification.
         stream: The stream of the layout.
         arrivals: Arrivals in the other direction.
-        ego_s: Station of the ego from the far end [m].
+        ego_s: Station of the ego, counted from the far end, too, shape (simulation,) [m].
     """
     stations = []
     station = ego_s
@@ -327,32 +369,44 @@ def _draw_semitrailers(traffic: TwoWayTraffic, stream: RandomStream) -> Mask:
 
 
 def _states_at_speed(layout: VehicleLayout, slots: DrawnSlots, speed: F32) -> StartStates:
-    """Stations and speeds of vehicles that follow each other and want `speed` [m/s]."""
+    """Stations and speeds of vehicles that follow each other, with desired speeds `speed` [m/s]."""
     half_length = 0.5 * slots.vehicles.length
     time_gap, min_gap = slots.traits["time_gap"], slots.traits["min_gap"]
     return following_starts(layout, half_length, speed, time_gap, min_gap)
 
 
 def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSlots) -> F32:
-    """Time at which a simulation without an attempt ends, shape (simulation,) [s].
+    """Time at which a simulation ends if the ego has not begun to overtake, (simulation,) [s].
 
-    Only a fixed number of oncoming vehicles is drawn. The deadline comes before the ego can see the
-    empty road behind the last of them: by `RETURN_TIME`, so that a common overtake which begins at
+    Only a fixed number of oncoming vehicles is drawn. The deadline comes `RETURN_TIME` before the
+    ego can see the empty road behind the last of them, so that a common overtake which begins at
     the deadline still meets complete traffic.
+
+    Args:
+        block: The simulations that are drawn together.
+        traffic: Section `[traffic]` of the specification.
+        drawn: A vehicle in each slot as drawn, before any is left out: the last slot holds the
+            farthest oncoming vehicle.
     """
     ego_s = drawn.s[:, EGO_SLOT]
-    last_oncoming = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
-    distance = np.float32(block.road.length) - last_oncoming - ego_s
+    # Without oncoming vehicles, there is no last one that the ego could see.
+    last_oncoming_s = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
+    distance = np.float32(block.road.length) - last_oncoming_s - ego_s
     max_closing_speed = np.float32(2.0 * max_desired_speed(block.specification, traffic))
-    until_in_sight = (distance - np.float32(traffic.sight_m)) / max_closing_speed
-    deadline = until_in_sight - np.float32(RETURN_TIME)
-    longest = np.full_like(deadline, block.specification.time.attempt_deadline_s)
-    deadline = minimum(deadline, longest)
+    time_until_in_sight = (distance - np.float32(traffic.sight_m)) / max_closing_speed
+    deadline = time_until_in_sight - np.float32(RETURN_TIME)
+    stated_deadline = np.full_like(deadline, block.specification.time.attempt_deadline_s)
+    deadline = minimum(deadline, stated_deadline)
     return np.where(deadline < MIN_DEADLINE, MIN_DEADLINE, deadline)
 
 
 def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
-    """Vehicle classes from uniform numbers (simulation, vehicle)."""
+    """Vehicle classes, positions in `VEHICLE_CLASS_NAMES`, from uniform numbers of the same shape.
+
+    Args:
+        traffic: Section `[traffic]` of the specification.
+        u: Numbers in (0, 1), shape (simulation, vehicle).
+    """
     kind = choose_weighted(u, weights_of(traffic.types, VEHICLE_CLASS_NAMES))
     kind[:, EGO_SLOT] = choose_weighted(
         u[:, EGO_SLOT], weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES)
@@ -371,9 +425,16 @@ def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
 def _desired_speeds(
     traffic: TwoWayTraffic, stream: RandomStream, cruise_factor: F32, kind: U8
 ) -> F32:
-    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s].
+    """The speed that each driver wants on a free road, shape (simulation, vehicle) [m/s].
 
     The ego and two-wheelers are never among the slow vehicles.
+
+    Args:
+        traffic: Section `[traffic]` of the specification.
+        stream: The stream of the layout.
+        cruise_factor: Trait of the driver, a factor on the free speed of the vehicle class, shape
+            (simulation, vehicle).
+        kind: Vehicle classes, the same shape.
     """
     # A class without a free speed is never drawn: `TwoWayTraffic` requires a speed for each class
     # in `types` and `ego_types`. The 1 km/h fills its place in the table.
@@ -394,6 +455,11 @@ def _flows_per_hour(
     """Vehicles per hour in the ego's and in the other direction, shape (simulation,).
 
     `traffic.flow_vph` is the mean of both directions, half of the flow of the road.
+
+    Args:
+        traffic: Section `[traffic]` of the specification.
+        stream: The stream of the layout, after the draws of `_desired_speeds`.
+        transform: Importance sampling may replace the number "flow".
     """
     mean_flow = scale_to_range(transform("flow", stream.uniform()), *traffic.flow_vph)
     split = scale_to_range(stream.uniform(), *traffic.split)
