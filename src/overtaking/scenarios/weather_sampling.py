@@ -1,4 +1,12 @@
-"""Draws weather and light."""
+"""Draws weather and light: rain, water on the road, wind, fog, clouds and the place of the sun.
+
+`sample_weather` takes section `[weather]` of a specification and returns a `Weather`, arrays of
+shape (simulation,). Its percentages have the meaning of the simulator CARLA: 100 is the heaviest
+rain, the strongest wind, the densest fog. A *preset* is a named weather of CARLA, such as
+`ClearNoon`. Directions are anticlockwise from the direction of travel [rad].
+
+All numbers are float32, so that a seed gives the same bits on every machine.
+"""
 
 from __future__ import annotations
 
@@ -30,18 +38,26 @@ if TYPE_CHECKING:
 
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
-"""A preset's low sun stands within this angle of the direction of travel [rad]."""
+"""The low sun of a preset stands within this angle of the direction of travel [rad], a choice: in
+the study, ClearSunset has the sun at the driver's eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
-"""It does not rain out of a sky with less cloud; CARLA's presets with rain have 60 and more."""
-_MIN_TAIL = np.float32(2.0**-24)  # Keeps the logarithm of a tail finite.
+"""Smallest cloudiness with rain [%]: CARLA's presets with rain have 60 and more."""
 
 MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
-"""Rain leaves at least this part of its percentage as water on the road."""
+"""Smallest percentage of water on the road, over the percentage of rain [1], a choice."""
+
+_MIN_TAIL = np.float32(2.0**-24)
+"""Smallest 1 - u of which a logarithm is taken, to keep it finite. Uniform numbers u stay 2^-24 or
+more below 1, but importance sampling may round them up to 1."""
 
 
 def sample_weather(block: SampleBlock) -> Weather:
-    """Draw the weather of each simulation, as the specification's section `[weather]` says."""
+    """Draw the weather of each simulation of a block.
+
+    Args:
+        block: The simulations, with their specification and their random numbers.
+    """
     stream = block.stream(Stream.WEATHER)
     return draw_weather(block.specification.weather, stream, block.proposal.transform)
 
@@ -53,40 +69,49 @@ def draw_weather(
 ) -> Weather:
     """Draw weather, shape (simulation,).
 
-    Both modes draw directions of wind and sun: presets state neither. In a preset whose sun is low
-    enough to dazzle, the sun stands ahead, because in the study ClearSunset has the sun at the
-    driver's eye level.
+    Presets state no directions of wind and sun, so both kinds of weather draw them here.
 
     Args:
         section: Section `[weather]` of a specification.
         stream: The stream `Stream.WEATHER`, before its first draw.
-        transform: Transforms the numbers of independent weather, see `ProposalSampler`.
+        transform: Called with the name and the random numbers of each quantity of independent
+            weather; returns the numbers to use. Importance sampling replaces the numbers here; by
+            default they stay.
     """
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
-    sun = stream.uniform()
+    sun_u = stream.uniform()
     if isinstance(section, PresetWeather):
-        return _from_presets(section, stream, wind_direction, sun)
-    return _independent(section, stream, wind_direction, sun, transform)
+        return _from_presets(section, stream, wind_direction, sun_u)
+    return _independent(section, stream, wind_direction, sun_u, transform)
 
 
 def _from_presets(
-    section: PresetWeather, stream: RandomStream, wind_direction: F32, sun: F32
+    section: PresetWeather, stream: RandomStream, wind_direction: F32, sun_u: F32
 ) -> Weather:
+    """Draw a preset in each simulation.
+
+    Args:
+        section: Weights of the presets.
+        stream: The stream of the weather.
+        wind_direction: Direction to which the wind blows, shape (simulation,) [rad].
+        sun_u: Uniform numbers in (0, 1) that decide the direction of the sun, shape (simulation,).
+    """
     preset = choose_weighted(
         stream.uniform(), weights_of(section.presets, tuple(weather_presets()))
     )
-    altitude = _of_preset("sun_altitude_deg", preset) * np.float32(rad_from_deg(1.0))
-    cloudiness = _of_preset("cloudiness_percent", preset)
-    ahead = scale_to_range(sun, -SUN_AHEAD, SUN_AHEAD)
-    azimuth = np.where(is_low_sun(altitude, cloudiness), ahead, scale_to_range(sun, -PI, PI))
+    altitude = _preset_value("sun_altitude_deg", preset) * np.float32(rad_from_deg(1.0))
+    cloudiness = _preset_value("cloudiness_percent", preset)
+    azimuth_ahead = scale_to_range(sun_u, -SUN_AHEAD, SUN_AHEAD)
+    any_azimuth = scale_to_range(sun_u, -PI, PI)
+    azimuth = np.where(is_low_sun(altitude, cloudiness), azimuth_ahead, any_azimuth)
     return Weather(
         preset=preset,
         cloudiness=cloudiness,
-        rain=_of_preset("precipitation_percent", preset),
-        puddles=_of_preset("precipitation_deposits_percent", preset),
-        wind=_of_preset("wind_intensity_percent", preset),
+        rain=_preset_value("precipitation_percent", preset),
+        puddles=_preset_value("precipitation_deposits_percent", preset),
+        wind=_preset_value("wind_intensity_percent", preset),
         wind_direction=wind_direction,
-        fog=_of_preset("fog_density_percent", preset),
+        fog=_preset_value("fog_density_percent", preset),
         sun_altitude=altitude,
         sun_azimuth=azimuth,
         night=altitude < np.float32(0.0),
@@ -94,17 +119,26 @@ def _from_presets(
     )
 
 
-def _from_uniform(
+def _quantity_from_uniform(
     u: F32,
     limits: tuple[float, float],
     exponent: float | None,
     weibull: tuple[float, float] | None = None,
 ) -> F32:
-    """A number between limits, nearer to the lower one the larger the exponent is, or Weibull."""
+    """Values of a quantity, shape (simulation,) [%], from one of three distributions.
+
+    Args:
+        u: Uniform numbers in (0, 1), shape (simulation,). A larger number gives a larger value.
+        limits: Smallest and largest value, low and high [%].
+        exponent: Exponent e of low + (high - low) u^e; None for a uniform distribution.
+        weibull: Scale [%] and shape of a Weibull distribution above low, limited to high; None for
+            one of the other two.
+    """
     if weibull is not None:
         scale, shape = weibull
-        depth = -log(maximum(np.float32(1.0) - u, np.full_like(u, _MIN_TAIL)))
-        excess = np.float32(scale) * power(depth, np.full_like(u, 1.0 / shape))
+        # The inverse of the Weibull distribution: scale (-ln(1 - u))^(1 / shape).
+        minus_log_tail = -log(maximum(np.float32(1.0) - u, np.full_like(u, _MIN_TAIL)))
+        excess = np.float32(scale) * power(minus_log_tail, np.full_like(u, 1.0 / shape))
         return minimum(np.float32(limits[0]) + excess, np.full_like(u, limits[1]))
     if exponent is not None:
         u = power(u, np.full_like(u, exponent))
@@ -115,35 +149,50 @@ def _independent(
     section: IndependentWeather,
     stream: RandomStream,
     wind_direction: F32,
-    sun: F32,
+    sun_u: F32,
     transform: NumberTransform,
 ) -> Weather:
-    rains = transform("rains", stream.uniform()) < np.float32(section.rain_probability)
+    """Draw each quantity of the weather by itself.
+
+    Args:
+        section: Distributions of the quantities.
+        stream: The stream of the weather.
+        wind_direction: Direction to which the wind blows, shape (simulation,) [rad].
+        sun_u: Uniform numbers in (0, 1) that decide the direction of the sun, shape (simulation,).
+        transform: See `draw_weather`.
+    """
+    # All numbers come from one stream: another order would change the weather of every seed.
+    is_rainy = transform("rains", stream.uniform()) < np.float32(section.rain_probability)
     u = transform("rain", stream.uniform())
-    rain = _from_uniform(u, section.rain_percent, section.rain_exponent, section.rain_weibull)
-    rain = np.where(rains, rain, np.float32(0.0))
-    foggy = transform("foggy", stream.uniform()) < np.float32(section.fog_probability)
-    fog = _from_uniform(
-        transform("fog", stream.uniform()), section.fog_percent, section.fog_exponent
+    rain = _quantity_from_uniform(
+        u, section.rain_percent, section.rain_exponent, section.rain_weibull
     )
-    fog = np.where(foggy, fog, np.float32(0.0))
-    wet = transform("puddles", stream.uniform())
-    puddles = _from_uniform(
-        wet, section.puddles_percent, section.puddles_exponent, section.puddles_weibull
+    rain = np.where(is_rainy, rain, np.float32(0.0))
+    is_foggy = transform("foggy", stream.uniform()) < np.float32(section.fog_probability)
+    u = transform("fog", stream.uniform())
+    fog = _quantity_from_uniform(u, section.fog_percent, section.fog_exponent)
+    fog = np.where(is_foggy, fog, np.float32(0.0))
+    u = transform("puddles", stream.uniform())
+    puddles = _quantity_from_uniform(
+        u, section.puddles_percent, section.puddles_exponent, section.puddles_weibull
     )
-    clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
-    sky = scale_to_range(transform("clouds", stream.uniform()), *section.cloudiness_percent)
-    cloudiness = maximum(sky, clouds)
+    # Rain needs clouds and leaves water on the road.
+    puddles = maximum(puddles, np.float32(MIN_PUDDLES_PER_RAIN) * rain)
+    min_cloudiness = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
+    u = transform("clouds", stream.uniform())
+    cloudiness = maximum(scale_to_range(u, *section.cloudiness_percent), min_cloudiness)
     u = transform("wind", stream.uniform())
-    wind = _from_uniform(u, section.wind_percent, section.wind_exponent, section.wind_weibull)
-    low_sun, high_sun = (rad_from_deg(angle) for angle in section.sun_altitude_deg)
-    altitude = scale_to_range(transform("sun", stream.uniform()), low_sun, high_sun)
-    azimuth = scale_to_range(transform("sun_direction", sun), -PI, PI)
+    wind = _quantity_from_uniform(
+        u, section.wind_percent, section.wind_exponent, section.wind_weibull
+    )
+    min_altitude, max_altitude = (rad_from_deg(angle) for angle in section.sun_altitude_deg)
+    altitude = scale_to_range(transform("sun", stream.uniform()), min_altitude, max_altitude)
+    azimuth = scale_to_range(transform("sun_direction", sun_u), -PI, PI)
     return Weather(
-        preset=np.full(sun.shape, NO_PRESET),
+        preset=np.full(sun_u.shape, NO_PRESET),
         cloudiness=cloudiness,
         rain=rain,
-        puddles=maximum(puddles, np.float32(MIN_PUDDLES_PER_RAIN) * rain),
+        puddles=puddles,
         wind=wind,
         wind_direction=wind_direction,
         fog=fog,
@@ -155,18 +204,26 @@ def _independent(
 
 
 @cache
-def _preset_table(field: str) -> F32:
-    """A field of every preset, shape (preset,)."""
+def _preset_values(field: str) -> F32:
+    """A field of `WeatherPreset` in every preset, shape (preset,)."""
     presets: tuple[WeatherPreset, ...] = tuple(weather_presets().values())
     return np.array([getattr(preset, field) for preset in presets], np.float32)
 
 
-def _of_preset(field: str, preset: U8) -> F32:
-    return _preset_table(field)[preset]
+def _preset_value(field: str, preset: U8) -> F32:
+    """A field of the preset of each simulation, in the unit of its name, shape (simulation,)."""
+    return _preset_values(field)[preset]
 
 
 def is_low_sun(altitude: F32, cloudiness: F32) -> Mask:
-    """Whether the sun is low and the sky clear enough to dazzle a driver towards it."""
+    """Whether the sun is low and the sky clear enough to dazzle a driver towards the sun.
+
+    Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, 60 % of clouds.
+
+    Args:
+        altitude: Height of the sun above the horizon, any shape [rad].
+        cloudiness: Clouds, the same shape [%].
+    """
     low, high = (
         constant("weather.glare.min_sun_altitude"),
         constant("weather.glare.max_sun_altitude"),
@@ -176,6 +233,13 @@ def is_low_sun(altitude: F32, cloudiness: F32) -> Mask:
 
 
 def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
-    """The study's horizon line HL: the low sun stands ahead."""
-    ahead = np.abs(azimuth) < constant("weather.glare.half_width")
-    return is_low_sun(altitude, cloudiness) & ahead
+    """Whether a low sun stands ahead, which the study calls horizon line, HL.
+
+    Args:
+        altitude: Height of the sun above the horizon, any shape [rad].
+        azimuth: Direction of the sun, anticlockwise from the direction of travel, -pi to pi, the
+            same shape [rad].
+        cloudiness: Clouds, the same shape [%].
+    """
+    is_ahead = np.abs(azimuth) < constant("weather.glare.half_width")
+    return is_low_sun(altitude, cloudiness) & is_ahead
