@@ -15,6 +15,7 @@ from overtaking.model.driver_interface import (
     EgoColumns,
     NeighbourColumns,
     PassingColumns,
+    SplitObservation,
     split_observation,
 )
 from overtaking.model.scenario import Scenario
@@ -46,7 +47,7 @@ class EgoObservation(ContentEquality):
     @cached_property
     def ego(self) -> EgoColumns:
         """The ego itself."""
-        return EgoColumns._make(split_observation(self.table).ego.T)
+        return EgoColumns._make(self._parts.ego.T)
 
     @cached_property
     def leader(self) -> NeighbourColumns:
@@ -91,16 +92,20 @@ class EgoObservation(ContentEquality):
     @cached_property
     def neighbours(self) -> NeighbourColumns:
         """All neighbours at once; each column has shape (`NEIGHBOUR_ROLES`, simulation)."""
-        return NeighbourColumns._make(split_observation(self.table).neighbours.T)
+        return NeighbourColumns._make(self._parts.neighbours.T)
 
     @cached_property
     def passing(self) -> PassingColumns:
         """A pass against oncoming traffic; zero on one-way roads."""
-        return PassingColumns._make(split_observation(self.table).passing.T)
+        return PassingColumns._make(self._parts.passing.T)
+
+    @cached_property
+    def _parts(self) -> SplitObservation:
+        # A driver reads five or six groups at each decision, so the table is split only once.
+        return split_observation(self.table)
 
     def _neighbour(self, role: str) -> NeighbourColumns:
-        index = NEIGHBOUR_ROLES.index(role)
-        return NeighbourColumns._make(split_observation(self.table).neighbours[:, index].T)
+        return NeighbourColumns._make(self._parts.neighbours[:, NEIGHBOUR_ROLES.index(role)].T)
 
 
 @dataclass(frozen=True, kw_only=True)
