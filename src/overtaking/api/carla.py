@@ -79,23 +79,24 @@ def replay(
         SimulationLostError: Client or server failed three times.
     """
     from overtaking.recordings.opendrive_writer import write_opendrive
-    from overtaking.simulators.carla import processes, replay
+    from overtaking.simulators.carla import processes
+    from overtaking.simulators.carla import replay as filming
 
     source = load_dataset(dataset)
     folder, numbers = Path(out), list(simulation_ids)
-    replay.check_size(size)
+    filming.check_size(size)
     films: list[Replayed] = []
     for number in numbers:
-        run = source.trajectory(number)
+        trajectories = source.trajectory(number)  # A batch of one.
         # CARLA has maps of some roads itself; any other road is sent as an OpenDRIVE file.
-        has_carla_map = replay.map_of(run) is not None
-        job = replay.ReplayJob(
-            run=run,
+        has_carla_map = filming.map_of(trajectories) is not None
+        job = filming.ReplayJob(
+            run=trajectories,
             # The films are written by another process, in which CARLA's client runs.
             folder=folder.resolve(),
-            name=f"{number:06d}",
+            name=f"{number:06d}",  # The start of both file names; zeros make them sort.
             size=size,
-            opendrive=None if has_carla_map else write_opendrive(run.road),
+            opendrive=None if has_carla_map else write_opendrive(trajectories.road),
         )
         # Made only now, so that an unknown simulation number leaves no empty folder.
         folder.mkdir(parents=True, exist_ok=True)

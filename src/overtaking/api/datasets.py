@@ -92,8 +92,8 @@ def generate_dataset(
         balance: Classes that get equal numbers of simulations, and what happens if one is too rare;
             None for the classes as they come.
         executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
-            `ray` for a Ray cluster; `auto` takes processes for a large data set in a folder, else
-            threads.
+            `ray` for a Ray cluster; `auto`, the default, takes processes for a large data set in a
+            folder, else threads.
         address: Address `HOST:PORT` of a Ray cluster; None starts one on this machine for the
             duration of the call.
         workers: Number of processes; None for one per core.
@@ -130,6 +130,7 @@ def generate_dataset(
         keep=_parse_keep(keep),
         shard_size=used_simulator.shard_size if shard_size is None else shard_size,
         balance=balance,
+        # In recipes and manifests, `policy` is the driver of the egos, not a set of rules.
         policy=None if driver is None else driver_record(driver),
     )
     location = location_of(out)
@@ -187,7 +188,7 @@ def resume_dataset(
             got=f"one that was imported from {identity.profile}",
             next_step="import it again into another folder",
         )
-    if identity.branches:
+    if identity.branches:  # Simulations with a change, made by `whatif.save_branches`.
         raise DatasetError(
             what="data set",
             where=str(out),
@@ -195,7 +196,7 @@ def resume_dataset(
             got="one of branches, which are written whole",
             next_step="branch again into another folder",
         )
-    if identity.policy is not None:
+    if identity.policy is not None:  # A driver of the user, whose function is not stored.
         raise DatasetError(
             what="data set",
             where=str(out),
@@ -203,6 +204,7 @@ def resume_dataset(
             got=f"one that {identity.policy.name} drives",
             next_step="complete it with that driver: overtaking drive --resume",
         )
+    # `allow_large` is not needed: the first call asked for it.
     return generate_dataset(
         identity.spec,
         num_simulations=identity.simulations,
@@ -261,9 +263,9 @@ def relabel_dataset(
 
     Args:
         dataset: Folder of the data set; one in a store cannot be relabelled.
-        errors: Standard deviations of the positions and speeds that the recording states; None for
-            exact ones. The column `rule_set` records them. A rule is undecidable where its margin
-            (the distance to its limit) is less than two standard errors.
+        errors: Standard deviations of the positions [m] and speeds [m/s] that the recording states;
+            None for exact ones. The column `rule_set` records them. A rule is undecidable where its
+            margin (the distance to its limit) is less than two standard errors.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -279,10 +281,12 @@ def relabel_dataset(
 
     # `folder_of` refuses a URL; its second argument completes the message "a folder to ...".
     folder = folder_of(dataset, "label anew")
+    # The engine computes positions that were not kept.
     return relabel(folder, get_simulator("engine"), progress, errors)
 
 
 def _parse_keep(name: str) -> Keep:
+    """The member of `Keep` for an argument; raises a `ConfigError` for another text."""
     try:
         return Keep(name)
     except ValueError:

@@ -133,6 +133,7 @@ def evaluate(
     )
     if risk_profile is None:
         return evaluation
+    # Reports state both: the profile that the caller named, and the variant that was used.
     return replace(evaluation, asked_profile=str(profile))
 
 

@@ -114,23 +114,25 @@ def export_dataset(
     if file_format == "popper":
         return _export_popper(source, target, numbers, policy, **options)
     total = len(source) if numbers is None else len(numbers)
-    if file_format in recording_export.FORMATS:
+    if file_format in recording_export.FORMATS:  # Those with files for each simulation.
         return recording_export.write_folder(
             source.batches(numbers),
             target,
             file_format=file_format,
             total=total,
             road=source.road,
+            # Only OpenSCENARIO has a place for events.
             events=_event_times(source) if file_format == "openscenario" else None,
             progress=progress,
         )
     from overtaking.recordings import pinto2023  # Slow to import, as it loads pandas.
 
     def tables() -> Iterator[pa.Table]:
+        """Parts of the table, one batch of simulations at a time to save memory."""
         num_done = 0
-        for simulation_ids, trajectories in source.batches(numbers):
-            yield pinto2023.to_table(trajectories, simulation_ids)
-            num_done += len(simulation_ids)
+        for batch_numbers, trajectories in source.batches(numbers):
+            yield pinto2023.to_table(trajectories, batch_numbers)
+            num_done += len(batch_numbers)
             if progress is not None:
                 progress(num_done, total)
 

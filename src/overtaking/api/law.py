@@ -3,9 +3,9 @@
 A *rule* is a function that takes a `Case` (recorded simulations with their signals) and returns a
 `Finding` (for each simulation a verdict and a *margin*, the distance to the limit, negative in a
 breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and `de`
-(Germany). A *policy* names the rules of a pack that a legal overtake must keep, such as `paper`,
-`default` or `strict`; the law's view of the same overtake may differ with it. The *class* of a
-simulation, such as `Success_L` (completed, legal), depends on the policy.
+(Germany). A *policy*, such as `paper`, `default` or `strict`, names the rules of a pack that a
+legal overtake must keep. The *class* of a simulation, such as `Success_L` (completed, legal),
+therefore depends on the policy.
 
 A pack of the user, in a module of the user:
 
@@ -13,6 +13,7 @@ A pack of the user, in a module of the user:
     from overtaking import law
 
     def slow(case: law.Case) -> law.Finding:
+        # A margin at all frames of a span: from 3 s before the overtake to 3 s after it.
         return law.always(np.float32(25.0) - case.signals.speed, law.manoeuvre(case))
 
     SLOW = law.Rule(
@@ -199,7 +200,8 @@ def tolerance_curve(
     pack, source = load_pack(law), load_dataset(dataset)
     (law_policy,) = policies_for(pack, [choose_policy(policy, source.profile)])
     batches = _judge_batches(source, [pack], [[law_policy]], errors, progress)
-    return curve(((verdicts[0], case) for _, case, verdicts in batches), pack, law_policy)
+    labels_and_cases = ((labelled, case) for _, case, (labelled,) in batches)  # One pack.
+    return curve(labels_and_cases, pack, law_policy)
 
 
 @check_arguments
@@ -216,7 +218,8 @@ def compare(
     Args:
         dataset: The data set, or its folder or URL; it is not changed.
         laws: Two or more laws, each `pt`, `de` or `module:NAME`, as in `load_pack`.
-        policies: Names of policies, which every law must have.
+        policies: Names of policies, which every law must have. `serious` counts serious breaches
+            only, `enforced` the breaches that are fined in practice.
         errors: As in `tolerance_curve`.
         progress: Called with the number of simulations that are done, and of all.
 

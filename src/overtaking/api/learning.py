@@ -36,7 +36,7 @@ def learn_rules(
     max_conditions: int = 3,
     progress: ProgressCallback | None = None,
 ) -> "RulesFound":
-    """Learn a few short rules: legal if, or unless, up to three conditions of the state hold.
+    """Learn a few short rules: legal if, or unless, some conditions of the state hold.
 
     Args:
         dataset: The data set, or its folder or URL.
@@ -125,6 +125,7 @@ def learn_factors(
     from overtaking.analysis.learning.targets import target_of
 
     require_models()
+    # Raises for a feature that is known only after the overtake.
     factors = leakage.chosen_factors(tuple(features))
     check_in_range(repeats, 1, what="--repeats", where="learn")
     # None stands for the class, which has several values; a target is a yes-or-no question.

@@ -294,8 +294,8 @@ def film(
         out: Folder for the films. None for the folder `films` in the data set, or in the working
             folder for trajectories. For a twin the mp4 file, in an existing folder.
         simulation_ids: Numbers of the simulations, from 0 in a data set as in trajectories; `all`;
-            or `one-per-class`, the first simulation of each class that lasts 2 s or more. Not for
-            twins.
+            or `one-per-class`, the first simulation of each class that lasts 2 s or more (no
+            overtake fits into a shorter one). Not for twins.
         policy: Policy for the class: `paper`, `default` or `strict`; None for the default of the
             profile. Breaches of rules that it does not require are drawn in grey.
         threads: Number of films that are made at the same time; None for one per processor. Not for

@@ -53,14 +53,14 @@ from overtaking.sim.sensor import Sensor
 from overtaking.world.constants import STEP_MS
 
 BYTES_PER_LABELLED_FRAME = 64
-"""Memory that `label` needs per simulation and frame [bytes].
+"""Memory for the signals that `label` computes, per simulation and frame [bytes].
 
-Measured with 400 simulations of the profile `motorway`; signals of the ego take most of it.
+Measured with 400 simulations of the profile `motorway`.
 """
 
 
 MAX_SCENARIOS = 100_000_000
-"""Largest number of scenarios in a batch. More would exceed any memory, so it is a typing error.
+"""Largest number of scenarios in a batch. Chosen: more than any memory holds.
 
 Data sets are made in parts and may have more.
 """
@@ -99,6 +99,7 @@ def sample(
     """
     spec = profiles.load_specification(profile, overrides)
     source = sampler.ScenarioSource(spec, resolve_road(road or spec.road), seed)
+    # `first_scenario` is 2**63 at most, so that the sum does not overflow.
     scenario_index = np.uint64(first_scenario) + np.arange(num_simulations, dtype=np.uint64)
     # One scenario shows errors of the specification, and the size of all, before the long work.
     first_row = source.sample(scenario_index[:1])
@@ -169,8 +170,9 @@ def branch(
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
     interventions = tuple(interventions)
-    # Both the change and the scenario after it must be in range: a displacement may be valid and
-    # still move a vehicle off the road. The argument `weather` is checked like the others.
+    # `check_batch` compares fields with their declared ranges. Both the change and the scenario
+    # after it are checked, because a valid change of speed may lead to an invalid speed. The
+    # argument `weather` is checked in the same way.
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
         check_batch(changed(scenario, intervention), "branch")
@@ -219,8 +221,8 @@ def label(
 def check_runnable(scenario: Scenario, where: str) -> None:
     """Refuse a scenario that the simulators cannot run, or whose trajectories exceed the memory.
 
-    Scenarios that were sampled can always be run; scenarios of imported recordings may have a frame
-    interval that is no multiple of the simulation step, or too many vehicles.
+    Scenarios that were sampled fulfil the first condition. Scenarios of imported recordings may
+    have a frame interval that is no multiple of the simulation step (10 ms), or too many vehicles.
 
     Args:
         scenario: A batch of scenarios.
@@ -289,13 +291,13 @@ def drive(
         "action": action,
         "action_repeat": action_repeat,
     }
-    set_settings = {name: value for name, value in settings.items() if value is not None}
-    if isinstance(driver, Driver) and set_settings:
+    explicit_settings = {name: value for name, value in settings.items() if value is not None}
+    if isinstance(driver, Driver) and explicit_settings:
         raise ConfigError(
-            what=", ".join(set_settings),
+            what=", ".join(explicit_settings),
             where="drive",
             expected="no value beside a Driver, which states it",
-            got=", ".join(map(str, set_settings.values())),
+            got=", ".join(map(str, explicit_settings.values())),
             next_step="leave it out, or give the function of the driver",
         )
     if not isinstance(driver, Driver):
@@ -307,7 +309,7 @@ def drive(
                 got=None,
                 next_step="state it, because results depend on it",
             )
-        driver = Driver(function=driver, **set_settings)
+        driver = Driver(function=driver, **explicit_settings)
     return driving.drive(scenario, driver, run, simulator)
 
 
@@ -327,7 +329,10 @@ def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
 
 
 def driver_record(driver: Driver) -> PolicyRecord:
-    """The description of a driver for `dataset.json`, the manifest of a data set."""
+    """The description of a driver for `dataset.json`, the manifest of a data set.
+
+    A manifest calls the driver `policy`, its observation `observe` and its `action_repeat` `hold`.
+    """
     sensor = driver.observation
     return PolicyRecord(
         name=driver.display_name,

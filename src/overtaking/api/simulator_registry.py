@@ -39,7 +39,7 @@ Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 
 
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
-"""A number of simulations in memory: larger ones are typing errors. Data sets may have more."""
+"""A number of simulations of which only results are kept, not the data. The limit is a choice."""
 
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
@@ -64,7 +64,8 @@ _SIMULATOR_MODULES = {
 MODEL_SIMULATORS = ("engine", "reference")
 """The simulators of this package's own model.
 
-Only they can change a simulation in the middle, and let a driver of the user control the ego.
+Only they can change a simulation in the middle, and let a driver of the user control the ego: their
+modules have a function `run`, which takes changes and actions as well.
 """
 
 
@@ -89,6 +90,7 @@ def get_simulator(name: str) -> Simulator:
             name=name,
             version=MODEL_VERSION,
             simulate=module.simulate,
+            # All other simulators have one world per process, and so one thread, the default.
             threads=os.cpu_count() or 1,
             replay=partial(replay_actions, simulator=name),
         )

@@ -120,6 +120,9 @@ def dataset_statistics(
         weighted: Whether each simulation counts by its weight, which restores natural shares where
             rare cases were drawn more often.
 
+    Returns:
+        The tables, for print or as LaTeX and CSV; `plot` draws figures of them.
+
     Raises:
         ConfigError: There is no such policy or reading.
         DatasetError: The data set is not complete, or damaged.

@@ -7,8 +7,9 @@ tables with many simulations; its *manifest* (`dataset.json`) records how it was
 result of a simulation, such as `Success_L` (completed, legal); *policy*: the set of rules of law
 that decides between legal and illegal.
 
-Only simulations of this package's engine with its own drivers can be changed, because SUMO, CARLA,
-recorded traffic and drivers of the user cannot repeat a simulation with one change.
+Only simulations of this package's engine with its own drivers can be changed: recorded traffic and
+the recorded actions of a driver of the user do not react to a change, and SUMO and CARLA cannot
+change a running simulation.
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
 
@@ -224,6 +225,7 @@ def save_branches(dataset: Dataset | str | Path, branches: "Branches", out: str 
     from overtaking.analysis.whatif.twin import Twin
     from overtaking.data.branches import write_branches
 
+    # `told` holds both simulations of a twin as `_titled_branches` returns them.
     simulations = branches.told if isinstance(branches, Twin) else _titled_branches(branches)
     write_branches(load_dataset(dataset), simulations, Path(out))
     return load_dataset(out)

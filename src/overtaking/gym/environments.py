@@ -90,6 +90,7 @@ class _EpisodeEnds(NamedTuple):
         return self.terminated | self.truncated
 
 
+# In brackets: the types of observations, actions and other arrays.
 class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     """Environments in each of which an agent drives the ego, all in one batch.
 
@@ -132,7 +133,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         MissingExtraError: `render_mode` is `rgb_array`, and the extra `video` is not installed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium's type.
 
     def __init__(
         self,
@@ -422,8 +423,8 @@ class OvertakingEnv(Env[F32, Any]):
     """A single environment in which an agent drives the ego.
 
     Episodes are as in `OvertakingVectorEnv`; `info` holds plain numbers, and only the keys that
-    have a value. The engine computes sixteen simulations at once in the time of one, so for
-    training the vector environment is faster.
+    have a value. For training the vector environment is faster, because the engine computes up to
+    sixteen simulations at once.
 
     Args:
         profile: Profile of the scenarios: a name, a TOML file, or a specification.
@@ -435,7 +436,7 @@ class OvertakingEnv(Env[F32, Any]):
         MissingExtraError: `render_mode` is `rgb_array`, and the extra `video` is not installed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium's type.
 
     def __init__(self, profile: ProfileSource, **settings: Any) -> None:
         """Check the arguments; `reset` draws the first scenario."""
@@ -532,7 +533,7 @@ def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
     has_crashed = episodes.has_crashed & ~was_over
     # An episode may also stop in the stage DONE by running out of time; it counts as terminated.
     is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
-    terminated = (has_crashed | is_done) & ~was_over
+    terminated = has_crashed | (is_done & ~was_over)
     truncated = ~episodes.is_running & ~terminated & ~was_over
     return _EpisodeEnds(terminated, truncated, has_crashed)
 

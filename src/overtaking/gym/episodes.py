@@ -55,7 +55,7 @@ To draw one scenario costs nearly as much time as to draw several hundred.
 """
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
-"""Row of the parameter table with the last step of each simulation."""
+"""Row of `StepParameters.simulation_table`, shape (field, simulation), with the last step."""
 
 _STAGE = EgoColumns._fields.index("stage")
 """Column of an observation with the stage of the ego; the ego's columns are the first ones."""
@@ -127,7 +127,7 @@ class ScenarioSupply:
     def __init__(
         self, spec: specification.Specification, road: Road, *, num_envs: int, first_scenario: int
     ) -> None:
-        """Draw nothing yet; `restart` sets the seed before the first use."""
+        """Draw nothing yet; the seed is 0 until `restart` sets another one."""
         self._spec, self._road, self._num_envs = spec, road, num_envs
         self._first_scenario = first_scenario
         self.restart(0)
@@ -437,6 +437,7 @@ class EpisodeBatch:
         # whose result is discarded. Rows with start 0 have begun already.
         duration = int(self.num_decisions.max())
         start = duration - self.num_decisions
+        # In the last turn, rows without any decision begin, and no step follows.
         for decision in range(duration + 1):
             if len(rows := np.flatnonzero((start == decision) & (start > 0))):
                 refs = sort_refs([self._refs[row] for row in rows])

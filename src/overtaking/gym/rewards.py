@@ -121,9 +121,9 @@ def overtake_once(
 
     The result has shape (env,).
 
-    The label decides whether the overtake was completed. The stage of the ego, which counts its
-    last manoeuvre, does not suffice: if the ego pulls out a second time, the stage refers to
-    another target (overtaken vehicle) than the label.
+    The label decides whether the overtake was completed. The stage of the ego does not suffice: it
+    belongs to the ego's last manoeuvre, so after a second pull-out it is about another target
+    (overtaken vehicle) than the label.
 
     Args:
         observation: Observation before the step; not used.

@@ -63,9 +63,9 @@ _RANGES: Final = {
     "s": (-1e5, 1e5, 1000.0),
     "lateral_position": (-100.0, 100.0, 10.0),
     "lane_offset": (-20.0, 20.0, 2.0),
-    "heading": (-4.0, 4.0, 0.1),
+    "heading": (-4.0, 4.0, 0.1),  # A little more than pi.
     "yaw_rate": (-20.0, 20.0, 0.1),
-    "lane": (0.0, 8.0, 1.0),
+    "lane": (0.0, 8.0, 1.0),  # Lane index, 0 at the kerb.
     "stage": (0.0, float(max(Stage)), 1.0),
     "time_in_stage": _TIME,
     "time_waiting": _TIME,
@@ -104,7 +104,7 @@ def _columns() -> tuple[ObservationColumn, ...]:
             *_RANGES.get(f"{group}.{name}", _RANGES.get(name, _FLAG)),
         )
         for group, columns in groups
-        for name, (unit, _) in columns.items()
+        for name, (unit, _meaning) in columns.items()
     )
 
 
@@ -203,4 +203,5 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
             got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the agent",
         )
+    # `limited` clips and compares; differences below half a part's resolution count as rounding.
     return ClippedActions(*limited(values, parts))

@@ -10,7 +10,7 @@ The library has an interface of its own (`VecEnv`) for many environments that st
     PPO("MlpPolicy", envs).learn(100_000)
 """
 
-# Stable-Baselines3 is large and only installed in .venv-rl (`make rl`), where pyright does not run.
+# Stable-Baselines3 is large and only installed in .venv-rl (`make rl`), which pyright does not see.
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false
 # pyright: reportUnknownVariableType=false
 
@@ -57,8 +57,8 @@ class StableBaselinesVecEnv(VecEnv):
         The seed is the one that `VecEnv.seed` was given since the last reset, else at the first
         reset the one of the constructor; otherwise the sequence of scenarios continues.
         """
-        # `VecEnv.seed` sets a seed for each environment. The batch has one seed for all, and the
-        # scenarios of its environments differ anyway, so the first one is used.
+        # `VecEnv.seed` stores a seed for each environment in `_seeds`. The batch has one seed for
+        # all, and the scenarios of its environments differ anyway, so the first one is used.
         seed = next((seed for seed in self._seeds if seed is not None), self._first_seed)
         self._first_seed = None
         self._reset_seeds()
