@@ -135,7 +135,7 @@ check-rust: $(VENV)/.engine
 	$(CARGO) clippy --release --workspace --all-targets --locked --features pyo3/extension-module \
 	  -- -D warnings
 
-# Only the crate without Python in it has tests of its own (default-members); the binding is tested
+# Only the crates without Python in them have tests of their own (default-members); the binding is tested
 # from Python, as it has to be loaded by an interpreter.
 test-rust: $(VENV)/.engine
 	$(CARGO) test --release --locked

@@ -24,7 +24,7 @@ from typing import Any
 from flips import ROOT, built_library, cargo
 
 MOST_FILES = 5
-BASES = ("", "src/overtaking/", "crates/overtaking-core/src/")
+BASES = ("", "src/overtaking/", "crates/overtaking-core/src/", "crates/overtaking-labels/src/")
 """The folders to which ARCHITECTURE's paths are relative."""
 
 COPIED = ("benchmarks", "calibration", "crates", "docs", "src")

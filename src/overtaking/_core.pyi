@@ -54,30 +54,31 @@ def simulate(
         ValueError: An array has another length, or the SIMD level is unknown or not available.
     """
 
-def watch(
+def ego_signals_and_events(
     *,
-    recorded: Mapping[str, Any],
-    conditions: Mapping[str, Any],
-    limits: Mapping[str, Any],
+    recording: Mapping[str, Any],
+    visibility: Mapping[str, Any],
+    thresholds: Mapping[str, Any],
     constants: Mapping[str, Any],
     signals: dict[str, NDArray[Any]],
-    filled: NDArray[np.int32],
+    zero_from: NDArray[np.int32],
     events: NDArray[np.int32],
     level: str | None = None,
 ) -> None:
-    """Work out the signals and the events of recordings.
+    """Compute the signals and the events of recordings.
 
     Args:
-        recorded: As `labels.signals.pack` gives it: s, d, speed, heading, accel, lane and present
-            (or None), shape (simulation, vehicle, time), and hit, shape (simulation, time), the
-            frames adjacent; num_frames, valid, length and width, flat; and the numbers num_lanes,
-            side, direction, interval_ms, half_window.
-        conditions: As `labels.signals.conditions` gives them.
-        limits: As `labels.events.thresholds` gives them.
+        recording: As `labels.signals.pack` makes it: s, d, speed, heading, accel, lane and
+            is_recorded (or None), shape (simulation, vehicle, time), and collided_with, shape
+            (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
+            the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
+        visibility: As `labels.signals.conditions` makes it.
+        thresholds: As `labels.events.thresholds` makes them.
         constants: As in `simulate`.
-        signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name, filled.
-        filled: From which frame on these are zero, before and after, shape (simulation,).
-        events: A row for each of `event_fields`, filled.
+        signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
+        zero_from: Frame from which on these arrays are zero, before and after the call, shape
+            (simulation,).
+        events: A row for each of `event_fields`; filled.
         level: SIMD level; None for the best of this CPU.
 
     Raises:
@@ -87,52 +88,52 @@ def watch(
 def event_fields() -> list[str]:
     """Names of the rows of events, in order."""
 
-def around(
+def neighbour_signals(
     *,
-    recorded: Mapping[str, Any],
-    vehicle: NDArray[np.uint8],
+    recording: Mapping[str, Any],
+    neighbour_slot: NDArray[np.uint8],
     outputs: dict[str, NDArray[Any]],
     level: str | None = None,
 ) -> None:
-    """Work out gaps to the neighbours of the ego and the lane to its left.
+    """Compute gaps to the neighbours of the ego and the occupancy of the lane to its left.
 
     Args:
-        recorded: As in `watch`.
-        vehicle: Who the neighbours are, flat (simulation, 6, time).
+        recording: As in `ego_signals_and_events`.
+        neighbour_slot: Slots of the neighbours, flat (simulation, 6, time).
         outputs: gap, closing_speed and lateral_gap, shape (simulation, 6, time); left_occupancy
             and left_count, shape (simulation, time); filled.
-        level: As in `watch`.
+        level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `watch`.
+        ValueError: As in `ego_signals_and_events`.
     """
 
-def target(
+def target_signals(
     *,
-    recorded: Mapping[str, Any],
-    seen: Mapping[str, NDArray[Any]],
-    target: NDArray[np.uint8],
+    recording: Mapping[str, Any],
+    signals: Mapping[str, NDArray[Any]],
+    target_slot: NDArray[np.uint8],
     outputs: dict[str, NDArray[Any]],
     level: str | None = None,
 ) -> None:
-    """Work out the signals of the vehicles that are overtaken.
+    """Compute the signals of the overtaken vehicles.
 
     Args:
-        recorded: As in `watch`.
-        seen: Signals of the ego as `labels.signals.pack_seen` gives them.
-        target: Slot of that vehicle, 255 for none.
-        outputs: Arrays of shape (simulation, time) by name, filled.
-        level: As in `watch`.
+        recording: As in `ego_signals_and_events`.
+        signals: Signals of the ego, as `labels.signals.pack_seen` makes them.
+        target_slot: Slot of the overtaken vehicle, 255 for none, shape (simulation,).
+        outputs: Arrays of shape (simulation, time) by name; filled.
+        level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `watch`, or a slot does not exist.
+        ValueError: As in `ego_signals_and_events`, or a slot does not exist.
     """
 
-def alongside(
+def frames_alongside(
     *,
-    recorded: Mapping[str, Any],
-    seen: Mapping[str, NDArray[Any]],
-    target: NDArray[np.uint8],
+    recording: Mapping[str, Any],
+    signals: Mapping[str, NDArray[Any]],
+    target_slot: NDArray[np.uint8],
     span: NDArray[np.int32],
     level: str | None = None,
 ) -> tuple[
@@ -142,114 +143,116 @@ def alongside(
     NDArray[np.float32],
     NDArray[np.float32],
 ]:
-    """The frames in which ego and target overlap along the road, in order.
+    """The frames within a span in which ego and target overlap along the road, in order.
 
     Args:
-        recorded: As in `watch`.
-        seen: As in `target`.
-        target: As in `target`.
-        span: First and last frame in which to look, flat (end, simulation).
-        level: As in `watch`.
+        recording: As in `ego_signals_and_events`.
+        signals: As in `target_signals`.
+        target_slot: As in `target_signals`.
+        span: First and last frame of the span, flat (end, simulation).
+        level: As in `ego_signals_and_events`.
 
     Returns:
         Simulation and frame of each, and of the target its lane, the gap between the sides of both
         [m], and its acceleration [m/s^2].
 
     Raises:
-        ValueError: As in `target`.
+        ValueError: As in `target_signals`.
     """
 
-def stretches(
+def scan_spans(
     *,
-    recorded: Mapping[str, Any],
-    seen: Mapping[str, NDArray[Any]],
+    recording: Mapping[str, Any],
+    signals: Mapping[str, NDArray[Any]],
     spans: NDArray[np.int32],
     moments: NDArray[np.int32],
-    numbers: Mapping[str, Any],
-    out: Mapping[str, NDArray[Any]],
+    law: Mapping[str, Any],
+    outputs: Mapping[str, NDArray[Any]],
     level: str | None = None,
 ) -> None:
-    """Margins, measures and sums over stretches of frames of each simulation.
+    """Compute margins, measures and sums over spans of frames of each simulation.
 
     Args:
-        recorded: As in `watch`.
-        seen: As in `target`.
+        recording: As in `ego_signals_and_events`.
+        signals: As in `target_signals`.
         spans: First and last frame, flat (span, end, simulation).
         moments: Frames, -1 for none, and slots, 255 for none, flat (moment, simulation).
-        numbers: As `labels.law.frames` gives them.
-        out: measures, frames and sums, each with a row for each of its names, filled.
-        level: As in `watch`.
+        law: Numbers of the law, as `labels.law.frames` makes them.
+        outputs: measures, frames and sums, each with a row for each of its names; filled.
+        level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `watch`, or a frame or a slot does not exist.
+        ValueError: As in `ego_signals_and_events`, or a frame or a slot does not exist.
     """
 
-def stretch_fields() -> list[tuple[str, list[str]]]:
-    """Names of spans, moments, measures, frames and sums of `stretches`, in order."""
+def span_fields() -> list[tuple[str, list[str]]]:
+    """Names of spans, moments and the rows of the results of `scan_spans`, in order."""
 
-def limited(
+def limit_margins(
     *,
     signal: NDArray[np.float32],
     span: NDArray[np.int32],
     limit: NDArray[np.float32],
-    is_most: bool,
-    low: NDArray[np.float32],
+    is_maximum: bool,
+    min_margin: NDArray[np.float32],
     frames: NDArray[np.int32],
     level: str | None = None,
 ) -> None:
-    """Margins of a signal to a limit over a stretch of frames of each simulation.
+    """Compute the smallest margin of a signal to a limit over a span of frames of each simulation.
 
     Args:
         signal: Shape (simulation, time), the frames adjacent.
         span: First and last frame, flat (end, simulation).
         limit: Shape (simulation,).
-        is_most: Whether it is the greatest value that is allowed, not the least.
-        low: The smallest margins, 3e38 without a frame, shape (simulation,), filled.
+        is_maximum: Whether the limit is the largest allowed value, and not the smallest.
+        min_margin: The smallest margins, 3e38 without a frame, shape (simulation,); filled.
         frames: First and last frame with a negative margin, -1 without one, and the length of the
-            longest run of them, shape (3, simulation), filled.
-        level: As in `watch`.
+            longest run of such frames, shape (3, simulation); filled.
+        level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `watch`.
+        ValueError: As in `ego_signals_and_events`.
     """
 
-def bits(*, values: NDArray[np.uint8], span: NDArray[np.int32], out: NDArray[np.uint8]) -> None:
-    """Bits that are set in any frame of a stretch of each simulation, and those that are in all.
+def flag_bits(
+    *, values: NDArray[np.uint8], span: NDArray[np.int32], out: NDArray[np.uint8]
+) -> None:
+    """Find the bits that are set in any frame of a span of each simulation, and in all of them.
 
     Args:
         values: Shape (simulation, time), the frames adjacent.
-        span: As in `limited`.
-        out: Both, shape (2, simulation), filled; no bit and all bits without a frame.
+        span: As in `limit_margins`.
+        out: Both, shape (2, simulation); filled. Without a frame no bit, and all bits.
 
     Raises:
         ValueError: An array has another shape.
     """
 
-def encounters(
+def encounter_measures(
     *,
-    recorded: Mapping[str, Any],
-    neighbours: NDArray[np.uint8],
+    recording: Mapping[str, Any],
+    neighbour_slot: NDArray[np.uint8],
     instants: NDArray[np.int64],
-    vehicle: NDArray[np.uint8],
+    slot: NDArray[np.uint8],
     out: NDArray[np.floating[Any]],
     level: str | None = None,
 ) -> None:
-    """Encounters with neighbours at single frames.
+    """Compute the measures between the ego and neighbours in single frames.
 
     Args:
-        recorded: As in `watch`.
-        neighbours: Who they are, flat (simulation, 6, time).
-        instants: Simulations, places around the ego and frames, flat (3, instant).
-        vehicle: Slot of each neighbour, 255 where nobody is there, filled.
-        out: A row for each of `encounter_fields`, filled.
-        level: As in `watch`.
+        recording: As in `ego_signals_and_events`.
+        neighbour_slot: Slots of the neighbours, flat (simulation, 6, time).
+        instants: Simulations, roles and frames, flat (3, instant).
+        slot: Slot of each neighbour, 255 for none; filled.
+        out: A row for each of `encounter_fields`; filled.
+        level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `watch`, or an instant or a slot does not exist.
+        ValueError: As in `ego_signals_and_events`, or an instant or a slot does not exist.
     """
 
 def encounter_fields() -> list[str]:
-    """Names of the rows of `encounters`, in order."""
+    """Names of the rows of `encounter_measures`, in order."""
 
 def weather_driven(
     driven: Mapping[str, Any],

@@ -137,7 +137,7 @@ def test_a_broken_link_is_seen():
 
 # --- the table of extensions ---
 
-BASES = ("", "src", "src/overtaking", "crates/overtaking-core/src")
+BASES = ("", "src", "src/overtaking", "crates/overtaking-core/src", "crates/overtaking-labels/src")
 """The folders to which ARCHITECTURE's paths are relative."""
 
 
@@ -359,6 +359,7 @@ def test_the_map_names_every_package_and_both_halves_of_the_model():
     for folder, ending in (
         (source / "sim" / "reference", ".py"),
         (ROOT / "crates/overtaking-core/src", ".rs"),
+        (ROOT / "crates/overtaking-labels/src", ".rs"),
     ):
         files = {path.name for path in folder.glob(f"*{ending}")} - {"__init__.py"}
         assert files - set(re.findall(rf"(\w+\{ending})", text)) == set()

@@ -108,6 +108,7 @@ fn puddle<S: Simd, const N: usize>(w: &World<'_, S, N>, s: V<S>, path: V<S>) -> 
     clamp_to((q.puddle_threshold - wave) * c.puddle_slope, 0.0, 1.0)
 }
 
+/// Peak friction of tyres at a speed, one value for each of the four water films of the table.
 #[inline(always)]
 pub fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, wear: V<S>, truck: V<S>) -> [V<S>; 4] {
     let [v0, v1, v2] = c.friction_speeds;
@@ -132,6 +133,7 @@ pub fn speed_columns<S: Simd>(c: &Constants, speed: V<S>, wear: V<S>, truck: V<S
     columns
 }
 
+/// Peak friction on a water film [mm], between the values of `speed_columns`.
 #[inline(always)]
 pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> {
     let [h0, h1, h2, h3] = c.friction_films;

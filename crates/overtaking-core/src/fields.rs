@@ -39,7 +39,10 @@ macro_rules! number_fields {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default)]
         pub struct $name {
-            $(pub(crate) $field: f32,)*
+            $(
+                #[allow(missing_docs)] // `overtaking.world.constants` documents them.
+                pub $field: f32,
+            )*
             /// Peak friction of a new tyre at (speed, film) station_indices.
             pub friction_new: [[f32; 4]; 3],
             /// The same of a worn one.

@@ -118,6 +118,7 @@ impl<T: Seats, const K: usize> Seats for [T; K] {
 }
 
 /// Evaluate an expression with the SIMD type of a level.
+#[macro_export]
 macro_rules! dispatch {
     ($level:expr, |$simd:ident| $body:expr) => {
         match $level {

@@ -160,7 +160,7 @@ fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
 
 /// Begin to load the line of the cache that an element lies in, where the CPU has an instruction for it.
 #[inline(always)]
-pub(crate) fn prefetch<T>(slice: &[T], place: usize) {
+pub fn prefetch<T>(slice: &[T], place: usize) {
     #[cfg(target_arch = "x86_64")]
     if let Some(element) = slice.get(place) {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

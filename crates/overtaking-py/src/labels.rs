@@ -1,243 +1,210 @@
-//! What labels are made of: signals and events of a recording, its targets, and answers about stretches of frames.
+//! Binding of `overtaking_labels`: signals, events and margins of recorded traffic.
 
 use numpy::{
     PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
     PyUntypedArrayMethods,
 };
-use overtaking_core::events::{self as core_events, Limits};
-use overtaking_core::signals::{
-    self as core, Around, NO_VEHICLE, PLACES, Signals as Outputs, Surroundings, Target,
-};
-use overtaking_core::stretches::{
-    self as core_stretches, Along, Answers, Asked, ENCOUNTERS, FRAMES, MOMENTS, Pair, SPANS, SUMS,
-};
 use overtaking_core::supported;
+use overtaking_labels::{
+    ENCOUNTER_NAMES, EVENT_NAMES, EgoSignals, EncounterPair, EventThresholds, FRAME_NAMES,
+    LawNumbers, LimitQuery, MOMENT_NAMES, NO_VEHICLE, NUM_ROLES, NeighbourSignals, SPAN_NAMES,
+    SUM_NAMES, SpanOutputs, SpanQuery, TargetSignals, VehicleInstant, VisibilityInputs,
+    measure_names, with_ego_signals, with_event_thresholds, with_law_numbers,
+    with_neighbour_signals, with_target_signals, with_visibility_arrays,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::Numbers;
 use crate::arrays::{expect_length, output, rows_of_two};
-use crate::recorded::{Floats, Ints, Octets, Recorded, Signals, expect_slots};
+use crate::recorded::{Bytes, Floats, Ints, RecordingArrays, SignalArrays, expect_slots};
 use crate::spread::{SIMULATION_BYTES, reserved, spread};
 
-/// What signals need beside the states, of each simulation.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct Conditions<'py> {
-    film: Floats<'py>,
-    wear: Floats<'py>,
-    truck: Floats<'py>,
-    fog: Floats<'py>,
-    rain: Floats<'py>,
-    contrast_depth: Floats<'py>,
-    lamp_depth: Floats<'py>,
-    lamp_clear: Floats<'py>,
-    unlit_limit: Floats<'py>,
-    attention: f32,
-}
-
-/// A Python class of numbers, and the struct of the core with the same fields.
-macro_rules! numbers {
-    ($(#[$about:meta])* $name:ident => $core:ident: $($field:ident: $kind:ty),* $(,)?) => {
-        $(#[$about])*
+macro_rules! visibility_arrays {
+    ($($(#[$doc:meta])* $field:ident, $count:expr;)*) => {
+        /// Road surface and visibility of each simulation.
         #[derive(FromPyObject)]
         #[pyo3(from_item_all)]
-        pub struct $name {
-            $($field: $kind,)*
+        pub struct VisibilityArrays<'py> {
+            $($field: Floats<'py>,)*
+            attention_range: f32,
         }
 
-        impl $name {
-            fn core(&self) -> core_stretches::$core {
-                core_stretches::$core { $($field: self.$field,)* }
+        impl VisibilityArrays<'_> {
+            fn inputs<'a>(
+                &'a self,
+                num_simulations: usize,
+                constants: &'a overtaking_core::Constants,
+            ) -> PyResult<VisibilityInputs<'a>> {
+                $(expect_length(stringify!($field), self.$field.len(), $count * num_simulations)?;)*
+                Ok(VisibilityInputs {
+                    $($field: self.$field.as_slice()?,)*
+                    attention_range: self.attention_range,
+                    constants,
+                })
             }
         }
     };
 }
+with_visibility_arrays! { visibility_arrays! }
 
-numbers! {
-    /// Numbers of the law and of the measures.
-    LawNumbers => Numbers:
-    floor: f32, usable: f32, decel_limit: f32, reaction_time: f32, stop_reaction_time: f32,
-    regain: usize, time_gap: f32, free_time: f32, reach: f32,
-    lasting: usize, allowed_braking: f32, most_braking: f32,
-    picud_reaction_time: f32, picud_decel: f32,
-    rss_reaction_time: f32, rss_accel: f32, rss_rear_decel: f32, rss_lead_decel: f32, critical_ttc: f32,
+macro_rules! law_number_values {
+    ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
+        /// Numbers of traffic law and of the measures.
+        #[derive(FromPyObject)]
+        #[pyo3(from_item_all)]
+        pub struct LawNumberValues {
+            $($field: $kind,)*
+        }
+
+        impl LawNumberValues {
+            fn law(&self) -> LawNumbers {
+                LawNumbers { $($field: self.$field,)* }
+            }
+        }
+    };
 }
+with_law_numbers! { law_number_values! }
 
-/// What makes a movement one, and where the lanes lie.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct Thresholds<'py> {
-    least_advance: Floats<'py>,
-    borders: Vec<f32>,
-    least_frames: usize,
-    window: usize,
-    least_speed: f32,
-    least_shift: f32,
-    settled_shift: f32,
-    lanes_with_left: usize,
-    over_line: f32,
-    advance: usize,
-    follow_up: usize,
-    follow_time_gap: f32,
-    direction: i32,
-    spin_angle: i32,
+macro_rules! event_threshold_values {
+    ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
+        /// Thresholds of movements across the road, and the borders of the lanes.
+        #[derive(FromPyObject)]
+        #[pyo3(from_item_all)]
+        pub struct EventThresholdValues<'py> {
+            min_advance: Floats<'py>,
+            borders: Vec<f32>,
+            $($field: $kind,)*
+        }
+
+        impl EventThresholdValues<'_> {
+            fn thresholds(&self, num_simulations: usize) -> PyResult<EventThresholds<'_>> {
+                expect_length("min_advance", self.min_advance.len(), num_simulations)?;
+                expect_length("borders", self.borders.len().max(2), self.borders.len())?;
+                Ok(EventThresholds {
+                    min_advance: self.min_advance.as_slice()?,
+                    borders: self.borders.clone(),
+                    $($field: self.$field,)*
+                })
+            }
+        }
+    };
 }
+with_event_thresholds! { event_threshold_values! }
 
-impl Thresholds<'_> {
-    fn limits(&self, simulations: usize) -> PyResult<Limits<'_>> {
-        expect_length("least_advance", self.least_advance.len(), simulations)?;
-        expect_length("borders", self.borders.len().max(2), self.borders.len())?;
-        Ok(Limits {
-            least_advance: self.least_advance.as_slice()?,
-            borders: self.borders.clone(),
-            least_frames: self.least_frames,
-            window: self.window,
-            least_speed: self.least_speed,
-            least_shift: self.least_shift,
-            settled_shift: self.settled_shift,
-            lanes_with_left: self.lanes_with_left,
-            over_line: self.over_line,
-            advance: self.advance,
-            follow_up: self.follow_up,
-            follow_time_gap: self.follow_time_gap,
-            direction: self.direction,
-            spin_angle: self.spin_angle,
-        })
-    }
-}
-
-/// Borrow every array of outputs, call `$body` with a mutable `$name` over them.
+/// Borrow every array of a struct of outputs, and evaluate `$body` with `$out` over them.
 macro_rules! with_outputs {
-    ($name:ident, $arrays:expr, $cells:expr, |$out:ident| $body:expr, $($field:ident: $kind:ty),* $(,)?) => {{
-        let rows: std::collections::HashMap<_, _> = $name::ROWS.iter().copied().collect();
-        $(let mut $field = output::<$kind>($arrays, stringify!($field), rows[stringify!($field)] * $cells)?;)*
+    (
+        { $name:ident, $arrays:expr, $cells:expr, |$out:ident| $body:expr }
+        $($field:ident: $kind:ty, $rows:expr;)*
+    ) => {{
+        $(let mut $field = output::<$kind>($arrays, stringify!($field), $rows * $cells)?;)*
         let mut $out = $name { $($field: $field.as_slice_mut()?,)* };
         $body
     }};
 }
 
-/// Work out the signals and the events of recordings.
+/// Compute the signals and the events of recordings.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, conditions, limits, constants, signals, filled, events, level=None))]
+#[pyo3(signature = (*, recording, visibility, thresholds, constants, signals, zero_from, events, level=None))]
 #[allow(clippy::too_many_arguments)]
-pub fn watch(
+pub fn ego_signals_and_events(
     py: Python<'_>,
-    recorded: Recorded<'_>,
-    conditions: Conditions<'_>,
-    limits: Thresholds<'_>,
+    recording: RecordingArrays<'_>,
+    visibility: VisibilityArrays<'_>,
+    thresholds: EventThresholdValues<'_>,
     constants: Numbers,
     signals: &Bound<'_, PyDict>,
-    mut filled: PyReadwriteArray1<'_, i32>,
+    mut zero_from: PyReadwriteArray1<'_, i32>,
     mut events: PyReadwriteArray2<'_, i32>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
-    let count = recording.num_frames.len();
-    let of_each = |name: &str, values: &'_ Floats<'_>| expect_length(name, values.len(), count);
-    of_each("wear", &conditions.wear)?;
-    of_each("truck", &conditions.truck)?;
-    of_each("fog", &conditions.fog)?;
-    of_each("rain", &conditions.rain)?;
-    of_each("contrast_depth", &conditions.contrast_depth)?;
-    of_each("lamp_depth", &conditions.lamp_depth)?;
-    of_each("lamp_clear", &conditions.lamp_clear)?;
-    of_each("unlit_limit", &conditions.unlit_limit)?;
-    expect_length("film", conditions.film.len(), count * 8)?;
-    expect_length("filled", filled.len(), count)?;
-    expect_length("events", events.len(), core_events::NAMES.len() * count)?;
-    let (constants, limits) = (constants.constants()?, limits.limits(count)?);
-    let given = Surroundings {
-        film: conditions.film.as_slice()?,
-        wear: conditions.wear.as_slice()?,
-        truck: conditions.truck.as_slice()?,
-        fog: conditions.fog.as_slice()?,
-        rain: conditions.rain.as_slice()?,
-        contrast_depth: conditions.contrast_depth.as_slice()?,
-        lamp_depth: conditions.lamp_depth.as_slice()?,
-        lamp_clear: conditions.lamp_clear.as_slice()?,
-        unlit_limit: conditions.unlit_limit.as_slice()?,
-        attention: conditions.attention,
-        constants: &constants,
-    };
-    let (filled, events) = (filled.as_slice_mut()?, events.as_slice_mut()?);
-    with_outputs!(
-        Outputs, signals, count * recording.frames,
-        |out| spread(py, count * SIMULATION_BYTES, || {
-            core::signals(&recording, &given, level, &mut out, filled);
-            core_events::events(&recording, &out.seen(), &limits, events);
-        })?,
-        lane: u8, lateral_position: f32, lateral_speed: f32, speed: f32, accel: f32, right_edge: f32, left_edge: f32,
-        neighbour_slot: u8, friction: f32, sight_lit: f32, sight_unlit: f32,
+    let (recording, level) = (
+        recording.packed()?,
+        supported(level).map_err(PyValueError::new_err)?,
     );
-    Ok(())
-}
-
-fn refused(message: String) -> PyErr {
-    PyValueError::new_err(message)
+    let count = recording.num_frames.len();
+    let constants = constants.constants()?;
+    let visibility = visibility.inputs(count, &constants)?;
+    let thresholds = thresholds.thresholds(count)?;
+    expect_length("zero_from", zero_from.len(), count)?;
+    expect_length("events", events.len(), EVENT_NAMES.len() * count)?;
+    let (zero_from, events) = (zero_from.as_slice_mut()?, events.as_slice_mut()?);
+    with_ego_signals! { with_outputs! {
+        EgoSignals, signals, count * recording.max_frames,
+        |out| spread(py, count * SIMULATION_BYTES, || {
+            overtaking_labels::ego_signals(&recording, &visibility, level, &mut out, zero_from);
+            overtaking_labels::events(&recording, &out.views(), &thresholds, events);
+        })
+    } }
 }
 
 /// Names of the rows of events, in order.
 #[pyfunction]
 pub fn event_fields() -> Vec<&'static str> {
-    core_events::NAMES.to_vec()
+    EVENT_NAMES.to_vec()
 }
 
-/// Work out gaps to the neighbours of the ego and the lane to its left.
+/// Compute gaps to the neighbours of the ego and the occupancy of the lane to its left.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, vehicle, outputs, level=None))]
-pub fn around(
+#[pyo3(signature = (*, recording, neighbour_slot, outputs, level=None))]
+pub fn neighbour_signals(
     py: Python<'_>,
-    recorded: Recorded<'_>,
-    vehicle: Octets<'_>,
+    recording: RecordingArrays<'_>,
+    neighbour_slot: Bytes<'_>,
     outputs: &Bound<'_, PyDict>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
-    let (cells, vehicle) = (
-        recording.num_frames.len() * recording.frames,
-        vehicle.as_slice()?,
+    let (recording, level) = (
+        recording.packed()?,
+        supported(level).map_err(PyValueError::new_err)?,
     );
-    expect_length("vehicle", vehicle.len(), PLACES * cells)?;
-    with_outputs!(
-        Around, outputs, cells,
-        |out| spread(py, cells / recording.frames.max(1) * SIMULATION_BYTES, || core::around(&recording, vehicle, level, &mut out))?,
-        gap: f32, closing_speed: f32, lateral_gap: f32, left_occupancy: f32, left_count: u8,
-    );
-    Ok(())
+    let count = recording.num_frames.len();
+    let cells = count * recording.max_frames;
+    let neighbour_slot = neighbour_slot.as_slice()?;
+    expect_length("neighbour_slot", neighbour_slot.len(), NUM_ROLES * cells)?;
+    with_neighbour_signals! { with_outputs! {
+        NeighbourSignals, outputs, cells,
+        |out| spread(py, count * SIMULATION_BYTES, || {
+            overtaking_labels::neighbour_signals(&recording, neighbour_slot, level, &mut out);
+        })
+    } }
 }
 
-/// Work out the signals of the vehicles that are overtaken.
+/// Compute the signals of the overtaken vehicles.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, seen, target, outputs, level=None))]
-pub fn target(
+#[pyo3(signature = (*, recording, signals, target_slot, outputs, level=None))]
+pub fn target_signals(
     py: Python<'_>,
-    recorded: Recorded<'_>,
-    seen: Signals<'_>,
-    target: Octets<'_>,
+    recording: RecordingArrays<'_>,
+    signals: SignalArrays<'_>,
+    target_slot: Bytes<'_>,
     outputs: &Bound<'_, PyDict>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
-    let (seen, target) = (seen.seen(&recording)?, target.as_slice()?);
-    expect_length("target", target.len(), recording.num_frames.len())?;
-    expect_slots("target", target, recording.slots)?;
-    with_outputs!(
-        Target, outputs, target.len() * recording.frames,
-        |out| spread(py, target.len() * SIMULATION_BYTES, || core::target(&recording, &seen, target, level, &mut out))?,
-        valid: bool, ego_lead: f32, overlaps: bool, gap: f32, lateral_position: f32, lateral_gap: f32, lane: u8,
-        speed: f32, accel: f32, lateral_speed: f32,
+    let (recording, level) = (
+        recording.packed()?,
+        supported(level).map_err(PyValueError::new_err)?,
     );
-    Ok(())
+    let (signals, target_slot) = (signals.views(&recording)?, target_slot.as_slice()?);
+    let count = recording.num_frames.len();
+    expect_length("target_slot", target_slot.len(), count)?;
+    expect_slots("target_slot", target_slot, recording.num_slots)?;
+    with_target_signals! { with_outputs! {
+        TargetSignals, outputs, count * recording.max_frames,
+        |out| spread(py, count * SIMULATION_BYTES, || {
+            overtaking_labels::target_signals(&recording, &signals, target_slot, level, &mut out);
+        })
+    } }
 }
 
-/// Memory of the answer for a frame in which ego and target overlap, in vectors that double when they are full and
-/// are joined in the end: three times 25 bytes, rounded up.
+/// Memory for one frame in which ego and target overlap: its 25 bytes lie in vectors that double when they are full,
+/// and are copied once more when the vectors of the threads are joined.
 const ALONGSIDE_BYTES: usize = 96;
 
-/// Arrays with a number for each frame in which ego and target overlap.
-type Beside<'py> = (
+/// Arrays with a value for each frame in which ego and target overlap.
+type AlongsideArrays<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<u8>>,
@@ -245,150 +212,158 @@ type Beside<'py> = (
     Bound<'py, PyArray1<f32>>,
 );
 
-/// The frames within a stretch in which ego and target overlap along the road: simulation, frame, and lane, lateral gap
-/// and acceleration of the target.
+/// The frames within a span in which ego and target overlap along the road, in order.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, seen, target, span, level=None))]
-pub fn alongside<'py>(
+#[pyo3(signature = (*, recording, signals, target_slot, span, level=None))]
+pub fn frames_alongside<'py>(
     py: Python<'py>,
-    recorded: Recorded<'py>,
-    seen: Signals<'py>,
-    target: Octets<'py>,
+    recording: RecordingArrays<'py>,
+    signals: SignalArrays<'py>,
+    target_slot: Bytes<'py>,
     span: Ints<'py>,
     level: Option<&str>,
-) -> PyResult<Beside<'py>> {
-    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
-    let (seen, target) = (seen.seen_alone(&recording)?, target.as_slice()?);
-    expect_length("target", target.len(), recording.num_frames.len())?;
-    expect_length("span", span.len(), 2 * target.len())?;
-    expect_slots("target", target, recording.slots)?;
-    let span = span.as_slice()?;
-    let (first, last) = span.split_at(target.len());
+) -> PyResult<AlongsideArrays<'py>> {
+    let (recording, level) = (
+        recording.packed()?,
+        supported(level).map_err(PyValueError::new_err)?,
+    );
+    let signals = signals.views_without_neighbours(&recording)?;
+    let (target_slot, span) = (target_slot.as_slice()?, span.as_slice()?);
+    expect_length("target_slot", target_slot.len(), recording.num_frames.len())?;
+    expect_length("span", span.len(), 2 * target_slot.len())?;
+    expect_slots("target_slot", target_slot, recording.num_slots)?;
+    let (first, last) = span.split_at(target_slot.len());
+    let max_frames = recording.max_frames as i32;
     let frames: usize = first
         .iter()
         .zip(last)
-        .map(|(first, last)| (last - first.max(&0) + 1).clamp(0, recording.frames as i32) as usize)
+        .map(|(first, last)| (last - first.max(&0) + 1).clamp(0, max_frames) as usize)
         .sum();
-    let found = spread(py, frames * ALONGSIDE_BYTES, || {
-        core::alongside(&recording, &seen, target, span, level)
+    let alongside = spread(py, frames * ALONGSIDE_BYTES, || {
+        overtaking_labels::frames_alongside(&recording, &signals, target_slot, span, level)
     })?;
     Ok((
-        PyArray1::from_vec(py, found.simulation),
-        PyArray1::from_vec(py, found.frame),
-        PyArray1::from_vec(py, found.lane),
-        PyArray1::from_vec(py, found.lateral_gap),
-        PyArray1::from_vec(py, found.accel),
+        PyArray1::from_vec(py, alongside.simulation),
+        PyArray1::from_vec(py, alongside.frame),
+        PyArray1::from_vec(py, alongside.lane),
+        PyArray1::from_vec(py, alongside.lateral_gap),
+        PyArray1::from_vec(py, alongside.accel),
     ))
 }
 
-/// Where the answers about stretches go, (row, simulation).
+/// Arrays for the results of `scan_spans`, (row, simulation).
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct AnswerArrays<'py> {
+pub struct SpanOutputArrays<'py> {
     measures: PyReadwriteArray2<'py, f32>,
     frames: PyReadwriteArray2<'py, i32>,
     sums: PyReadwriteArray2<'py, i64>,
 }
 
-/// Margins, measures and sums over stretches of frames of each simulation.
+/// Compute margins, measures and sums over spans of frames of each simulation.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, seen, spans, moments, numbers, out, level=None))]
+#[pyo3(signature = (*, recording, signals, spans, moments, law, outputs, level=None))]
 #[allow(clippy::too_many_arguments)]
-pub fn stretches(
+pub fn scan_spans(
     py: Python<'_>,
-    recorded: Recorded<'_>,
-    seen: Signals<'_>,
+    recording: RecordingArrays<'_>,
+    signals: SignalArrays<'_>,
     spans: Ints<'_>,
     moments: Ints<'_>,
-    numbers: LawNumbers,
-    mut out: AnswerArrays<'_>,
+    law: LawNumberValues,
+    mut outputs: SpanOutputArrays<'_>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
-    let (seen, count) = (seen.seen(&recording)?, recording.num_frames.len());
-    expect_length("spans", spans.len(), 2 * SPANS.len() * count)?;
-    expect_length("moments", moments.len(), MOMENTS.len() * count)?;
-    expect_length(
-        "measures",
-        out.measures.len(),
-        core_stretches::measures().len() * count,
-    )?;
-    expect_length("frames", out.frames.len(), FRAMES.len() * count)?;
-    expect_length("sums", out.sums.len(), SUMS.len() * count)?;
-    let asked = Asked {
+    let (recording, level) = (
+        recording.packed()?,
+        supported(level).map_err(PyValueError::new_err)?,
+    );
+    let (signals, count) = (signals.views(&recording)?, recording.num_frames.len());
+    let SpanOutputArrays {
+        measures,
+        frames,
+        sums,
+    } = &mut outputs;
+    expect_length("spans", spans.len(), 2 * SPAN_NAMES.len() * count)?;
+    expect_length("moments", moments.len(), MOMENT_NAMES.len() * count)?;
+    expect_length("measures", measures.len(), measure_names().len() * count)?;
+    expect_length("frames", frames.len(), FRAME_NAMES.len() * count)?;
+    expect_length("sums", sums.len(), SUM_NAMES.len() * count)?;
+    let query = SpanQuery {
         spans: spans.as_slice()?,
         moments: moments.as_slice()?,
     };
-    let (frames, slots) = asked.moments.split_at(2 * count);
-    if let Some(frame) = frames.iter().find(|&&each| each >= recording.frames as i32) {
-        return Err(PyValueError::new_err(format!("frames: no frame {frame}")));
+    let (moment_frames, slots) = query.moments.split_at(2 * count);
+    let max_frames = recording.max_frames as i32;
+    if let Some(frame) = moment_frames.iter().find(|&&frame| frame >= max_frames) {
+        return Err(PyValueError::new_err(format!("moments: no frame {frame}")));
     }
-    let targets: Vec<u8> = slots[..count].iter().map(|&slot| slot as u8).collect();
-    expect_slots("target", &targets, recording.slots)?;
-    let (numbers, answers) = (
-        numbers.core(),
-        Answers {
-            measures: out.measures.as_slice_mut()?,
-            frames: out.frames.as_slice_mut()?,
-            sums: out.sums.as_slice_mut()?,
+    let target_slot: Vec<u8> = slots[..count].iter().map(|&slot| slot as u8).collect();
+    expect_slots("target_slot", &target_slot, recording.num_slots)?;
+    let (law, outputs) = (
+        law.law(),
+        SpanOutputs {
+            measures: measures.as_slice_mut()?,
+            frames: frames.as_slice_mut()?,
+            sums: sums.as_slice_mut()?,
         },
     );
     spread(py, count * SIMULATION_BYTES, || {
-        core_stretches::stretches(&recording, &seen, &numbers, &asked, level, answers);
+        overtaking_labels::scan_spans(&recording, &signals, &law, &query, level, outputs);
     })
 }
 
-/// What is asked of stretches, and the rows of the answers, by name of the array, in order.
+/// Names of spans, moments and the rows of the results of `scan_spans`, in order.
 #[pyfunction]
-pub fn stretch_fields() -> [(&'static str, Vec<&'static str>); 5] {
+pub fn span_fields() -> [(&'static str, Vec<&'static str>); 5] {
     [
-        ("spans", SPANS.to_vec()),
-        ("moments", MOMENTS.to_vec()),
-        ("measures", core_stretches::measures()),
-        ("frames", FRAMES.to_vec()),
-        ("sums", SUMS.to_vec()),
+        ("spans", SPAN_NAMES.to_vec()),
+        ("moments", MOMENT_NAMES.to_vec()),
+        ("measures", measure_names()),
+        ("frames", FRAME_NAMES.to_vec()),
+        ("sums", SUM_NAMES.to_vec()),
     ]
 }
 
-/// Margins of a signal (simulation, time) to a limit of each simulation, over a stretch of frames.
-///
-/// `low` gets the smallest of each simulation, the rows of `frames` the first and the last frame with a negative one, and
-/// the longest run of them.
+/// Compute the smallest margin of a signal to a limit over a span of frames of each simulation.
 #[pyfunction]
-#[pyo3(signature = (*, signal, span, limit, is_most, low, frames, level=None))]
+#[pyo3(signature = (*, signal, span, limit, is_maximum, min_margin, frames, level=None))]
 #[allow(clippy::too_many_arguments)]
-pub fn limited(
+pub fn limit_margins(
     py: Python<'_>,
     signal: PyReadonlyArray2<'_, f32>,
     span: Ints<'_>,
     limit: Floats<'_>,
-    is_most: bool,
-    mut low: PyReadwriteArray1<'_, f32>,
+    is_maximum: bool,
+    mut min_margin: PyReadwriteArray1<'_, f32>,
     mut frames: PyReadwriteArray2<'_, i32>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (rows, level) = (rows_of_two(&signal)?, supported(level).map_err(refused)?);
-    let count = rows.len();
+    let (signal, level) = (
+        rows_of_two(&signal)?,
+        supported(level).map_err(PyValueError::new_err)?,
+    );
+    let count = signal.len();
     expect_length("span", span.len(), 2 * count)?;
     expect_length("limit", limit.len(), count)?;
-    expect_length("low", low.len(), count)?;
+    expect_length("min_margin", min_margin.len(), count)?;
     expect_length("frames", frames.len(), 3 * count)?;
-    let asked = core_stretches::Limited {
-        signal: rows,
+    let query = LimitQuery {
+        signal,
         span: span.as_slice()?,
         limit: limit.as_slice()?,
-        is_most,
+        is_maximum,
     };
-    let (low, frames) = (low.as_slice_mut()?, frames.as_slice_mut()?);
+    let (min_margin, frames) = (min_margin.as_slice_mut()?, frames.as_slice_mut()?);
     spread(py, count * SIMULATION_BYTES, || {
-        core_stretches::limited(&asked, level, low, frames);
+        overtaking_labels::limit_margins(&query, level, min_margin, frames);
     })
 }
 
-/// Bits of an array (simulation, time) that are set in any frame of a stretch, and in all: two rows of `out`.
+/// Find the bits that are set in any frame of a span of each simulation, and those that are set in all of its frames.
 #[pyfunction]
 #[pyo3(signature = (*, values, span, out))]
-pub fn bits(
+pub fn flag_bits(
     values: PyReadonlyArray2<'_, u8>,
     span: Ints<'_>,
     mut out: PyReadwriteArray2<'_, u8>,
@@ -396,75 +371,80 @@ pub fn bits(
     let rows = rows_of_two(&values)?;
     expect_length("span", span.len(), 2 * rows.len())?;
     expect_length("out", out.len(), 2 * rows.len())?;
-    core_stretches::bits(&rows, span.as_slice()?, out.as_slice_mut()?);
+    overtaking_labels::flag_bits(&rows, span.as_slice()?, out.as_slice_mut()?);
     Ok(())
 }
 
-/// Encounters with neighbours at single frames: a row of `out` for each of `encounter_fields`.
-///
-/// `instants` are simulation, place around the ego and frame of each.
+/// Compute the measures between the ego and neighbours in single frames.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, neighbours, instants, vehicle, out, level=None))]
-pub fn encounters(
-    recorded: Recorded<'_>,
-    neighbours: Octets<'_>,
+#[pyo3(signature = (*, recording, neighbour_slot, instants, slot, out, level=None))]
+pub fn encounter_measures(
+    recording: RecordingArrays<'_>,
+    neighbour_slot: Bytes<'_>,
     instants: PyReadonlyArray1<'_, i64>,
-    mut vehicle: PyReadwriteArray1<'_, u8>,
+    mut slot: PyReadwriteArray1<'_, u8>,
     mut out: PyReadwriteArray2<'_, f32>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (shape, level) = (recorded.shape()?, supported(level).map_err(refused)?);
-    let [simulations, slots, frames] = shape;
-    let count = vehicle.len();
-    expect_length("vehicle", neighbours.len(), PLACES * simulations * frames)?;
+    let level = supported(level).map_err(PyValueError::new_err)?;
+    let [simulations, num_slots, frames] = recording.shape()?;
+    let count = slot.len();
+    expect_length(
+        "neighbour_slot",
+        neighbour_slot.len(),
+        NUM_ROLES * simulations * frames,
+    )?;
     expect_length("instants", instants.len(), 3 * count)?;
-    expect_length("out", out.len(), ENCOUNTERS.len() * count)?;
-    let (neighbours, lengths) = (neighbours.as_slice()?, recorded.length.as_slice()?);
+    expect_length("out", out.len(), ENCOUNTER_NAMES.len() * count)?;
+    let (neighbour_slot, length) = (neighbour_slot.as_slice()?, recording.length.as_slice()?);
     let (s, speed, accel) = (
-        recorded.s.as_array(),
-        recorded.speed.as_array(),
-        recorded.accel.as_array(),
+        recording.s.as_array(),
+        recording.speed.as_array(),
+        recording.accel.as_array(),
     );
-    let along = |simulation: usize, slot: usize, frame: usize| Along {
+    let vehicle_at = |simulation: usize, slot: usize, frame: usize| VehicleInstant {
         s: s[[simulation, slot, frame]],
         speed: speed[[simulation, slot, frame]],
         accel: accel[[simulation, slot, frame]],
-        half_length: lengths[simulation * slots + slot] * 0.5,
+        half_length: length[simulation * num_slots + slot] * 0.5,
     };
-    let (instants, found) = (instants.as_slice()?, vehicle.as_slice_mut()?);
-    let index = |row: usize, i: usize, end: usize| {
-        let number = usize::try_from(instants[row * count + i]).ok();
-        number.filter(|&number| number < end)
+    let (instants, slots) = (instants.as_slice()?, slot.as_slice_mut()?);
+    let index_below = |row: usize, instant: usize, end: usize| {
+        let index = usize::try_from(instants[row * count + instant]).ok();
+        index.filter(|&index| index < end)
     };
     let mut pairs = reserved(count)?;
-    for i in 0..count {
-        let at = (
-            index(0, i, simulations),
-            index(1, i, PLACES),
-            index(2, i, frames),
-        );
-        let (Some(simulation), Some(place), Some(frame)) = at else {
+    for (instant, slot) in slots.iter_mut().enumerate() {
+        let (Some(simulation), Some(role), Some(frame)) = (
+            index_below(0, instant, simulations),
+            index_below(1, instant, NUM_ROLES),
+            index_below(2, instant, frames),
+        ) else {
             return Err(PyValueError::new_err("instants: expected recorded frames"));
         };
-        found[i] = neighbours[(simulation * PLACES + place) * frames + frame];
-        if found[i] != NO_VEHICLE && usize::from(found[i]) >= slots {
-            let message = format!("vehicle: no vehicle {}", found[i]);
-            return Err(PyValueError::new_err(message));
-        }
-        let other =
-            (found[i] != NO_VEHICLE).then(|| along(simulation, usize::from(found[i]), frame));
-        pairs.push(Pair {
-            own: along(simulation, 0, frame),
-            other,
-            is_ahead: place.is_multiple_of(2),
+        *slot = neighbour_slot[(simulation * NUM_ROLES + role) * frames + frame];
+        let neighbour = match *slot {
+            NO_VEHICLE => None,
+            slot if usize::from(slot) < num_slots => {
+                Some(vehicle_at(simulation, usize::from(slot), frame))
+            }
+            slot => {
+                let message = format!("neighbour_slot: no vehicle {slot}");
+                return Err(PyValueError::new_err(message));
+            }
+        };
+        pairs.push(EncounterPair {
+            ego: vehicle_at(simulation, 0, frame),
+            neighbour,
+            is_ahead: role.is_multiple_of(2),
         });
     }
-    core_stretches::encounters(&pairs, level, out.as_slice_mut()?);
+    overtaking_labels::encounter_measures(&pairs, level, out.as_slice_mut()?);
     Ok(())
 }
 
-/// Names of the rows of `encounters`, in order.
+/// Names of the rows of `encounter_measures`, in order.
 #[pyfunction]
 pub fn encounter_fields() -> Vec<&'static str> {
-    ENCOUNTERS.to_vec()
+    ENCOUNTER_NAMES.to_vec()
 }

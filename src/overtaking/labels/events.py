@@ -76,15 +76,15 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
     advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
     borders, beyond = borders_of(road), road.overtaking_side_neighbour
     return {
-        "least_advance": np.array(advances)[kind],
+        "min_advance": np.array(advances)[kind],
         "borders": [float(each) for each in borders],
         "lanes_with_left": road.num_lanes - 1 + (beyond is not None and beyond.kind == "driving"),
-        "least_frames": frames("motion.least_time"),
+        "min_frames": frames("motion.least_time"),
         "window": frames("motion.median_window"),
         "advance": frames("attempt.advance_time"),
         "follow_up": frames("attempt.back_time"),
-        "least_speed": float(constant("event_detection.motion.least_speed")),
-        "least_shift": float(constant("event_detection.motion.least_shift")),
+        "min_speed": float(constant("event_detection.motion.least_speed")),
+        "min_shift": float(constant("event_detection.motion.least_shift")),
         "settled_shift": float(constant("event_detection.motion.settled_shift")),
         "over_line": float(constant("event_detection.attempt.over_line")),
         "follow_time_gap": float(constant("event_detection.phases.follow_time_gap")),

@@ -61,18 +61,18 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
     """
-    names, recorded = _core.event_fields(), pack(trajectories)
+    names, recording = _core.event_fields(), pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _layouts(trajectories, EgoSignals, (*SEEN, "accel"))
-    filled = ArrayLayout("filled", trajectories.num_frames.shape, np.int32)
+    zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
     # Most simulations end early: what is zero behind their ends need not be cleared again.
-    outputs = Buffers().arrays("signals", (*layouts, filled))
-    _core.watch(
-        recorded=recorded,
-        conditions=conditions(trajectories),
-        limits=limits,
+    outputs = Buffers().arrays("signals", (*layouts, zero_from))
+    _core.ego_signals_and_events(
+        recording=recording,
+        visibility=conditions(trajectories),
+        thresholds=limits,
         constants=engine_constants(model_constants()),
-        filled=outputs.pop("filled"),
+        zero_from=outputs.pop("zero_from"),
         signals=outputs,
         events=events,
         level=simd_level(),
@@ -136,19 +136,19 @@ def encounter(
     Raises:
         ValueError: A frame does not exist.
     """
-    names, vehicle = _core.encounter_fields(), np.empty(len(rows), np.uint8)
+    names, slot = _core.encounter_fields(), np.empty(len(rows), np.uint8)
     out = np.empty((len(names), len(rows)), np.float32)
     instants = np.empty((3, len(rows)), np.int64)
     instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
-    _core.encounters(
-        recorded=packed(case),
-        neighbours=_flat(case.signals.neighbour_slot),
+    _core.encounter_measures(
+        recording=packed(case),
+        neighbour_slot=_flat(case.signals.neighbour_slot),
         instants=_flat(instants),
-        vehicle=vehicle,
+        slot=slot,
         out=out,
         level=simd_level(),
     )
-    return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
+    return Encounter(valid=slot != NO_VEHICLE, **dict(zip(names, out, strict=True)))
 
 
 def beside_target(
@@ -164,10 +164,10 @@ def beside_target(
         Simulation and frame of each, and of the target its lane, the gap between the sides of both
         [m], and its acceleration [m/s^2]; shape (instant,).
     """
-    return _core.alongside(
-        recorded=packed(case),
-        seen=pack_seen(case.signals),
-        target=np.ascontiguousarray(case.target.slot, np.uint8),
+    return _core.frames_alongside(
+        recording=packed(case),
+        signals=pack_seen(case.signals),
+        target_slot=np.ascontiguousarray(case.target.slot, np.uint8),
         span=ends,
         level=simd_level(),
     )
@@ -189,18 +189,18 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
     interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.is_recorded
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
     recorded["heading"], direction = trajectories.headings_and_origin
-    recorded |= {"accel": states.accel_lon, "hit": trajectories.collided_with}
+    recorded |= {"accel": states.accel_lon, "collided_with": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _with_opposite_lane(trajectories)
         along = np.broadcast_to(~oncoming(trajectories)[:, :, None], states.s.shape)
         present = along.copy() if present is None else present & along
     return {
         **{name: adjacent(values) for name, values in recorded.items()},
-        "present": None if present is None else adjacent(present),
+        "is_recorded": None if present is None else adjacent(present),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
-        "side": float(side_of(road)),
+        "overtaking_sign": float(side_of(road)),
         "direction": float(np.float32(direction)),
         "interval_ms": interval_ms,
         "half_window": half_window(interval_ms),
@@ -229,13 +229,13 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     Returns:
         film: Mean water film of each lane, puddles included, padded to eight lanes, shape
             (simulation, lane) [mm].
-        wear, truck: Tread wear of the ego, and 1 for truck tyres.
+        tyre_wear, has_truck_tyres: Tread wear of the ego, and 1 for truck tyres.
         fog, rain: Extinction of fog, and of rain to an observer at rest [1/m].
         contrast_depth: Optical depth at which a vehicle of middling colour is lost.
         lamp_depth, lamp_clear: Logarithm of a rear lamp's intensity over the threshold, and its
             range in clear air [m].
         unlit_limit: Range of the ego's own lamps by night, the limit of attention by day [m].
-        attention: That limit, a number [m].
+        attention_range: That limit, a number [m].
     """
     scenario, attention = trajectories.scenario, constant("model.perception.range")
     ahead, bodies = weather_effects(scenario), scenario.vehicles
@@ -246,8 +246,8 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
     arrays = {
         "film": film,
-        "wear": bodies.tyre_wear[:, EGO_SLOT],
-        "truck": as_f32(bodies.kind[:, EGO_SLOT] == VehicleKind.TRUCK),
+        "tyre_wear": bodies.tyre_wear[:, EGO_SLOT],
+        "has_truck_tyres": as_f32(bodies.kind[:, EGO_SLOT] == VehicleKind.TRUCK),
         "fog": sight["fog_extinction"],
         "rain": sight["rain_extinction"],
         "contrast_depth": maximum(depth, np.float32(0.0)),
@@ -256,7 +256,7 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
         "unlit_limit": np.float32(1.0) / inverse,
     }
     flat = {name: _flat(values) for name, values in arrays.items()}
-    return {**flat, "attention": float(attention)}
+    return {**flat, "attention_range": float(attention)}
 
 
 def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
@@ -274,18 +274,21 @@ def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
 
 def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
     outputs = _room(trajectories, EgoSignals, _AROUND)
-    _core.around(
-        recorded=pack(trajectories), vehicle=_flat(vehicle), outputs=outputs, level=simd_level()
+    _core.neighbour_signals(
+        recording=pack(trajectories),
+        neighbour_slot=_flat(vehicle),
+        outputs=outputs,
+        level=simd_level(),
     )
     return outputs
 
 
 def _target(trajectories: Trajectories, seen: EgoSignals, vehicle: U8) -> Arrays:
     outputs = _room(trajectories, TargetSignals, _target_names())
-    _core.target(
-        recorded=pack(trajectories),
-        seen=pack_seen(seen),
-        target=np.ascontiguousarray(vehicle, np.uint8),
+    _core.target_signals(
+        recording=pack(trajectories),
+        signals=pack_seen(seen),
+        target_slot=np.ascontiguousarray(vehicle, np.uint8),
         outputs=outputs,
         level=simd_level(),
     )

@@ -1,6 +1,6 @@
 """The events of one simulation, as `docs/explanation/events.md` defines them.
 
-`crates/overtaking-core/src/events.rs` says the same faster.
+`events.rs` of `crates/overtaking-labels` computes the same faster.
 """
 
 from __future__ import annotations
@@ -86,11 +86,11 @@ class Drive:
         for t in range(self.one.frames):
             if t == 0 or self.lane[t] != self.lane[t - 1]:
                 inside, from_start = 0, t == 0
-                been = t == 0 and self.seen["lateral_speed"][0] > self.limits["least_speed"]
+                been = t == 0 and self.seen["lateral_speed"][0] > self.limits["min_speed"]
             line = self.left_line(self.lane[t]) + self.limits["over_line"]
             is_over = self.seen["left_edge"][t] > line
             inside, from_start = 0 if is_over else inside + 1, from_start and not is_over
-            been = been or inside >= self.limits["least_frames"] or from_start
+            been = been or inside >= self.limits["min_frames"] or from_start
             out.append(bool(is_over and been))
         return out
 
@@ -131,7 +131,7 @@ class Drive:
 
     def to_the_left(self) -> list[tuple[int, int]]:
         """Movements to the left; however slow where a corner is over the line."""
-        speed, least = self.seen["lateral_speed"], self.limits["least_speed"]
+        speed, least = self.seen["lateral_speed"], self.limits["min_speed"]
         return self.movements(lambda t: speed[t] > least or (speed[t] > 0 and self.out[t]))
 
     def is_wide(self, begin: int, end: int, sign: float) -> bool:
@@ -140,12 +140,12 @@ class Drive:
         # Before the recording it was where it was at first.
         median = np.median([self.lateral[max(t, 0)] for t in window]).astype(np.float32)
         shift = np.float32(sign) * (self.lateral[end] - median)
-        long_enough = end - begin + 1 >= self.limits["least_frames"]
-        return bool(long_enough and shift >= self.limits["least_shift"])
+        long_enough = end - begin + 1 >= self.limits["min_frames"]
+        return bool(long_enough and shift >= self.limits["min_shift"])
 
     def is_fast(self, begin: int, end: int) -> bool:
         """Whether the ego advances within a second by more than gusts and wandering move it."""
-        least = self.limits["least_advance"][self.one.number]
+        least = self.limits["min_advance"][self.one.number]
         second = self.limits["advance"]
         ahead = [
             self.lateral[min(t + second, end)] - self.lateral[t] for t in range(begin, end + 1)
@@ -158,7 +158,7 @@ class Drive:
         def shift(t: int) -> np.float32:
             return self.lateral[t] - self.lateral[begin]
 
-        moved = first(range(begin, until), lambda t: shift(t) >= self.limits["least_shift"])
+        moved = first(range(begin, until), lambda t: shift(t) >= self.limits["min_shift"])
         if moved is None:
             return None
         return first(range(moved, until), lambda t: shift(t) <= self.limits["settled_shift"])
@@ -306,7 +306,7 @@ def _turning(drive: Drive, begun: int, end: Frame) -> Frame:
     """Where the movement back begins, after the ego was farthest to the left."""
     until = drive.end if end is None else min(end + 1, drive.end)
     farthest = max(range(begun, until), key=lambda t: drive.lateral[t])
-    least = np.float32(drive.limits["least_speed"])
+    least = np.float32(drive.limits["min_speed"])
     for begin, last in drive.movements(lambda t: drive.seen["lateral_speed"][t] < -least):
         if farthest <= begin < until and drive.is_wide(begin, last, -1.0):
             return begin

@@ -1,7 +1,8 @@
 """Who is around the ego and how far one sees, one simulation after the other.
 
 Formulas are applied to all frames of a simulation at once; whoever is looked for is looked for
-frame by frame. `crates/overtaking-core/src/signals.rs` says the same faster.
+frame by frame. `ego_signals.rs` of `crates/overtaking-labels` computes the same, sixteen frames
+at a time.
 """
 
 from __future__ import annotations
@@ -204,7 +205,7 @@ def _friction(one: One, speed: F32) -> F32:
     nearest = np.where(lane == 255, 0, np.minimum(lane, one.num_lanes - 1))
     film = given["film"].reshape(-1, 8)[k, nearest]
     return friction_at_film(
-        c, friction_at_speed(c, speed, given["wear"][[k]], given["truck"][[k]]), film
+        c, friction_at_speed(c, speed, given["tyre_wear"][[k]], given["has_truck_tyres"][[k]]), film
     )
 
 

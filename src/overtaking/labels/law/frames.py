@@ -232,18 +232,18 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         case: The batch.
         spans: Where to look, by the names that `stretches` gives them.
     """
-    count, names = case.signals.num_simulations, dict(_core.stretch_fields())
+    count, names = case.signals.num_simulations, dict(_core.span_fields())
     ends = [end for name in names["spans"] for end in (spans[name].start, spans[name].stop)]
     moments = [getattr(case.events, name) for name in names["moments"]]
     kinds = {"measures": np.float32, "frames": np.int32, "sums": np.int64}
     out = {name: np.empty((len(names[name]), count), kind) for name, kind in kinds.items()}
-    _core.stretches(
-        recorded=packed(case),
-        seen=pack_seen(case.signals),
+    _core.scan_spans(
+        recording=packed(case),
+        signals=pack_seen(case.signals),
         spans=np.concatenate(ends, dtype=np.int32),
         moments=np.concatenate(moments, dtype=np.int32),
-        numbers=_numbers(case),
-        out=out,
+        law=_numbers(case),
+        outputs=out,
         level=simd_level(),
     )
     said: dict[str, Arrays] = {
@@ -270,21 +270,21 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
 
 
 _NUMBERS = {
-    "floor": "friction.table.floor",
+    "friction_floor": "friction.table.floor",
     "decel_limit": "law.safe_distance.decel_limit",
     "reaction_time": "law.safe_distance.reaction_time",
     "stop_reaction_time": "law.sight.reaction_time",
     "time_gap": "law.return.time_gap",
     "free_time": "law.return.free_time",
-    "reach": "law.return.reach",
+    "return_range": "law.return.reach",
     "allowed_braking": "law.obstruction.braking",
-    "most_braking": "law.obstruction.most",
+    "max_braking": "law.obstruction.most",
     "picud_reaction_time": "event_detection.safety.picud_reaction_time",
     "picud_decel": "event_detection.safety.picud_decel",
     "rss_reaction_time": "law.rss.reaction_time",
     "rss_accel": "law.rss.accel",
     "rss_rear_decel": "law.rss.rear_decel",
-    "rss_lead_decel": "law.rss.lead_decel",
+    "rss_leader_decel": "law.rss.lead_decel",
     "critical_ttc": "event_detection.safety.critical_ttc",
 }
 
@@ -293,9 +293,9 @@ def _numbers(case: Case) -> dict[str, Any]:
     usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
     return {
         **{name: float(constant(path)) for name, path in _NUMBERS.items()},
-        "usable": float(usable),
-        "regain": time_to_regain(case),
-        "lasting": frames_of(case, constant("law.obstruction.duration")),
+        "decel_per_friction": float(usable),
+        "regain_frames": time_to_regain(case),
+        "obstruction_frames": frames_of(case, constant("law.obstruction.duration")),
     }
 
 
@@ -359,12 +359,12 @@ def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) 
         signal, limit = signal - limit, np.float32(0.0)
     count = len(signal)
     low, frames = np.empty(count, np.float32), np.empty((3, count), np.int32)
-    _core.limited(
+    _core.limit_margins(
         signal=adjacent(signal),
         span=span.ends,
         limit=np.full(count, limit, np.float32),
-        is_most=is_most,
-        low=low,
+        is_maximum=is_most,
+        min_margin=low,
         frames=frames,
         level=simd_level(),
     )
@@ -380,7 +380,7 @@ def bits_within(values: U8, span: Span) -> tuple[U8, U8]:
         span: Where to look.
     """
     out = np.empty((2, len(values)), np.uint8)
-    _core.bits(values=adjacent(values), span=span.ends, out=out)
+    _core.flag_bits(values=adjacent(values), span=span.ends, out=out)
     return out[0], out[1]
 
 

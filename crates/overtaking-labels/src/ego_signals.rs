@@ -1,0 +1,260 @@
+//! Signals of the ego: its lateral motion, friction, sight distances, and the nearest vehicle in each role.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd, i32x16};
+use overtaking_core::elementary::log;
+use overtaking_core::{at_film as friction_at_film, dispatch, speed_columns as friction_at_speed};
+
+use crate::frame_block::{FrameBlock, for_each_frame_block};
+use crate::recording::{
+    BEYOND_KERB_EDGE, EgoSignals, MAX_LANES, METRES_PER_MM, NO_VEHICLE, NUM_ROLES, PackedRecording,
+    VisibilityInputs,
+};
+use crate::vectors::{F32, at_least, at_most, max, min, select, splat};
+
+/// Steps of Newton's method for the range of a lamp, as in `overtaking.world.visibility`.
+const MAX_NEWTON_STEPS: usize = 8;
+/// Keeps ranges finite in clear air [1/m].
+const MIN_EXTINCTION: f32 = 1e-7;
+/// Optical depth by which a lamp exceeds the threshold at the limit of attention before its range is not computed.
+/// Newton's method ends within a thousandth of the range; this margin is ten times as large.
+const LAMP_DEPTH_MARGIN: f32 = 0.01;
+
+/// Compute the signals of a batch.
+///
+/// `zero_from` holds the frame from which on the rows of `out` are zero, before and after the call.
+pub fn ego_signals(
+    recording: &PackedRecording<'_>,
+    visibility: &VisibilityInputs<'_>,
+    level: Level,
+    out: &mut EgoSignals<'_>,
+    zero_from: &mut [i32],
+) {
+    out.fill(recording, zero_from, |simulation, num_computed, out| {
+        let ego = recording.row(simulation, 0);
+        lateral_speed(recording, ego, &mut out.lateral_speed[..num_computed]);
+        dispatch!(level, |simd| {
+            let mut lamp_range = LampRange::UNKNOWN;
+            for_each_frame_block!(
+                FrameBlock::new(simd, recording, simulation),
+                num_computed,
+                |block| {
+                    let frames = EgoFrames { block, visibility };
+                    frames.ego_alone(block.footprint(ego), &mut lamp_range, out);
+                    frames.nearest_vehicles(out);
+                }
+            );
+        });
+    });
+}
+
+/// Lateral speed of a vehicle that is recorded in every frame, positive to the left [m/s].
+///
+/// A central difference over `half_window` frames on either side, one-sided at both ends of the recording.
+pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
+    let (d, half) = (recording.d[row], recording.half_window);
+    let num_recorded = recording.num_recorded(row / recording.num_slots);
+    let last = num_recorded.saturating_sub(1);
+    let near_an_end = |frame: usize| {
+        let later = (frame + half).min(last);
+        let earlier = frame.saturating_sub(half).min(last);
+        let moved = d[later].wrapping_sub(d[earlier]) as f32;
+        let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
+        recording.overtaking_sign * (moved / elapsed)
+    };
+    let inner_begin = half.min(out.len());
+    let inner_end = num_recorded
+        .saturating_sub(half)
+        .clamp(inner_begin, out.len());
+    for (frame, speed) in out[..inner_begin].iter_mut().enumerate() {
+        *speed = near_an_end(frame);
+    }
+    // The inner frames have one elapsed time and no bounds to check, so the compiler vectorizes this loop.
+    let elapsed = (2 * half as i32 * recording.interval_ms).max(1) as f32;
+    let pairs = d.iter().zip(d.iter().skip(2 * half));
+    for (speed, (earlier, later)) in out[inner_begin..inner_end].iter_mut().zip(pairs) {
+        *speed = recording.overtaking_sign * (later.wrapping_sub(*earlier) as f32 / elapsed);
+    }
+    for (frame, speed) in out[inner_end..].iter_mut().enumerate() {
+        *speed = near_an_end(inner_end + frame);
+    }
+}
+
+/// Results that later blocks of a simulation can use again.
+struct LampRange<S: Simd> {
+    /// Distance at which a lamp reaches the threshold of the eye [m].
+    range: Option<F32<S>>,
+    /// Twice the logarithm of the attention range.
+    attention_depth: Option<F32<S>>,
+}
+
+impl<S: Simd> LampRange<S> {
+    const UNKNOWN: Self = Self {
+        range: None,
+        attention_depth: None,
+    };
+}
+
+/// The nearest vehicle in one role.
+#[derive(Clone, Copy)]
+struct Nearest<S: Simd> {
+    distance: i32x16<S>,
+    slot: i32x16<S>,
+}
+
+/// A block of frames with the weather around the ego.
+struct EgoFrames<'a, S: Simd> {
+    block: FrameBlock<'a, S>,
+    visibility: &'a VisibilityInputs<'a>,
+}
+
+impl<S: Simd> EgoFrames<'_, S> {
+    /// Write the signals that need no other vehicle.
+    #[inline(always)]
+    fn ego_alone(
+        &self,
+        (lateral_position, half_covered): (F32<S>, F32<S>),
+        lamp_range: &mut LampRange<S>,
+        out: &mut EgoSignals<'_>,
+    ) {
+        let (block, r) = (&self.block, self.block.recording);
+        let ego = block.row(0);
+        let speed: F32<S> = block.load(r.speed[ego]).to_float();
+        let accel: F32<S> = block.load(r.accel[ego]).to_float();
+        let speed = speed * METRES_PER_MM;
+        block.store(out.accel, accel * METRES_PER_MM);
+        block.store_bytes(out.lane, block.load(r.lane[ego]));
+        block.store(out.lateral_position, lateral_position);
+        block.store(out.speed, speed);
+        block.store(out.right_edge, lateral_position - half_covered);
+        block.store(out.left_edge, lateral_position + half_covered);
+        block.store(out.friction, self.friction(ego, speed));
+        let (lit, unlit) = self.sight_distances(speed, lamp_range);
+        block.store(out.sight_lit, lit);
+        block.store(out.sight_unlit, unlit);
+    }
+
+    /// Peak friction of the ego's tyres in its lane.
+    #[inline(always)]
+    fn friction(&self, ego: usize, speed: F32<S>) -> F32<S> {
+        let (block, visibility) = (&self.block, self.visibility);
+        let lane = block.load(block.recording.lane[ego]);
+        let films = &visibility.film[block.simulation * MAX_LANES..][..block.recording.num_lanes];
+        let mut film = splat(block.simd, films[0]);
+        for (index, value) in films.iter().enumerate().skip(1) {
+            // A vehicle beyond the overtaking-side edge has the film of the outer lane there, a vehicle beyond the
+            // kerb-side edge the film of lane 0.
+            let is_in_lane_or_beyond =
+                lane.simd_ge(index as i32) & lane.simd_lt(i32::from(BEYOND_KERB_EDGE));
+            film = select(is_in_lane_or_beyond, splat(block.simd, *value), film);
+        }
+        let wear = splat(block.simd, visibility.tyre_wear[block.simulation]);
+        let truck = splat(block.simd, visibility.has_truck_tyres[block.simulation]);
+        let constants = visibility.constants;
+        friction_at_film(
+            constants,
+            &friction_at_speed(constants, speed, wear, truck),
+            film,
+        )
+    }
+
+    /// Distances at which the driver sees a lit and an unlit vehicle [m].
+    #[inline(always)]
+    fn sight_distances(&self, speed: F32<S>, lamp_range: &mut LampRange<S>) -> (F32<S>, F32<S>) {
+        let (simd, v, k) = (self.block.simd, self.visibility, self.block.simulation);
+        let rain = v.rain[k] * (1.0 + speed / v.constants.rain_speed);
+        let extinction = v.fog[k] + rain;
+        let contrast = v.contrast_depth[k] / at_least(extinction, MIN_EXTINCTION);
+        let unlit = at_most(contrast, v.unlit_limit[k]);
+        if unlit.simd_ge(v.attention_range).all_true() {
+            return (splat(simd, v.attention_range), unlit);
+        }
+        // Extinction depends on the speed only in rain; without rain one range holds for all frames.
+        let lamp = if let (Some(lamp), 0.0) = (lamp_range.range, v.rain[k]) {
+            lamp
+        } else if self.exceeds_attention_range(extinction, lamp_range) {
+            splat(simd, v.attention_range)
+        } else {
+            self.lamp_range(extinction)
+        };
+        lamp_range.range = Some(lamp);
+        (at_most(max(lamp, unlit), v.attention_range), unlit)
+    }
+
+    /// Whether a lamp is certainly visible at the attention range, in each of these frames.
+    #[inline(always)]
+    fn exceeds_attention_range(&self, extinction: F32<S>, lamp_range: &mut LampRange<S>) -> bool {
+        let v = self.visibility;
+        let attention_depth = match lamp_range.attention_depth {
+            Some(depth) => depth,
+            None => 2.0 * log(splat(self.block.simd, v.attention_range)),
+        };
+        lamp_range.attention_depth = Some(attention_depth);
+        let excess =
+            attention_depth + extinction * v.attention_range - v.lamp_depth[self.block.simulation];
+        excess.simd_lt(-LAMP_DEPTH_MARGIN).all_true()
+    }
+
+    /// Distance at which a lamp reaches the threshold of the eye, by Allard's law [m].
+    #[inline(always)]
+    fn lamp_range(&self, extinction: F32<S>) -> F32<S> {
+        let (v, k) = (self.visibility, self.block.simulation);
+        let depth = v.lamp_depth[k];
+        let mut range = min(
+            splat(self.block.simd, v.lamp_clear[k]),
+            4.0 / at_least(extinction, 1e-6),
+        );
+        for _ in 0..MAX_NEWTON_STEPS {
+            let excess = 2.0 * log(range) + extinction * range - depth;
+            let next = at_least(range - range * excess / (2.0 + extinction * range), 0.5);
+            // Once a step changes nothing, no later step does: leaving early keeps the result.
+            if next.simd_eq(range).all_true() {
+                break;
+            }
+            range = next;
+        }
+        range
+    }
+
+    /// Write the slot of the nearest vehicle in each role; of vehicles at one distance the first slot counts.
+    #[inline(always)]
+    fn nearest_vehicles(&self, out: &mut EgoSignals<'_>) {
+        let (block, r) = (&self.block, self.block.recording);
+        let ego = block.row(0);
+        let (ego_s, ego_lane) = (block.load(r.s[ego]), block.load(r.lane[ego]));
+        let num_lanes = r.num_lanes as i32;
+        let ego_is_on_road = ego_lane.simd_lt(num_lanes);
+        let mut nearest = [Nearest {
+            distance: block.int(i32::MAX),
+            slot: block.int(i32::from(NO_VEHICLE)),
+        }; NUM_ROLES];
+        for slot in 1..r.num_slots {
+            let row = block.row(slot);
+            if !r.valid[row] {
+                continue;
+            }
+            let lead = block.load(r.s[row]) - ego_s;
+            let lane = block.load(r.lane[row]);
+            let counts = block.has_state(row) & ego_is_on_road & lane.simd_lt(num_lanes);
+            let (lane_shift, is_ahead) = (lane - ego_lane, lead.simd_ge(0));
+            let distance = is_ahead.select(lead, -lead);
+            let slot = block.int(slot as i32);
+            let lane_pairs = nearest.as_chunks_mut::<2>().0.iter_mut();
+            // The order of `NeighbourRole`: own lane, left, right; in each the leader, then the follower.
+            for (pair, shift) in lane_pairs.zip([0, 1, -1]) {
+                let is_in_lane = counts & lane_shift.simd_eq(shift);
+                if !is_in_lane.any_true() {
+                    continue;
+                }
+                for (nearest, is_on_side) in pair.iter_mut().zip([is_ahead, !is_ahead]) {
+                    let is_closer = is_in_lane & is_on_side & distance.simd_lt(nearest.distance);
+                    nearest.distance = is_closer.select(distance, nearest.distance);
+                    nearest.slot = is_closer.select(slot, nearest.slot);
+                }
+            }
+        }
+        for (row, nearest) in out.neighbour_slot.chunks_mut(r.max_frames).zip(nearest) {
+            block.store_bytes(row, nearest.slot);
+        }
+    }
+}

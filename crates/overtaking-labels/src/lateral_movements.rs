@@ -1,0 +1,281 @@
+//! Movements of the ego across the road: unbroken runs of frames, how far they lead, and how fast.
+
+use crate::recording::{NO_VEHICLE, PackedRecording, SignalViews};
+use crate::track::Track;
+
+/// A full turn, as headings are recorded [0.1 mrad].
+const FULL_TURN: i32 = 62_832;
+
+/// Hand the numbers of `EventThresholds` to a macro: meaning, name and type.
+#[macro_export]
+macro_rules! with_event_thresholds {
+    ($then:ident!) => {
+        $then! {
+            /// Fewest frames of a wide movement.
+            min_frames: usize,
+            /// Frames before a movement over which the position of the ego is averaged, by the median.
+            window: usize,
+            /// Lateral speed above which the ego moves across the road [m/s].
+            min_speed: f32,
+            /// Smallest shift of a wide movement [m].
+            min_shift: f32,
+            /// Remaining shift at which a movement counts as undone [m].
+            settled_shift: f32,
+            /// Lanes, from lane 0 on, that have a driving lane to their left.
+            lanes_with_left: usize,
+            /// Distance of a corner beyond the line at which it counts as over the line [m].
+            over_line: f32,
+            /// Frames in which a fast movement advances by `min_advance`.
+            advance: usize,
+            /// Frames after a fast movement within which it leads out of the lane or is undone.
+            follow_up: usize,
+            /// Time gap below which the ego follows its leader closely [s].
+            follow_time_gap: f32,
+            /// Direction of the road [0.1 mrad].
+            direction: i32,
+            /// Angle to the road beyond which a vehicle has spun [0.1 mrad].
+            spin_angle: i32,
+        }
+    };
+}
+
+macro_rules! declare_event_thresholds {
+    ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
+        /// Thresholds of `event_detection.toml`, and the lanes of the road; times are numbers of frames.
+        pub struct EventThresholds<'a> {
+            /// Advance to the left within `advance` frames that gusts and wandering do not reach, for each ego [m].
+            pub min_advance: &'a [f32],
+            /// Lane borders from right to left [m].
+            pub borders: Vec<f32>,
+            $($(#[$doc])* pub $field: $kind,)*
+        }
+    };
+}
+with_event_thresholds! { declare_event_thresholds! }
+
+impl EventThresholds<'_> {
+    /// First frame in which a vehicle stands across the road, after a frame in which it does not.
+    fn first_spin(&self, headings: &[i16]) -> Option<usize> {
+        let direction = (self.direction + FULL_TURN / 2).rem_euclid(FULL_TURN) - FULL_TURN / 2;
+        first_change(headings, |heading| {
+            // Heading and direction each lie within half a turn of zero, or little more. Their difference is therefore
+            // at most one and a half turns, and one subtraction of a full turn makes it an angle.
+            let turned = (i32::from(heading) - direction).abs();
+            turned.min((turned - FULL_TURN).abs()) > self.spin_angle
+        })
+    }
+}
+
+/// First frame in which a condition holds.
+fn first_frame<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
+    // The condition mostly holds in no frame. Without a branch for each frame the compiler tests many at once.
+    const CHUNK: usize = 64;
+    let holds_in_any = |chunk: &[T]| chunk.iter().fold(false, |any, &value| any | holds(value));
+    let begin = CHUNK * row.chunks(CHUNK).position(holds_in_any)?;
+    let offset = row[begin..].iter().position(|&value| holds(value))?;
+    Some(begin + offset)
+}
+
+/// First frame in which a condition holds after a frame in which it does not hold. A recording may begin with a
+/// vehicle beside the lanes, which is no departure from them.
+fn first_change<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
+    let start = row.iter().position(|&value| !holds(value))?;
+    Some(start + first_frame(&row[start..], holds)?)
+}
+
+/// The ego of one simulation up to its first accident.
+pub(crate) struct EgoDrive<'a> {
+    pub(crate) track: Track<'a>,
+    pub(crate) thresholds: &'a EventThresholds<'a>,
+    /// `EventThresholds::min_advance` of this ego [m].
+    min_advance: f32,
+    /// Number of frames before the first accident.
+    pub(crate) num_driven: usize,
+    pub(crate) collision: Option<usize>,
+    pub(crate) road_departure: Option<usize>,
+    pub(crate) spin: Option<usize>,
+    pub(crate) collided_with: &'a [u8],
+}
+
+/// An unbroken movement; both frames belong to it.
+#[derive(Clone, Copy)]
+pub(crate) struct Movement {
+    pub(crate) first: usize,
+    pub(crate) last: usize,
+}
+
+impl<'a> EgoDrive<'a> {
+    /// The ego of one simulation of a batch.
+    pub(crate) fn new(
+        recording: &'a PackedRecording<'a>,
+        signals: &SignalViews<'a>,
+        thresholds: &'a EventThresholds<'a>,
+        simulation: usize,
+    ) -> Self {
+        let track = Track::new(recording, signals, simulation);
+        let num_frames = track.num_frames;
+        let collided_with = recording.collided_with[simulation];
+        let collision = first_frame(&collided_with[..num_frames], |slot| slot != NO_VEHICLE);
+        // `num_lanes` stands for the overtaking side of the road and 255 for the kerb side; both lie beyond the lanes.
+        let num_lanes = thresholds.borders.len() - 1;
+        let road_departure = first_change(&track.signals.lane[..num_frames], |lane| {
+            usize::from(lane) >= num_lanes
+        });
+        let ego = recording.row(simulation, 0);
+        let spin = thresholds.first_spin(&recording.heading[ego][..num_frames]);
+        let accident = [collision, road_departure, spin]
+            .into_iter()
+            .flatten()
+            .min();
+        Self {
+            track,
+            thresholds,
+            min_advance: thresholds.min_advance[simulation],
+            num_driven: accident.unwrap_or(num_frames),
+            collision,
+            road_departure,
+            spin,
+            collided_with,
+        }
+    }
+
+    /// Left border of a lane; the last border for a place beyond the lanes.
+    pub(crate) fn left_line(&self, lane: u8) -> f32 {
+        let borders = &self.thresholds.borders;
+        borders[(usize::from(lane) + 1).min(borders.len() - 1)]
+    }
+
+    /// Right border of a lane; the last border for a place beyond the lanes.
+    pub(crate) fn right_line(&self, lane: u8) -> f32 {
+        let borders = &self.thresholds.borders;
+        borders[usize::from(lane).min(borders.len() - 1)]
+    }
+
+    /// Whether a driving lane lies to the left of the ego's lane.
+    pub(crate) fn has_left_lane(&self, frame: usize) -> bool {
+        usize::from(self.track.signals.lane[frame]) < self.thresholds.lanes_with_left
+    }
+
+    /// Whether a corner of the ego is over the left line of a lane in which its whole left side has been.
+    pub(crate) fn is_over_left_line(&self, frame: usize) -> bool {
+        self.has_corner_over_line(frame) && self.has_been_inside(frame)
+    }
+
+    fn has_corner_over_line(&self, frame: usize) -> bool {
+        let signals = &self.track.signals;
+        let line = self.left_line(signals.lane[frame]);
+        signals.left_edge[frame] > line + self.thresholds.over_line
+    }
+
+    /// Whether the whole left side was inside the lane: for `min_frames` since the centre entered it, or from the first
+    /// frame on. A recording that begins while the ego moves to the left also counts.
+    fn has_been_inside(&self, frame: usize) -> bool {
+        let (lane, thresholds) = (self.track.signals.lane, self.thresholds);
+        let mut num_inside = 0;
+        for earlier in (0..frame).rev() {
+            if lane[earlier] != lane[frame] {
+                return false;
+            }
+            num_inside = if self.has_corner_over_line(earlier) {
+                0
+            } else {
+                num_inside + 1
+            };
+            if num_inside >= thresholds.min_frames {
+                return true;
+            }
+        }
+        num_inside > 0 || self.track.signals.lateral_speed[0] > thresholds.min_speed
+    }
+
+    /// The leader, or the last leader within `window` frames in this lane, if that vehicle still has a state.
+    pub(crate) fn recent_leader(&self, frame: usize) -> Option<u8> {
+        let lane = self.track.signals.lane;
+        let earliest = frame.saturating_sub(self.thresholds.window);
+        (earliest..=frame)
+            .rev()
+            .take_while(|&earlier| lane[earlier] == lane[frame])
+            .find_map(|earlier| self.track.leader(earlier))
+            .filter(|&slot| self.track.has_state(usize::from(slot), frame))
+    }
+
+    /// The first movement to the left that begins at a frame or later.
+    pub(crate) fn next_left_movement(&self, search_from: usize) -> Option<Movement> {
+        let (lateral_speed, min_speed) =
+            (self.track.signals.lateral_speed, self.thresholds.min_speed);
+        self.next_movement(search_from, |frame| {
+            let speed = lateral_speed[frame];
+            // Over the line any speed counts: the ego leaves its lane, however slowly.
+            speed > min_speed || (speed > 0.0 && self.is_over_left_line(frame))
+        })
+    }
+
+    /// First frame of the first wide movement to the right that begins within some frames.
+    pub(crate) fn first_wide_right(&self, search_from: usize, end: usize) -> Option<usize> {
+        let (lateral_speed, max_speed) =
+            (self.track.signals.lateral_speed, -self.thresholds.min_speed);
+        let mut search_from = search_from;
+        loop {
+            let movement =
+                self.next_movement(search_from, |frame| lateral_speed[frame] < max_speed)?;
+            if movement.first >= end {
+                return None;
+            }
+            if self.is_wide(movement, -1.0) {
+                return Some(movement.first);
+            }
+            search_from = movement.last + 1;
+        }
+    }
+
+    /// The first unbroken run of frames with movement that begins at a frame or later; an accident ends it.
+    fn next_movement(
+        &self,
+        search_from: usize,
+        is_moving: impl Fn(usize) -> bool,
+    ) -> Option<Movement> {
+        let begins = |frame: &usize| is_moving(*frame) && (*frame == 0 || !is_moving(*frame - 1));
+        let first = (search_from..self.num_driven).find(begins)?;
+        let end = (first + 1..self.num_driven).find(|&frame| !is_moving(frame));
+        Some(Movement {
+            first,
+            last: end.unwrap_or(self.num_driven) - 1,
+        })
+    }
+
+    /// Whether a movement to the left advances faster than gusts and wandering move a vehicle.
+    pub(crate) fn is_fast(&self, movement: Movement) -> bool {
+        let lateral_position = self.track.signals.lateral_position;
+        (movement.first..=movement.last).any(|frame| {
+            let later = (frame + self.thresholds.advance).min(movement.last);
+            lateral_position[later] - lateral_position[frame] >= self.min_advance
+        })
+    }
+
+    /// Whether a movement has `min_frames` and leads `min_shift` away from the earlier position.
+    ///
+    /// `sign` is 1 for a movement to the left, -1 for one to the right.
+    pub(crate) fn is_wide(&self, movement: Movement, sign: f32) -> bool {
+        let position = self.track.signals.lateral_position[movement.last];
+        movement.last - movement.first + 1 >= self.thresholds.min_frames
+            && sign * (position - self.median_position(movement.first)) >= self.thresholds.min_shift
+    }
+
+    /// Median lateral position over the `window` frames before a frame and the frame itself [m].
+    fn median_position(&self, frame: usize) -> f32 {
+        let lateral_position = self.track.signals.lateral_position;
+        let earliest = frame.saturating_sub(self.thresholds.window);
+        // Frames before the recording have the first recorded position.
+        let num_missing = self.thresholds.window - (frame - earliest);
+        let mut positions = vec![lateral_position[0]; num_missing];
+        positions.extend_from_slice(&lateral_position[earliest..=frame]);
+        let middle = positions.len() / 2;
+        let is_odd = !positions.len().is_multiple_of(2);
+        let (lower, upper, _) = positions.select_nth_unstable_by(middle, f32::total_cmp);
+        if is_odd {
+            return *upper;
+        }
+        let below = lower.iter().copied().max_by(f32::total_cmp);
+        (below.unwrap_or(*upper) + *upper) / 2.0
+    }
+}

@@ -1,0 +1,377 @@
+//! Signals of other vehicles: gaps to all neighbours, occupancy of the left lane, and the overtaken vehicle.
+//!
+//! They are computed apart from `ego_signals`, as few callers read them.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd};
+use overtaking_core::dispatch;
+use rayon::prelude::*;
+
+use crate::ego_signals::lateral_speed;
+use crate::frame_block::{FrameBlock, for_each_frame_block};
+use crate::recording::{
+    METRES_PER_MM, NO_VEHICLE, NUM_ROLES, PackedRecording, SignalViews, is_ahead, signal_outputs,
+    span_frames,
+};
+use crate::vectors::{F32, SIMD_LANES, select, splat};
+
+/// Distance ahead and behind over which the occupancy of the left lane is counted [mm].
+const OCCUPANCY_REACH_MM: i32 = 100_000;
+/// Simulations that a thread takes at a time; one takes less than a microsecond.
+const SIMULATIONS_PER_TASK: usize = 64;
+
+signal_outputs! {
+    ($) with_neighbour_signals
+    /// Arrays for gaps to the neighbours and for the left lane.
+    NeighbourSignals:
+    /// Gap between the bumpers [m].
+    gap: f32, NUM_ROLES;
+    /// Speed at which the gap shrinks [m/s].
+    closing_speed: f32, NUM_ROLES;
+    /// Gap between the sides [m].
+    lateral_gap: f32, NUM_ROLES;
+    /// Share of the left lane that vehicles cover, within `OCCUPANCY_REACH_MM`.
+    left_occupancy: f32, 1;
+    /// Number of vehicles in the left lane.
+    left_count: u8, 1;
+}
+
+signal_outputs! {
+    ($) with_target_signals
+    /// Arrays for the signals of the overtaken vehicle, the target.
+    TargetSignals:
+    /// Whether the target has a state in a frame.
+    valid: bool, 1;
+    /// Centre of the ego minus centre of the target, along the road [m].
+    ego_lead: f32, 1;
+    /// Whether both overlap along the road.
+    overlaps: bool, 1;
+    /// Gap between the bumpers [m].
+    gap: f32, 1;
+    /// Lateral position, positive to the left [m].
+    lateral_position: f32, 1;
+    /// Gap between the sides [m].
+    lateral_gap: f32, 1;
+    /// Lane index.
+    lane: u8, 1;
+    /// Speed [m/s].
+    speed: f32, 1;
+    /// Acceleration [m/s^2].
+    accel: f32, 1;
+    /// Lateral speed, positive to the left [m/s].
+    lateral_speed: f32, 1;
+}
+
+/// Compute gaps to the neighbours of the ego and the occupancy of its left lane.
+///
+/// `neighbour_slot` has shape (simulation, role, frame), as `ego_signals` fills it.
+pub fn neighbour_signals(
+    recording: &PackedRecording<'_>,
+    neighbour_slot: &[u8],
+    level: Level,
+    out: &mut NeighbourSignals<'_>,
+) {
+    let len = NUM_ROLES * recording.max_frames;
+    // The arrays come with undefined contents, so all frames behind the recorded ones have to be cleared.
+    let mut zero_from = vec![i32::MAX; recording.num_frames.len()];
+    out.fill(
+        recording,
+        &mut zero_from,
+        |simulation, num_computed, out| {
+            let neighbour_slot = &neighbour_slot[simulation * len..(simulation + 1) * len];
+            dispatch!(level, |simd| for_each_frame_block!(
+                FrameBlock::new(simd, recording, simulation),
+                num_computed,
+                |block| {
+                    block.neighbour_gaps(neighbour_slot, out);
+                    block.left_lane(out);
+                }
+            ));
+        },
+    );
+}
+
+impl<S: Simd> FrameBlock<'_, S> {
+    /// Write the gaps to all neighbours, zero for a role without a vehicle.
+    #[inline(always)]
+    fn neighbour_gaps(&self, neighbour_slot: &[u8], out: &mut NeighbourSignals<'_>) {
+        let (r, ego, zero) = (self.recording, self.row(0), splat(self.simd, 0.0));
+        let (ego_s, ego_speed) = (self.load(r.s[ego]), self.load(r.speed[ego]));
+        let (ego_position, ego_half_covered) = self.footprint(ego);
+        let mut results = [[zero; 3]; NUM_ROLES];
+        for slot in 1..r.num_slots {
+            let row = self.row(slot);
+            let lead = self.load(r.s[row]) - ego_s;
+            let distance: F32<S> = lead.simd_ge(0).select(lead, -lead).to_float();
+            let half_length_sum = r.length[ego] * 0.5 + r.length[row] * 0.5;
+            let ego_excess = ego_speed - self.load(r.speed[row]);
+            let (position, half_covered) = self.footprint(row);
+            let lateral_gap = (ego_position - position).abs() - (ego_half_covered + half_covered);
+            for (role, result) in results.iter_mut().enumerate() {
+                let slots = &neighbour_slot[role * r.max_frames..][..r.max_frames];
+                let is_neighbour = self.load(slots).simd_eq(slot as i32);
+                let closing_speed = if is_ahead(role) {
+                    ego_excess
+                } else {
+                    -ego_excess
+                };
+                let closing_speed: F32<S> = closing_speed.to_float();
+                let values = [
+                    distance * METRES_PER_MM - half_length_sum,
+                    closing_speed * METRES_PER_MM,
+                    lateral_gap,
+                ];
+                for (result, value) in result.iter_mut().zip(values) {
+                    *result = select(is_neighbour, value, *result);
+                }
+            }
+        }
+        for (role, [gap, closing_speed, lateral_gap]) in results.into_iter().enumerate() {
+            let frames = role * r.max_frames..(role + 1) * r.max_frames;
+            self.store(&mut out.gap[frames.clone()], gap);
+            self.store(&mut out.closing_speed[frames.clone()], closing_speed);
+            self.store(&mut out.lateral_gap[frames], lateral_gap);
+        }
+    }
+
+    /// Write the occupancy of the left lane.
+    ///
+    /// Lengths are summed in whole half-millimetres, so that the sum does not depend on the order of the vehicles.
+    #[inline(always)]
+    fn left_lane(&self, out: &mut NeighbourSignals<'_>) {
+        let (r, ego) = (self.recording, self.row(0));
+        let (ego_s, ego_lane) = (self.load(r.s[ego]), self.load(r.lane[ego]));
+        let limit = self.int(2 * OCCUPANCY_REACH_MM);
+        let (mut total, mut count) = (self.int(0), self.int(0));
+        for slot in 1..r.num_slots {
+            let row = self.row(slot);
+            if !r.valid[row] {
+                continue;
+            }
+            let lane = self.load(r.lane[row]);
+            let is_in_left_lane =
+                self.has_state(row) & lane.simd_eq(ego_lane + 1) & lane.simd_lt(r.num_lanes as i32);
+            // Half of a length has as many half-millimetres as the whole length has millimetres.
+            let half_length = r.length[row] * 1000.0;
+            let half_length = self.int(half_length.round_ties_even() as i32);
+            let lead = (self.load(r.s[row]) - ego_s).max(-limit).min(limit) * 2;
+            let front = (lead + half_length).min(limit);
+            let rear = (lead - half_length).max(-limit);
+            let covered = (front - rear).max(self.int(0));
+            total = is_in_left_lane.select(total + covered, total);
+            count = is_in_left_lane.select(count + 1, count);
+        }
+        let total: F32<S> = total.to_float();
+        let share = total * (1.0 / (4 * OCCUPANCY_REACH_MM) as f32);
+        self.store(out.left_occupancy, share);
+        self.store_bytes(out.left_count, count);
+    }
+}
+
+/// Compute the signals of the overtaken vehicles: their slots by simulation, `NO_VEHICLE` without one.
+pub fn target_signals(
+    recording: &PackedRecording<'_>,
+    signals: &SignalViews<'_>,
+    target_slot: &[u8],
+    level: Level,
+    out: &mut TargetSignals<'_>,
+) {
+    let mut zero_from = vec![i32::MAX; target_slot.len()];
+    out.fill(
+        recording,
+        &mut zero_from,
+        |simulation, num_computed, out| {
+            let signals = signals.of_simulation(simulation, recording.max_frames);
+            let has_target = target_slot[simulation] != NO_VEHICLE;
+            // Without a target the row of the ego is read; `valid` is false then.
+            let slot = if has_target {
+                usize::from(target_slot[simulation])
+            } else {
+                0
+            };
+            let row = recording.row(simulation, slot);
+            let speed = &mut out.lateral_speed[..num_computed];
+            if recording.is_recorded.is_some() {
+                lateral_speed_between_gaps(recording, row, speed);
+            } else {
+                lateral_speed(recording, row, speed);
+            }
+            dispatch!(level, |simd| for_each_frame_block!(
+                FrameBlock::new(simd, recording, simulation),
+                num_computed,
+                |block| {
+                    block.target_along_road(row, out);
+                    block.target_across_road(row, &signals, out);
+                }
+            ));
+            let num_recorded = recording.num_recorded(simulation);
+            for frame in 0..num_computed {
+                let has_state = has_target && recording.has_state(row, frame);
+                out.valid[frame] = has_state && frame < num_recorded;
+                out.overlaps[frame] = out.valid[frame] && out.gap[frame] < 0.0;
+            }
+        },
+    );
+}
+
+/// Lateral speed of a vehicle that lacks some frames: a central difference, one-sided beside a missing frame [m/s].
+fn lateral_speed_between_gaps(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
+    let (d, half) = (recording.d[row], recording.half_window);
+    let num_recorded = recording.num_recorded(row / recording.num_slots);
+    let has_state = |frame: &usize| *frame < num_recorded && recording.has_state(row, *frame);
+    for (frame, speed) in out.iter_mut().enumerate() {
+        let later = frame + (frame + 1..=frame + half).take_while(has_state).count();
+        let earlier_frames = (frame.saturating_sub(half)..frame).rev();
+        let earlier = frame - earlier_frames.take_while(has_state).count();
+        let moved = d[later].wrapping_sub(d[earlier]) as f32;
+        let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
+        *speed = recording.overtaking_sign * (moved / elapsed);
+    }
+}
+
+impl<S: Simd> FrameBlock<'_, S> {
+    /// Write the position and motion of the target along the road.
+    #[inline(always)]
+    fn target_along_road(&self, row: usize, out: &mut TargetSignals<'_>) {
+        let r = self.recording;
+        let ego_lead: F32<S> = (self.load(r.s[self.row(0)]) - self.load(r.s[row])).to_float();
+        let ego_lead = ego_lead * METRES_PER_MM;
+        let half_length_sum = 0.5 * (r.length[self.row(0)] + r.length[row]);
+        let speed: F32<S> = self.load(r.speed[row]).to_float();
+        let accel: F32<S> = self.load(r.accel[row]).to_float();
+        self.store(out.ego_lead, ego_lead);
+        self.store(out.gap, ego_lead.abs() - half_length_sum);
+        self.store(out.speed, speed * METRES_PER_MM);
+        self.store(out.accel, accel * METRES_PER_MM);
+    }
+
+    /// Write the lateral position of the target, its lane, and the gap between its side and the ego's.
+    #[inline(always)]
+    fn target_across_road(
+        &self,
+        row: usize,
+        signals: &SignalViews<'_>,
+        out: &mut TargetSignals<'_>,
+    ) {
+        let (lateral_position, lateral_gap) = self.lateral_position_and_gap(row, signals);
+        self.store(out.lateral_position, lateral_position);
+        self.store(out.lateral_gap, lateral_gap);
+        self.store_bytes(out.lane, self.load(self.recording.lane[row]));
+    }
+
+    /// Lateral position of a vehicle, and the gap between its side and the ego's [m].
+    #[inline(always)]
+    fn lateral_position_and_gap(&self, row: usize, signals: &SignalViews<'_>) -> (F32<S>, F32<S>) {
+        let (lateral_position, half_covered) = self.footprint(row);
+        let (left, right) = (
+            self.load_signal(signals.left_edge),
+            self.load_signal(signals.right_edge),
+        );
+        let ego_half_covered = (left - right) * 0.5;
+        let distance = (lateral_position - self.load_signal(signals.lateral_position)).abs();
+        (
+            lateral_position,
+            distance - (ego_half_covered + half_covered),
+        )
+    }
+}
+
+/// Frames in which the ego and its target overlap along the road, ordered by simulation and time.
+#[derive(Default)]
+pub struct FramesAlongside {
+    /// Position of the simulation in the batch.
+    pub simulation: Vec<i64>,
+    /// Frame.
+    pub frame: Vec<i64>,
+    /// Lane index of the target.
+    pub lane: Vec<u8>,
+    /// Gap between the sides [m].
+    pub lateral_gap: Vec<f32>,
+    /// Acceleration of the target [m/s^2].
+    pub accel: Vec<f32>,
+}
+
+/// Find the frames of a batch in which ego and target overlap.
+///
+/// # Arguments
+/// * `target_slot` - Slots of the targets by simulation, `NO_VEHICLE` without one.
+/// * `span` - First frames, then last frames to look at, (end, simulation); both ends are included.
+#[must_use]
+pub fn frames_alongside(
+    recording: &PackedRecording<'_>,
+    signals: &SignalViews<'_>,
+    target_slot: &[u8],
+    span: &[i32],
+    level: Level,
+) -> FramesAlongside {
+    let num_simulations = target_slot.len();
+    (0..num_simulations)
+        .into_par_iter()
+        .with_min_len(SIMULATIONS_PER_TASK)
+        .fold(FramesAlongside::default, |mut frames, simulation| {
+            let slot = target_slot[simulation];
+            if slot != NO_VEHICLE {
+                let row = recording.row(simulation, usize::from(slot));
+                let signals = signals.of_simulation(simulation, recording.max_frames);
+                let num_recorded = recording.num_recorded(simulation);
+                let frames_of_span = span_frames(span, simulation, num_simulations, num_recorded);
+                let end = frames_of_span.end;
+                for first_frame in frames_of_span.step_by(SIMD_LANES) {
+                    dispatch!(level, |simd| {
+                        let block = FrameBlock {
+                            first_frame,
+                            ..FrameBlock::new(simd, recording, simulation)
+                        };
+                        frames.append_overlaps(block, row, &signals, end);
+                    });
+                }
+            }
+            frames
+        })
+        .reduce(FramesAlongside::default, FramesAlongside::followed_by)
+}
+
+impl FramesAlongside {
+    /// Append the frames of a block, before `end`, in which the vehicle of a row overlaps the ego.
+    fn append_overlaps<S: Simd>(
+        &mut self,
+        block: FrameBlock<'_, S>,
+        row: usize,
+        signals: &SignalViews<'_>,
+        end: usize,
+    ) {
+        let (r, first_frame) = (block.recording, block.first_frame);
+        let [gap, lateral_gap] = block.simd.vectorize(
+            #[inline(always)]
+            || {
+                let ego_lead = block.load(r.s[block.row(0)]) - block.load(r.s[row]);
+                let ego_lead: F32<S> = ego_lead.to_float();
+                let half_length_sum = 0.5 * (r.length[block.row(0)] + r.length[row]);
+                let gap = (ego_lead * METRES_PER_MM).abs() - half_length_sum;
+                let gap: [f32; SIMD_LANES] = gap.to_array();
+                let (_, lateral_gap) = block.lateral_position_and_gap(row, signals);
+                let lateral_gap: [f32; SIMD_LANES] = lateral_gap.to_array();
+                [gap, lateral_gap]
+            },
+        );
+        for frame in first_frame..end.min(first_frame + SIMD_LANES) {
+            if gap[frame - first_frame] < 0.0 && r.has_state(row, frame) {
+                self.simulation.push(block.simulation as i64);
+                self.frame.push(frame as i64);
+                self.lane.push(r.lane[row][frame]);
+                self.lateral_gap.push(lateral_gap[frame - first_frame]);
+                self.accel
+                    .push(f32::from(r.accel[row][frame]) * METRES_PER_MM);
+            }
+        }
+    }
+
+    fn followed_by(mut self, mut later: Self) -> Self {
+        self.simulation.append(&mut later.simulation);
+        self.frame.append(&mut later.frame);
+        self.lane.append(&mut later.lane);
+        self.lateral_gap.append(&mut later.lateral_gap);
+        self.accel.append(&mut later.accel);
+        self
+    }
+}
