@@ -108,9 +108,9 @@ class Output:
         Args:
             findings: The rows of the report.
         """
-        from overtaking.model.import_report import check_lines
+        from overtaking.model.import_report import summarize_findings
 
-        for line in check_lines(findings):
+        for line in summarize_findings(findings):
             self.say(f"warning: {' '.join(line.split())}")
 
     def result(

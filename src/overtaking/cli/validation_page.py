@@ -10,7 +10,7 @@ from rich.text import Text
 from overtaking.analysis.validation.targets import TargetRole
 from overtaking.cli.tables import open_table
 from overtaking.knowledge.quantities import ENGINEERING_CHOICE
-from overtaking.model.import_report import ImportFinding, check_lines
+from overtaking.model.import_report import ImportFinding, summarize_findings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -42,7 +42,7 @@ def _recordings(found: Values) -> tuple[Text, FittingTable]:
     head = f"{len(found['files'])} recordings beside rings of {dense} vehicles/km/lane"
     head += "".join(f"\nnot used: {one}" for one in found["unused"])
     findings = (ImportFinding(**row) for row in found["import_report"])
-    head += "".join(f"\nimport report: {line}" for line in check_lines(findings))
+    head += "".join(f"\nimport report: {line}" for line in summarize_findings(findings))
     table = open_table("quantity", "recorded>", "simulated>", "values>", "distance>")
     for one in found["likenesses"]:
         table.add_row(

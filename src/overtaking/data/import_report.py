@@ -18,7 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from overtaking.core.errors import DatasetError, ImportFormatError, RecordingWarning
 from overtaking.core.files import read_bounded, unreadable_error
 from overtaking.data.manifest import ReportRecord
-from overtaking.model.import_report import ImportFinding, place_text
+from overtaking.model.import_report import ImportFinding, format_place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -171,7 +171,7 @@ def _warning_text(findings: list[ImportFinding]) -> str:
 
 
 def _finding_text(finding: ImportFinding) -> str:
-    place = place_text(finding)
+    place = format_place(finding)
     return f"{finding.check}: {finding.consequence}: {place}{finding.detail}"
 
 

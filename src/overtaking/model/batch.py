@@ -2,8 +2,8 @@
 
 The first axis of every array is the simulation. The other models of this package (scenarios,
 recorded trajectories, events, features) are subclasses of `Batch`. Each field is annotated with an
-array type of `core.arrays`, which states the dtype, and with a `FieldSpec`, which states meaning,
-unit and range:
+array type of `core.arrays`, which states the dtype (`F32` is float32), and with a `FieldSpec`,
+which states meaning, unit and range:
 
     speed: Annotated[F32, FieldSpec("Speed of the ego", "m/s", 0.0, 150.0)]
 
@@ -55,7 +55,7 @@ class AxisEnd:
     """The upper limit of a field that holds indices: the length of an axis less one.
 
     Attributes:
-        axis: Name of an axis in `Axes` of the batch, or a key of `Batch.axis_lengths`.
+        axis: Name of an axis of an array in the batch, or a key of `Batch.axis_lengths`.
     """
 
     axis: str
@@ -358,9 +358,10 @@ class Batch(CompactRepr, ContentEquality):
 
 
 class IdentityBatch(Batch):
-    """A batch that equals only itself (`==` is `is`), so that `cached_per_batch` can hash it.
+    """A batch that equals only itself: `==` is `is`, and `equals` compares the content.
 
-    `equals` compares the content.
+    Other batches have no hash, because arrays are not hashable. This one has the hash of an object,
+    as `cached_per_batch` demands.
     """
 
     __slots__ = ()
@@ -459,7 +460,7 @@ def cached_per_batch(function: Callable[[IdentityT], ResultT]) -> Callable[[Iden
     change its arrays.
 
     Args:
-        function: A function whose only argument is a batch.
+        function: A function whose only argument is a batch of a class with `weakref_slot=True`.
     """
     results: WeakKeyDictionary[IdentityT, ResultT] = WeakKeyDictionary()
 

@@ -3,7 +3,7 @@
 A batch is a dataclass of arrays over many simulations (`model.batch`). Its fields, and the
 parameters of public functions, declare type, dtype, axes and range in their annotations, such as
 `Annotated[F32, FieldSpec("Speed", "m/s", 0.0, 150.0)]`. The functions here compare values with
-these declarations. Public functions have the decorator `check_arguments`. Every error is a
+these declarations. Public functions have the decorator `check_arguments`. An invalid value raises a
 `ConfigError` of one line, such as "simulate: scenario.start_speed: expected 0 to 150 m/s, got nan
 in simulation 1, vehicle 0".
 """
@@ -72,7 +72,8 @@ wider types also accept NumPy's numbers."""
 def check_batch(batch: Any, where: str, name: str = "") -> None:
     """Check a dataclass, and the batches in it, against the declarations of their fields.
 
-    Of a dataclass that is no `Batch`, only the fields themselves are checked.
+    Of another dataclass, such as a road, the types and ranges of its fields are checked, but not
+    the fields of dataclasses in it.
 
     Args:
         batch: A batch, or another dataclass.
@@ -126,6 +127,7 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
     @wraps(function)
     def checked_function(*args: P.args, **kwargs: P.kwargs) -> ResultT:
         bound = signature.bind(*args, **kwargs)
+        # With too little memory for libraries and threads, compiled code would end the process.
         check_address_space(where)
         for name, annotation in annotations_by_name().items():
             if name in bound.arguments:
@@ -193,10 +195,8 @@ class _BatchChecker:
             if isinstance(value, Batch):
                 self.check_structure(value, field_path)
         if isinstance(batch, Batch):
-            # No array has these axes, so only ranges use the lengths, and no message the path.
-            self._axis_lengths |= {
-                axis: (size, "road") for axis, size in batch.axis_lengths().items()
-            }
+            # No array has these axes, so no array sets their lengths. Only ranges use them.
+            self._axis_lengths |= {axis: (size, "") for axis, size in batch.axis_lengths().items()}
 
     def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint.

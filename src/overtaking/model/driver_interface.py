@@ -6,7 +6,8 @@ simulation. At each decision (20 a second) it gets `OBSERVATION_SIZE` numbers fo
 a batch, one row of a table, and answers with one action for each. The simulators fill the rows in
 the order of `EgoColumns`, `NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`.
 They carry out the kinds of action in `ACTION_KINDS`; `Actions` is the record of the answers, from
-which a simulation can be repeated.
+which a simulation can be repeated. All observed values are float32, also codes and flags, so that
+they form one table.
 """
 
 import hashlib
@@ -41,8 +42,9 @@ class EgoColumns(NamedTuple):
 
     Sides are 1 for the overtaking side and -1 for the kerb side, and positions across the road,
     headings and yaw rates grow towards the overtaking side, also in left-hand traffic. Positions
-    across the road are 0 on the road's reference line. A flag "can ..." says that the simulator
-    would carry out the corresponding action now; other actions have no effect.
+    across the road are 0 on the road's reference line. A column `can_…` says that the simulator
+    would carry out the corresponding action now; other actions have no effect. The codes of `stage`
+    are 0 follow, 1 pull out, 2 pass, 3 return, 4 done, 5 abort, 6 crashed.
     """
 
     speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
@@ -153,7 +155,9 @@ class PassingColumns(NamedTuple):
     expected_closing_speed: Annotated[
         F32,
         ObservedValue(
-            "m/s", "Closing speed that the driver expects of an oncoming vehicle not judged yet"
+            "m/s",
+            "Closing speed that the driver expects of an oncoming vehicle whose speed it has not "
+            "judged yet",
         ),
     ]
     gap_ahead_of_leader: Annotated[
@@ -319,8 +323,10 @@ ACTION_KINDS: Final[dict[str, tuple[ActionPart, ...]]] = {
 
 The model driver does the rest: without `accel` it uses the pedals, and without `wheel_angle` it
 steers, also along a lane change that `lane_change` or `move` begins. In the first three kinds it
-also sets the indicator. In the last two the indicator is part of the answer: a `Move` sets it to
-the side that it names, and beside a wheel angle `lane_change` sets the indicator and nothing else.
+also sets the indicator; in "accel_lane" it indicates for its usual time before the lane change
+begins, and the answer has to stay the same for so long. In the last two kinds the indicator is part
+of the answer: a `Move` sets it to the side that it names, and beside a wheel angle `lane_change`
+sets the indicator and nothing else.
 """
 
 MAX_ACTION_PARTS: Final = max(len(parts) for parts in ACTION_KINDS.values())
@@ -351,7 +357,7 @@ class Actions(Batch):
 
     @classmethod
     def empty(cls, num_simulations: int) -> "Actions":
-        """Simulations without any action, of the first kind."""
+        """A record without any action; its kind does not matter."""
         return cls(
             values=np.zeros((num_simulations, 0, MAX_ACTION_PARTS), np.int32),
             kind=next(iter(ACTION_KINDS)),
@@ -361,8 +367,7 @@ class Actions(Batch):
     def is_change(self) -> NDArray[np.bool_]:
         """Whether an action differs from the previous one, shape (simulation, action).
 
-        The first action counts as a change. Tables store the changes only, because most drivers
-        repeat an action for many decisions.
+        The first action counts as a change. Tables store the changes only.
         """
         is_change = np.ones(self.values.shape[:2], np.bool_)
         is_change[:, 1:] = (np.diff(self.values, axis=1) != 0).any(axis=2)

@@ -1,8 +1,10 @@
 """Signals: time series of the ego, its neighbours and the vehicle that it overtakes.
 
-The ego is the vehicle under study; a batch holds many simulations with one ego each. `labels` in
-this package computes the signals from recorded positions, speeds and bodies, of simulations and of
-real traffic alike. Detectors of events, rules of the law and safety measures read them.
+The ego is the vehicle under study; a batch holds many simulations with one ego each.
+`labels.signals` computes the signals from the recorded positions and speeds and from the sizes of
+the vehicles, for simulations and recordings of real traffic alike. Detectors of events, rules of
+the law and safety measures read them. A `Delayed` batch computes some arrays when they are first
+read.
 
 Left is the overtaking side and right the kerb side, also in left-hand traffic, so a mirrored world
 has the same signals.
@@ -22,9 +24,10 @@ class EgoSignals(Delayed):
 
     Arrays have shape (simulation, time), where time counts frames; simulations that end early have
     `valid` false in their last frames. Arrays of neighbours have shape (simulation, neighbour,
-    time) with a `NeighbourRole` as the middle index. Where `valid` is false, and where
-    `neighbour_slot` is `NO_VEHICLE`, the values are finite and undefined. Oncoming vehicles are no
-    neighbours.
+    time) with a `NeighbourRole` as the middle index: leader and follower in the ego's lane, in the
+    next lane to the left and in the next lane to the right. Oncoming vehicles are no neighbours.
+    Where `valid` is false, and where `neighbour_slot` is `NO_VEHICLE`, the values are finite and
+    undefined.
 
     Attributes:
         frame_interval_ms: Time between frames [ms].
@@ -107,8 +110,8 @@ class TargetSignals(Delayed):
         valid: Whether there is a target and it was recorded in the frame.
         slot: Its slot, `NO_VEHICLE` (255) without a target, shape (simulation,).
         length: Its length, shape (simulation,) [m].
-        ego_lead: Position of the ego's centre minus the target's, along the road;
-            negative while the target is ahead [m].
+        ego_lead: Position of the ego's centre minus the target's, along the road; negative while
+            the target is ahead [m].
         overlaps: Whether the bodies of ego and target overlap along the road, in any lanes.
         gap: Gap between their bumpers, whichever is ahead; negative while they overlap [m].
         lateral_position: Its position across the road, as `EgoSignals.lateral_position` [m].

@@ -57,7 +57,7 @@ def joined_findings(reports: Iterable[Iterable[ImportFinding]]) -> tuple[ImportF
     return tuple(dict.fromkeys(finding for report in reports for finding in report))
 
 
-def check_lines(findings: Iterable[ImportFinding]) -> list[str]:
+def summarize_findings(findings: Iterable[ImportFinding]) -> list[str]:
     """Summarize findings in one line for each check and consequence, for people.
 
     Args:
@@ -70,29 +70,29 @@ def check_lines(findings: Iterable[ImportFinding]) -> list[str]:
     groups: dict[tuple[str, str], list[ImportFinding]] = {}
     for finding in findings:
         groups.setdefault((finding.check, finding.consequence), []).append(finding)
-    return [_check_line(group) for group in groups.values()]
+    return [_summarize_group(group) for group in groups.values()]
 
 
-def _check_line(findings: list[ImportFinding]) -> str:
+def _summarize_group(findings: list[ImportFinding]) -> str:
     """The line for findings of the same check and consequence, at least one."""
     first = findings[0]
     num_recordings = len({finding.recording for finding in findings})
     source_name = first.recording if num_recordings == 1 else f"{num_recordings:,} recordings"
-    head = f"{source_name}: {first.check}: {first.consequence}, {_rows_text(findings)}"
+    head = f"{source_name}: {first.check}: {first.consequence}, {_format_num_rows(findings)}"
     if len(findings) == 1:
-        return f"{head}: {place_text(first)}{first.detail}"
+        return f"{head}: {format_place(first)}{first.detail}"
     first_source = f"{first.recording}: " if num_recordings > 1 else ""
-    first_text = f"{first_source}{place_text(first)}{first.detail}"
+    first_text = f"{first_source}{format_place(first)}{first.detail}"
     return f"{head}, {len(findings):,} findings; the first: {first_text}"
 
 
-def _rows_text(findings: Iterable[ImportFinding]) -> str:
+def _format_num_rows(findings: Iterable[ImportFinding]) -> str:
     """The number of rows with these faults, such as "1 row" or "1,200 rows"."""
     num_rows = sum(finding.rows for finding in findings)
     return f"{num_rows:,} row{'' if num_rows == 1 else 's'}"
 
 
-def place_text(finding: ImportFinding) -> str:
+def format_place(finding: ImportFinding) -> str:
     """Vehicle and time of a finding, such as "vehicle 7 at 3.2 s: ", to put before its detail.
 
     Empty if the fault concerns the whole file.

@@ -8,7 +8,9 @@ its bends and crests as zones of reduced sight.
 
 Terms: driving lanes are the lanes of the road's direction, counted from the kerb side to the
 overtaking side. A station is a distance along the road from its start, and `d` an offset to the
-left of it. The map format OpenDRIVE defines ids and types of lanes and roads.
+left of the line from which offsets count. The map format OpenDRIVE defines ids and types of lanes
+and roads. A mark (`RoadMark`) is the line painted at the edge of a lane; in double marks such as
+`SOLID_BROKEN` the first word names the line nearer to the driving lanes.
 """
 
 from collections.abc import Iterable
@@ -89,9 +91,10 @@ class _RoadEntry:
         driving_side: Side of the road that traffic keeps to.
         lane_ids: OpenDRIVE ids of the driving lanes, whole numbers; the reader makes all numbers of
             a list floats.
-        lane_widths: Widths of the driving lanes, as many [m].
+        lane_widths: Width of each driving lane [m].
         kerb_edge_mark: Line on the kerb side of the first driving lane.
-        lane_mark: Line between two driving lanes, the same for both.
+        lane_mark: Line between every two driving lanes; no double mark of two kinds, because it is
+            used as seen from either lane.
         overtaking_edge_mark: Line on the overtaking side of the last driving lane.
         kerb_edge_d: `d` of the edge of the first driving lane on the kerb side [m].
         length: Length [m].
@@ -101,7 +104,7 @@ class _RoadEntry:
         speed_limit: Posted limit [m/s].
         kerb_side: Lane beside the first driving lane.
         overtaking_side: Lane beside the last driving lane.
-        course: Changes along the road; None for a road that is the same everywhere.
+        course: Changes along a two-way road; None for a road that is the same everywhere.
     """
 
     kind: str
@@ -170,7 +173,7 @@ def known_road(name: str) -> Road:
 
 
 def _course(entry: _CourseEntry) -> RoadCourse:
-    """The course of a road; its centre line is sorted by station, as `RoadCourse` requires."""
+    """The course of a road; the spans are sorted by station, as `RoadCourse` requires."""
     centre_line_spans = [
         CentreLineSpan(start=start, stop=stop, mark=mark)
         for mark in _CENTRE_LINE_MARKS

@@ -7,11 +7,12 @@ features and the table `events` use them; `Outcome` and `OutcomeDetail` are colu
 
 The ego is the vehicle under study. Its target is the vehicle that it overtakes. Left is the side of
 the faster lanes, on a two-way road the side of the oncoming traffic, also in left-hand traffic.
-Frame 0 is the first frame of a simulation. In one overtake the events follow in this order:
+Frame 0 is the first frame of a simulation. The events of a completed overtake usually have this
+order:
 
     attempt, line_crossed, overlap_begin, overlap_end, return_begin, return_end
 
-and an ego that gives up ends it by `abort` and `abort_end` instead.
+If the ego gives up, `abort` and `abort_end` replace the last two.
 """
 
 from dataclasses import dataclass
@@ -29,8 +30,8 @@ NEVER = np.int32(-1)
 class Outcome(IntEnum):
     """How the ego's overtake ended, whether or not it was legal.
 
-    A collision at any recorded time decides. Before an attempt it is the reason that none followed,
-    and simulations end 3 s after the overtake, which still belong to it.
+    A collision decides at any recorded time: before an attempt, which it prevents, and after the
+    return, because the last 3 s of a simulation still belong to the overtake.
     """
 
     NO_ATTEMPT = 0  # The ego did not begin to overtake.
@@ -40,7 +41,7 @@ class Outcome(IntEnum):
 
 
 class OutcomeDetail(IntEnum):
-    """Reason of the outcome; each member names the outcomes that it belongs to."""
+    """Reason of the outcome; the comment of each member begins with its possible outcomes."""
 
     NONE = 0  # COMPLETED or NO_ATTEMPT, without loss of control.
     ABORTED_BEFORE_CROSSING = 1  # NOT_COMPLETED: back behind the target, no line crossed.
@@ -88,7 +89,9 @@ class OvertakeEvents(Batch):
         return_end: First frame with the whole body in the original lane, ahead of the target
             [t_x2].
         abort: First frame of a movement back that ends behind the target.
-        abort_end: First frame with the whole body in the original lane after an abort.
+        abort_end: First frame after an abort with the whole body in the original lane, behind the
+            target. If no line was crossed, the first frame in which the ego is back within 0.25 m
+            of its lateral position at `attempt`.
         collision: First frame in which the ego has touched another vehicle. The contact lies at
             this frame, or between it and the frame before.
         road_departure: First frame with the ego's centre outside the driving lanes.
@@ -96,7 +99,7 @@ class OvertakeEvents(Batch):
             (`departure.spin_angle` in `model.toml`), from which no driver recovers control.
         num_attempts: Number of attempts.
         num_passed: Number of vehicles that were ahead of the ego at `attempt` and are behind it at
-            `return_end`, or at `last` without a return; the target is one of them.
+            `return_end`, or at `last` without a return; includes the target if the ego passed it.
         collision_slot: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
         was_struck: Whether that vehicle ran into the ego; False if the ego ran into it, and without
             a collision.

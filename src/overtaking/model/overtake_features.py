@@ -6,14 +6,18 @@ the table `attempts`, which serves models of why drivers overtake; its parts are
 it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
-overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. Without an
-attempt the features are measured at a frame that stands for it.
+overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. In a
+simulation without an attempt another frame stands for it, after a waiting time drawn from the
+waiting times of attempts.
 
 Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
 column is null. `null_unless` is the path of the flag that decides this: ".has_oncoming" is a field
 of the same class, "left.leader.valid" begins at `AttemptFeatures`. `needs` names properties that a
-recording may leave unknown; the column is then null. Every partial function below, such as
-`_leader_column`, is a `FieldSpec` with the entries that a group of columns shares.
+recording may leave unknown (`model.trajectories.UNKNOWNS`); the column is then null. Every partial
+function below, such as `_leader_column`, is a `FieldSpec` with the entries that a group of columns
+shares. An `Encounter` holds gap, closing speed and times to collision of a follower and its leader,
+one of which is the ego; `valid` is false without the other vehicle, and its columns begin with the
+column name of its field.
 """
 
 from dataclasses import dataclass
@@ -54,11 +58,12 @@ class PaperFeatures(Batch):
 
     There are two readings of the paper's definitions. In the reading "paper" an ego without an
     attempt is measured by means over all frames, so the features depend on the outcome. In the
-    reading "matched" each simulation is measured at one frame: at the attempt, or, without an
-    attempt, after a waiting time drawn from the waiting times of attempts. Only this reading is fit
-    to train a model. The readings also differ in
+    reading "matched" each simulation is measured at one frame: at the attempt, or at the frame that
+    stands for it. Only this reading is fit to train a model. The readings also differ in
 
     - `waiting_time`: since the first frame (paper), or since the ego closed up to the target;
+    - `overtaking_time`: from the attempt to the return, a collision or the end of the recording
+      (paper), or also to the end of an abort;
     - `speed_difference`: absolute (paper), or ego minus target;
     - `distance`: between the centres (paper), or between the bumpers of ego and target;
     - `left_occupancy`: number of vehicles in the lane to the left over the number of all vehicles

@@ -53,8 +53,8 @@ _SAMPLE_SPACING = 10.0
 in the sharpest bend of a road, with a radius of 10 m, the line turns by one radian in between."""
 
 _MIN_DENOMINATOR = 0.1
-"""Lower bound of the denominator of Newton's step, which is 0 at the centre of a bend. Roads allow
-no lane beyond half the radius of a bend (`model.road`), where it is still 0.5."""
+"""Lower bound of the denominator of Newton's step, which is 0 at the centre of a bend. No driving
+lane lies beyond half the radius of a bend (`model.road`), where the denominator is still 0.5."""
 
 _NUM_NEWTON_STEPS = 8
 """Each step doubles the number of correct digits. Chosen: four steps reach a micrometre on a road,
@@ -136,10 +136,10 @@ class CurveSegment(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLine(ContentEquality):
-    """A line of segments; `from_segments` makes it. All arrays have shape (segment,).
+    """A line of segments; `from_segments` makes it. `==` compares the content of the arrays.
 
     Before its start and beyond its end the line goes on straight, so that vehicles there have
-    coordinates, too.
+    coordinates, too. All arrays have shape (segment,).
 
     Attributes:
         segment_start: Distance along the line to the start of each segment, in ascending order [m].

@@ -58,8 +58,8 @@ MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0
 fit into a wider one."""
 
 MAX_NEIGHBOUR_WIDTH = 100.0
-"""Largest width of a lane beside the driving lanes [m]. Chosen: wider than the
-shoulders, verges and parking strips of map files."""
+"""Largest width of a lane beside the driving lanes [m]. Chosen: wider than the shoulders, verges
+and parking strips of map files."""
 
 MAX_COORDINATE = 1.8e6
 """Largest x0 and y0 of a road [m]. World positions are int32 millimetres, which the engines clip at
@@ -140,7 +140,7 @@ class Lane:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Road:
-    """A stretch of road of one direction, with the same lanes along all of it.
+    """A stretch of road whose driving lanes run in one direction and are the same along all of it.
 
     Attributes:
         name: Name, for people and for the manifests of data sets.
@@ -217,7 +217,7 @@ class Road:
         On a two-way road this is the line between the directions, which may change along the road.
 
         Returns:
-            Pairs of a mark and the station at which it begins, in order; the first begins at minus
+            Pairs of a station and the mark that begins there, in order; the first station is minus
             infinity.
         """
         last = self.lanes[-1]

@@ -20,7 +20,7 @@ from overtaking.core.errors import DatasetError, ImportFormatError
 from overtaking.data.import_report import FILE_NAME, report_frame, warn_about
 from overtaking.data.location import Folder
 from overtaking.model.batch import batch_fields, concatenate
-from overtaking.model.import_report import ImportFinding, check_lines
+from overtaking.model.import_report import ImportFinding, summarize_findings
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -150,7 +150,7 @@ def test_lines_are_one_for_each_check():
         finding("b.csv", check="sizes", vehicle=None, first_time_s=None, consequence="reported"),
         finding("b.csv", rows=1),
     ]
-    assert check_lines(findings) == [
+    assert summarize_findings(findings) == [
         "2 recordings: gaps: corrected, 9 rows, 3 findings; the first: "
         "a.csv: vehicle 12 (2) at 8.1 s: interpolated.",
         "b.csv: sizes: reported, 3 rows: interpolated.",

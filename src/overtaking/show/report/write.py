@@ -18,7 +18,7 @@ from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.representation import CompactRepr
 from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import POLICIES, PORTUGAL
-from overtaking.model.import_report import ImportFinding, check_lines
+from overtaking.model.import_report import ImportFinding, summarize_findings
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.report import files, gallery, prose
@@ -128,7 +128,7 @@ class Writer(files.ReportFolder):
         found = self._found
         notes = [*found.notes, *prose.known_leaks(found)]
         warnings = [leak.sentence for leak in found.leaks]
-        warnings += [f"Import report: {line}" for line in check_lines(findings)]
+        warnings += [f"Import report: {line}" for line in summarize_findings(findings)]
         return [prose.about_leaks(found), remarks(notes, warnings)]
 
     def classes(self) -> list[str]:
