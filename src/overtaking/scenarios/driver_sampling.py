@@ -4,7 +4,8 @@ A *trait* is a number or flag of a driver, such as the desired time gap. A *popu
 `knowledge/data/drivers.toml` has two distributions of each trait: among *careful* drivers (driving
 style 0) and among *reckless* ones (1). A driving style is drawn for each driver, and its traits are
 drawn from distributions in between. `sample_traits` draws everything but speeds;
-`drivers_from_speeds` and `drivers_with_speed` then make a `DriverTraits`, the part of a scenario.
+`drivers_from_speeds` and `drivers_with_speed` then make a `DriverTraits`, the drivers of a batch of
+scenarios. The samplers of traffic in this package call these functions.
 
 Arrays have shape (simulation, vehicle). The position of a vehicle in the second axis is its *slot*;
 slot 0 is the ego, the driver whose overtaking is studied. All numbers are float32, so that a seed
@@ -164,7 +165,7 @@ def trait_range(population_name: str, trait: str) -> tuple[float, float]:
     """
     population = load_population(population_name)
     extremes = (population.careful[trait], population.reckless[trait])
-    factors = as_f32(population.factors.get(trait, (1.0,)))
+    factors = as_f32(population.factors.get(trait, (1.0,)))  # Rounded as in `sample_traits`.
     low = min(distribution.low for distribution in extremes)
     high = max(distribution.high for distribution in extremes)
     return low * float(factors.min()), high * float(factors.max())
@@ -214,6 +215,7 @@ def sample_traits(
         Values of `ALL_TRAITS` by name, each with the shape of `kind`; flags are 1 or 0.
     """
     section = block.specification.drivers
+    # Each driver has a random stream of its own; numbers have shape (simulation, vehicle).
     stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
     population = load_population(section.population)
     driving_style = stream.uniform()
@@ -221,7 +223,7 @@ def sample_traits(
     for slot in range(EGO_SLOT + 1, driving_style.shape[1]):
         driving_style[:, slot] = transform("others_driving_style", driving_style[:, slot])
     driving_style = scale_to_range(driving_style, *section.driving_style)
-    # All traits come from one stream, so the order of the population decides every value.
+    # All traits of a driver come from one stream, so the order of the population decides values.
     traits = {
         name: _draw_trait(name, population, driving_style, stream, transform)
         for name in population.careful
@@ -317,7 +319,7 @@ def _draw_trait(
         careful, reckless = (entry.parameter(parameter) for entry in extremes)
         return _interpolate(driving_style, careful, reckless)
 
-    kind = extremes[0].kind  # The same at both extremes, see `Population`.
+    kind = extremes[0].kind  # Of the distribution; the same at both extremes, see `Population`.
     if kind == "constant":
         return interpolate_parameter("value")
     if kind == "bernoulli":

@@ -1,4 +1,4 @@
-"""Draws the traffic of a road with one direction, at a density (profiles `motorway`, ...).
+"""Draws the traffic of a road with one direction at a density, as in profile `motorway`.
 
 `sample_motorway_traffic` takes section `[traffic]` of a specification with `mode = "flow"` and
 returns vehicles, drivers, lanes and a function for stations and speeds. `sampler` calls it once for
@@ -162,8 +162,9 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
         sight behind + (u - v + margin) T + one spacing   behind it,
 
     because `_TrafficEnds` adds no vehicle beyond if the deadline and `RETURN_TIME` end within T.
-    The foremost and the rearmost vehicle may be in lanes of different speeds, so the bound takes
-    the speed range of the lanes and the ego's speed.
+    The foremost and the rearmost vehicle may be in lanes of different speeds. Added up, the two
+    speed differences are at most the speed range of the lanes, or v if only the first is positive;
+    the bound takes the sum of the range and the largest v.
 
     Args:
         specification: The specification of the scenarios: its duration and its drivers.
@@ -181,6 +182,7 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     density_ratio /= min(lane.density for lane in flow.lanes)
     max_mean_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
     # A drawn spacing exceeds the mean by at most this factor, as normal numbers end at MAX_SIGMAS.
+    # The last bit of `np.exp` depends on the machine; the length is rounded up to 100 m later.
     max_spacing = max_mean_spacing * float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
     traffic = sum(flow.sight_m) + (speed_range + max_speed) * duration + 2.0 * max_spacing
     return END_MARGIN + traffic + PASSING_MARGIN * max_speed * duration
@@ -320,6 +322,7 @@ def following_starts(
         following_speed = minimum(desired[rank], leader_speed)
         nearest_s = rear_s - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
         s[rank] = minimum(s[rank], nearest_s)
+        # The speed that rolling takes away over the distance to `nearest_s`: v^2 = 2 b distance.
         closing_speed = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest_s - s[rank]))
         speed[rank] = minimum(desired[rank], leader_speed + closing_speed)
         for lane_index in range(num_lanes):

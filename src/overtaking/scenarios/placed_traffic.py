@@ -4,8 +4,8 @@ A few vehicles get random lanes, stations and speeds in a short *zone* of a road
 The *ego* (slot 0), whose overtaking is studied, starts behind a *leader* (slot 1) in its lane; a
 *slot* is the position of a vehicle in the second axis of arrays. `sampler` calls `start_zone` once,
 which checks that the specification fits the road, and `sample_placed_traffic` for each block of
-simulations. Starts drawn so may overlap or leave no time to brake; `safe_start.repair_starts`
-separates the vehicles later.
+simulations. The drawn starts may overlap or leave no time to brake; `safe_start.repair_starts`
+repairs them later.
 """
 
 import math
@@ -66,7 +66,7 @@ def sample_placed_traffic(
     vehicles = vehicles.replace(valid=drawn.valid)
     deadline = np.float32(block.specification.time.attempt_deadline_s)
     return TrafficStart(
-        # The study has bicycles at 50 km/h and more; theirs get the power that this takes.
+        # The study has bicycles at 50 km/h and more, so bicycles get the power that this takes.
         vehicles=with_able_bicycles(vehicles, drivers.desired_speed),
         drivers=drivers,
         lane=drawn.lane,
@@ -126,8 +126,8 @@ def draw_placed_starts(
 ) -> DrawnStarts:
     """Draw the number of vehicles and their lanes, stations and speeds, independently.
 
-    Two draws are corrected: a vehicle in a full lane moves to another lane, and stations are
-    exchanged so that the leader is the vehicle next ahead of the ego.
+    Two corrections follow: a vehicle in a full lane moves to another lane, and stations are
+    exchanged until the leader is the next vehicle ahead of the ego.
 
     Args:
         block: The simulations that are drawn together.

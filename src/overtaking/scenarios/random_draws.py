@@ -5,8 +5,9 @@ purpose, such as weather or layout, has a *stream* of random numbers of its own,
 for one purpose changes no other. `SampleBlock` gives the samplers of this package their streams.
 
 *Importance sampling* draws rare scenarios more often. A specification may have *components*, which
-change the distributions of some random numbers; `ProposalSampler` replaces these numbers and
-computes the weight by which each simulation counts in statistics.
+change the distributions of some random numbers; the *profile* is the specification without them.
+`ProposalSampler` replaces the numbers of the profile and computes the weight by which each
+simulation counts in statistics.
 
 A scenario has the same bits on every machine. NumPy chooses an implementation of `exp` and `power`
 by the CPU, and their last bits differ; `core.native` computes the same float32 bits everywhere.
@@ -40,9 +41,9 @@ NumberTransform = Callable[[str, F32], F32]
 normal, shape (simulation,); returns the values to use in its place."""
 
 MAX_SIGMAS = np.float32(number("sampling.draws.max_sigmas"))
-"""Normal numbers are limited to this many standard deviations on either side of zero, so that no
-vehicle or driver is too odd. A choice in `knowledge/data/sampling.toml`: 2.5, which limits 1.2 % of
-them."""
+"""Normal numbers are limited to this many standard deviations on either side of zero, so that
+vehicles and drivers are not too extreme. A choice in `knowledge/data/sampling.toml`: 2.5, which
+limits 1.2 % of them."""
 
 
 class RandomStream:
@@ -186,6 +187,7 @@ def choose_weighted(u: F32, weights: Sequence[float]) -> U8:
     """
     # Not `sum(weights)`: since Python 3.12 it rounds differently.
     *partial_sums, total = itertools.accumulate(weights)
+    # The position is the number of partial sums that u times the total reaches.
     position = np.zeros(u.shape, np.uint8)
     # Positions after the last positive weight are never chosen, so they need no comparison.
     last = max(index for index, weight in enumerate(weights) if weight > 0.0)
@@ -274,6 +276,7 @@ class ProposalSampler:
         self._components = tuple(
             copy for component in components for copy in component.at_each_temper()
         )
+        # For each component, the simulations that are drawn from it, shape (simulation,).
         self._is_drawn_from: list[Mask] = []
         total_share = 0.0
         if self._components:
@@ -282,7 +285,7 @@ class ProposalSampler:
                 low, total_share = total_share, total_share + component.share
                 self._is_drawn_from.append((u >= np.float32(low)) & (u < np.float32(total_share)))
         self._profile_share = np.full(num_simulations, 1.0 - total_share)
-        # Of each component, the product of the ratios of all numbers so far, shape (simulation,).
+        # For each component, the product of the ratios of all numbers so far, shape (simulation,).
         # float64, because products of many ratios leave the range of float32.
         self._density_ratios = [np.ones(num_simulations, np.float64) for _ in self._components]
 

@@ -66,7 +66,7 @@ class StartZone:
         low: Smallest station [m].
         high: Largest station [m].
         ego_lanes: Lanes for the ego, 0 the slowest.
-        num_lanes: Lanes of the road.
+        num_lanes: Number of lanes of the road.
         max_in_lane: Number of the longest vehicles, with the smallest gaps, that fit into one lane
             of the zone.
     """

@@ -117,10 +117,10 @@ class ScenarioSource:
 def extend_road(specification: Specification, road: Road) -> Road:
     """The road that the manifest of a data set states.
 
-    `ScenarioSource.sample` extends every road. On a two-way road the length decides scenarios,
-    because oncoming vehicles start at its far end, so the manifest must state the extended road. On
-    a road with one direction the length changes no other value of a scenario, and the manifest
-    states the road as it is.
+    `ScenarioSource.sample` extends any road that is too short. On a two-way road the length decides
+    scenarios, because oncoming vehicles start at its far end, so the manifest states the extended
+    road. On a road with one direction the length changes no other value of a scenario, and the
+    manifest states the road as it is.
 
     Args:
         specification: The specification of the scenarios.
@@ -236,9 +236,8 @@ def _sample_block(
 def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Weather) -> Scenario:
     """Scenarios whose vehicles have lanes, but zeros in place of stations and speeds."""
     specification = block.specification
-    pushes = (
-        specification.weather.pushes
-    )  # Stand for the effects of weather in the study's traffic.
+    # Lateral pushes that stand for the physical effects of the weather, as in the study, or None.
+    pushes = specification.weather.pushes
     not_yet_known = np.zeros_like(start.drivers.desired_speed)
     return Scenario(
         profile=specification.name,

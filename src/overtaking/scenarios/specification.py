@@ -10,6 +10,9 @@ The checks here need nothing but the file; `sampler` checks the specification ag
 *ego* is the vehicle under study, and a *trait* is a parameter of a driver, a field of
 `model.vehicles.DriverTraits`. A *population*, from `knowledge/data/drivers.toml`, has distributions
 of traits. `u` is a random number, uniform in (0, 1), and `z` is a standard normal one.
+
+Section `[[proposal]]` draws rare simulations more often (importance sampling): its *components*
+change the distributions of some random numbers. The *profile* is the specification without it.
 """
 
 from __future__ import annotations
@@ -69,8 +72,8 @@ PROPOSAL_UNIFORMS = (
     "ego_heeds_solid_lines",  # Large: the ego ignores solid lines, on a two-way road.
     "others_driving_style",  # Small: careful. Each of the other drivers has a number of its own.
 )
-"""Uniform numbers that a proposal may transform. Where no comment says otherwise, a large number
-gives a large quantity."""
+"""Names of the uniform numbers u that a component may change. Where no comment says otherwise, a
+large number gives a large quantity."""
 
 PROPOSAL_NORMALS = tuple(
     f"ego_{trait}"
@@ -88,12 +91,12 @@ PROPOSAL_NORMALS = tuple(
         "passing_time_factor",
     )
 )
-"""Standard normal numbers that a proposal may transform: they decide traits of the ego whose
-distribution is normal or lognormal. Large: the trait is large."""
+"""Names of the standard normal numbers z that a component may change. Each decides a trait of the
+ego whose distribution is normal or lognormal; a large number gives a large trait."""
 
 _MIN_PART = 0.001
-"""Smallest width of a part of (0, 1) (a choice). The density ratio of a part is 1 / width, which a
-width of zero would make infinite."""
+"""Smallest width of a part of (0, 1) (a choice). Weights contain 1 / width, which a width of zero
+would make infinite."""
 
 
 def _check_part(part: tuple[float, float]) -> tuple[float, float]:
@@ -104,7 +107,7 @@ def _check_part(part: tuple[float, float]) -> tuple[float, float]:
     return part
 
 
-# Ranges of the changes that a component may make; choices, which keep density ratios finite.
+# Limits of the changes that a component may make; choices, which keep weights finite.
 _Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_check_part)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
@@ -216,7 +219,7 @@ def _check_total_share(components: tuple[Component, ...]) -> tuple[Component, ..
     total = sum(component.share for component in components)
     if not total < 1.0:
         raise specification_error(
-            "shares that leave some simulations as they are met, a sum below 1",
+            "shares that leave some simulations to the profile, a sum below 1",
             "lower a share",
             key="share",
             got=f"{total:g}",
@@ -229,7 +232,7 @@ Proposal = Annotated[tuple[Component, ...], Field(min_length=1), AfterValidator(
 1 / (1 - the sum of the shares)."""
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
-"""Exponent e of low + (high - low) u^e; None for a uniform distribution."""
+"""Exponent e of low + (high - low) u^e; None for another distribution."""
 
 Weibull = (
     tuple[Annotated[float, Field(gt=0.0, le=100.0)], Annotated[float, Field(ge=0.2, le=20.0)]]
@@ -239,7 +242,7 @@ Weibull = (
 
 
 def _traffic_mode(section: Any) -> str:
-    """Which model of section `[traffic]` applies: its key `mode`, or "placed" without it.
+    """Tag of the model for section `[traffic]`: its key `mode`, or "placed" without a known mode.
 
     Pydantic calls this with the table of a file or with a model.
     """

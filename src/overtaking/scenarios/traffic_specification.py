@@ -8,8 +8,10 @@
 `specification.Specification` contains the section; `placed_traffic`, `motorway_traffic` and
 `two_way_traffic` draw the vehicles. The *ego* is the vehicle whose overtaking is studied. The name
 of a key states its unit; two values in brackets are a range, from which each simulation draws
-uniformly unless the key says otherwise. Weights are relative frequencies by name; vehicle types are
-S, M and L (small, medium and large cars), V (van), T (truck), MC (motorcycle) and B (bicycle).
+uniformly unless the key says otherwise. Weights are relative frequencies by name. Vehicle types,
+called vehicle classes elsewhere, are S, M and L (small, medium and large cars), V (van), T (truck),
+MC (motorcycle) and B (bicycle). Types of values, such as `Count`, have their limits in
+`specification_values`.
 """
 
 from __future__ import annotations

@@ -102,6 +102,7 @@ class ArrivalProcess:
             stream: Takes one uniform number of each simulation from it.
         """
         shortest = np.float32(self.min_headway)
+        # -log(u) is exponentially distributed with a mean of 1.
         headway = shortest - (self.mean_headway - shortest) * log(stream.uniform())
         return minimum(headway, np.full_like(headway, MAX_HEADWAY))
 
@@ -146,9 +147,9 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         caller passes them to `states_at_speed`.
     """
     drawn = _draw_slots(block, traffic)
-    # Vehicles beyond an end of the road are left out: the road is so long that the ego does not
-    # meet them before the horizon. The ego itself stays in slot 0, because `TwoWayTraffic` refuses
-    # a range of its start, `start_s_m`, that begins within END_MARGIN.
+    # Vehicles beyond an end of the road are left out; the road is so long that the ego meets no
+    # such oncoming vehicle before the horizon. The ego itself stays in slot 0, because
+    # `TwoWayTraffic` refuses a range of its start, `start_s_m`, that begins within END_MARGIN.
     first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
     slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
     lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.
@@ -353,9 +354,8 @@ def _oncoming_stations(
     for rank in range(traffic.oncoming):
         headway = arrivals.next_headway(stream)
         if rank == 0:
-            # The ego arrives at a random moment between two oncoming vehicles. This headway is
-            # drawn like all others; the longer headways, into which more random moments fall, are
-            # not favoured.
+            # The ego arrives at a random moment between two oncoming vehicles. A simplification:
+            # more random moments fall into long headways, but this one is drawn like all others.
             headway = headway * stream.uniform()
         station = station - headway * arrivals.speed
         stations.append(station)

@@ -81,11 +81,11 @@ def draw_weather(
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
     sun_u = stream.uniform()
     if isinstance(section, PresetWeather):
-        return _from_presets(section, stream, wind_direction, sun_u)
-    return _independent(section, stream, wind_direction, sun_u, transform)
+        return _preset_weather(section, stream, wind_direction, sun_u)
+    return _independent_weather(section, stream, wind_direction, sun_u, transform)
 
 
-def _from_presets(
+def _preset_weather(
     section: PresetWeather, stream: RandomStream, wind_direction: F32, sun_u: F32
 ) -> Weather:
     """Draw a preset in each simulation.
@@ -145,7 +145,7 @@ def _quantity_from_uniform(
     return scale_to_range(u, *limits)
 
 
-def _independent(
+def _independent_weather(
     section: IndependentWeather,
     stream: RandomStream,
     wind_direction: F32,
@@ -159,7 +159,7 @@ def _independent(
         stream: The stream of the weather.
         wind_direction: Direction to which the wind blows, shape (simulation,) [rad].
         sun_u: Uniform numbers in (0, 1) that decide the direction of the sun, shape (simulation,).
-        transform: See `draw_weather`.
+        transform: Returns the numbers to use in place of the random numbers with a name.
     """
     # All numbers come from one stream: another order would change the weather of every seed.
     is_rainy = transform("rains", stream.uniform()) < np.float32(section.rain_probability)
