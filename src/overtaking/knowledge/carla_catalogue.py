@@ -82,7 +82,8 @@ _CARLA_FIELDS = {
 class WeatherPreset:
     """A named weather of CARLA; percentages are 0 to 100 without physical meaning.
 
-    The fields from `wetness_percent` on change pictures only, as does `fog_distance`.
+    The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun. All other
+    numbers are there for the cameras of CARLA.
 
     Attributes:
         in_pinto2023: Whether `pinto-2023`, the study that this package reproduces, used it.

@@ -13,7 +13,7 @@ from overtaking.knowledge.toml_reader import read_records
 TERM_GROUPS = {
     "classes": "Classes",
     "policies": "Policies",
-    "readings": "Readings of the features",
+    "readings": "Readings of the features",  # Definitions of the instant that features describe.
     "features": "Features",
     "vehicles": "Vehicle classes",
     "road": "On the road",

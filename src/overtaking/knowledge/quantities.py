@@ -30,6 +30,7 @@ SUPPORT_SIGMAS = 2.0
 states `low` and `high`. Chosen: rarer values make implausible vehicles."""
 
 SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
+"""Kinds of sources; files with any other kind are refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +59,9 @@ class Quantity:
         value: The number in `unit`, or nested tuples of such numbers.
         sigma: Standard deviation within the population, in `unit`; None if all members have the
             same value.
-        low: Smallest value of a sample, in `unit`; equals `value` without a sigma.
-        high: Largest value of a sample, in `unit`; equals `value` without a sigma.
+        low: Smallest value of a sample, in `unit`; if the entry states none, `SUPPORT_SIGMAS`
+            standard deviations below `value`. Equals `value` for a table.
+        high: Largest value of a sample, in `unit`; likewise.
         unit: The SI unit, or the unit in the suffix of the entry's name.
         quoted_unit: The unit in the file, which is the unit of its source.
         source: `Source.id`, or "choice".
@@ -197,7 +199,7 @@ def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
     if not isinstance(item, dict):
         return False
     table = cast("dict[str, object]", item)
-    # A table of entries may itself be named "value" or "source": it is a dict, and no such key.
+    # In a table of entries, an entry may be named "value" or "source"; that item is a dict.
     return any(key in table and not isinstance(table[key], dict) for key in _ENTRY_KEYS)
 
 

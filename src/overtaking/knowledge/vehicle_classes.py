@@ -6,6 +6,7 @@ where the vehicles of a class differ; its `value` is in SI units.
 
 The file `vehicle_classes.toml` has the classes in the order of their codes 0 to 6, which the study
 `pinto-2023` defined and recordings store. The code is the position in `VEHICLE_CLASS_NAMES`.
+`model.vehicles` has the same codes as the enumerations `VehicleKind` and `Colour`.
 """
 
 from collections.abc import Mapping

@@ -55,7 +55,8 @@ MAX_GRADE = 0.2
 third are too steep for this limit."""
 
 MAX_SPEED_LIMIT = 100.0
-"""Largest speed limit [m/s]. Readers of map files use it for roads without any limit."""
+"""Largest speed limit [m/s], above any posted one. Readers of map files use it for roads without a
+limit."""
 
 _STATION = FieldSpec(unit="m", low=0.0, high=MAX_LENGTH)
 
@@ -200,12 +201,13 @@ class RoadCourse:
     """Changes along a road. Pairs by station are in ascending order and read as a `StationTable`.
 
     Attributes:
-        segments: Segments of the reference line, joined end to start; empty for a straight road.
-            Beyond its ends the line is straight.
+        segments: Segments of the reference line in world coordinates, joined end to start; the
+            first begins at station 0. Beyond the last the line is straight. Empty for a straight
+            road.
         grade: Slope of the road: pairs (station [m], rise per metre, positive uphill in direction
             +1); empty for a level road.
         centre_line_spans: Spans of the line between the directions, in order, without overlap.
-            Between them the line is the mark that the outermost driving lane states (`model.road`).
+            Between them the mark that the adjacent driving lane states applies (`model.road`).
         speed_limit_spans: Spans with a limit below `Road.speed_limit`, which applies elsewhere, in
             order of `start`. Two spans may overlap only if they apply to opposite directions.
         zones: Zones, in any order; they may overlap.
@@ -236,7 +238,7 @@ class RoadCourse:
             if len(getattr(self, name)) > MAX_SPANS:
                 raise _error(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
         for span in (*self.centre_line_spans, *self.speed_limit_spans, *self.zones):
-            check_batch(span, "course of a road")  # The check above does not look into tuples.
+            check_batch(span, "course of a road")  # The first call does not look into tuples.
             if not span.start < span.stop:
                 raise _error("stretch", "start before stop", f"{span.start:g} to {span.stop:g} m")
         _check_order("centre_line_spans", self.centre_line_spans)

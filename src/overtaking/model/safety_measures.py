@@ -11,7 +11,8 @@ Each `FieldSpec` declares a column of that table: a description, a unit and wher
 null. `null_unless` names the flag without which there is no value (".valid" is the field `valid` of
 the same class). `needs` names properties that a recording may leave unknown; the column is then
 null. An infinite value of an array, such as the time to a collision that never comes, is null in
-the table.
+the table. The description of a nested class is appended to the descriptions of its fields.
+`with_field_docs` lists the fields in the docstring of the class.
 """
 
 from dataclasses import dataclass
@@ -156,10 +157,12 @@ class SafetyMeasures(Batch):
 
     Arrays have shape (simulation, moment) with `MEASURED_MOMENTS` as the last axis; the measures in
     `WHOLE_MANOEUVRE_MEASURES` have shape (simulation,). The worst value of the manoeuvre is the
-    largest closing speed and deceleration, and the smallest of each other measure. The ego enters
-    the lane on the left at `attempt` and `line_crossed`, the lane on the right at `return_begin`,
-    and no lane at other moments. `law.toml` and `event_detection.toml` of the knowledge base state
-    the constants of the measures.
+    largest closing speed and deceleration, and the smallest of each other measure. Where `frame` is
+    `NEVER`, the other values are undefined, and the table has no row.
+
+    The ego enters the lane on the left at `attempt` and `line_crossed`, the lane on the right at
+    `return_begin`, and no lane at other moments. `law.toml` and `event_detection.toml` of the
+    knowledge base state the constants of the measures.
     """
 
     frame: Annotated[
@@ -185,10 +188,12 @@ class SafetyMeasures(Batch):
     lawful_margin: Annotated[
         F32,
         _leader_measure(
-            "Gap minus the safe distance of rule L3, Article 18(1)", "m", needs=["weather"]
+            "Gap minus the safe distance of rule L3, Article 18(1) of Portugal's Highway Code",
+            "m",
+            needs=["weather"],
         ),
     ]
-    follower: Annotated[Encounter, FieldSpec("the vehicle behind, behind the ego")]
+    follower: Annotated[Encounter, FieldSpec("the vehicle behind the ego")]
     new_leader: Annotated[Encounter, FieldSpec("the vehicle ahead in the lane entered")]
     new_follower: Annotated[Encounter, FieldSpec("the vehicle behind in the lane entered")]
     stop_margin_lit: Annotated[

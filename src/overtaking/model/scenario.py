@@ -11,7 +11,8 @@ overtake by the ego.
 A branch repeats a simulation with the same random numbers and some `Intervention` objects: forced
 decisions, other weather, other drivers or moved vehicles from a frame on.
 
-`FieldSpec` declares meaning, unit, range and axes of a field; `model.checks` refuses other values.
+`FieldSpec` declares description, unit, range and axes of a field; `model.checks` refuses other
+values. `Batch` gives a class of arrays the methods `select` (rows), `replace` and `equals`.
 """
 
 import dataclasses
@@ -64,7 +65,7 @@ _VEHICLE_AXES = ("simulation", "vehicle")
 class Scenario(IdentityBatch):
     """Inputs of a batch of simulations on one road.
 
-    Functions cache their results per `Scenario` object, not per content
+    Functions cache their results per `Scenario` object, through weak references
     (`model.batch.cached_per_batch`). Therefore `==` is true for the same object only, and `equals`
     compares the content.
 

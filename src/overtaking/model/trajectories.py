@@ -11,10 +11,13 @@ Terms:
     decision: an instant, 20 times a second, at which drivers look and decide.
     percept: the ego driver's belief about a neighbour at a decision, beside the true values.
     step (of an integer): the amount that the integer 1 stands for, such as 1 mm.
+    engines: the compiled one and a readable reference in Python, which record the same bits.
+    world: the plane coordinates of OpenDRIVE, a format of road maps, with y to the left of x.
 
 `FieldSpec` declares description, unit, range and table column of a field. `missing` is the value
 that stands for "none", `null_unless` names the field without which a column is null, and `needs`
-names the properties (`UNKNOWNS`) without which it is null.
+names the properties (`UNKNOWNS`) without which it is null. `with_field_docs` lists the fields in
+the docstring of the class.
 """
 
 import dataclasses
@@ -93,7 +96,7 @@ class Stage(IntEnum):
     """Stage of the ego's overtake, as its driver intends it."""
 
     FOLLOW = 0  # No overtake: the ego drives freely or follows, and may wait for a gap.
-    PULL_OUT = 1  # It changes to the lane on the left.
+    PULL_OUT = 1  # It changes to the lane on the overtaking side.
     PASS = 2  # It drives past the target.
     RETURN = 3  # It changes back ahead of the target.
     DONE = 4  # The overtake is completed.
@@ -119,9 +122,9 @@ class Lights(IntFlag):
 class ManoeuvreKind(IntEnum):
     """Decision of the ego's driver that a percept was recorded for."""
 
-    PULL_OUT = 0  # Change to the left, to overtake.
-    RETURN = 1  # Change back to the right.
-    CANCEL = 2  # Reverse a lane change: give up the overtake, or stay left during a return.
+    PULL_OUT = 0  # Begin the lane change to overtake.
+    RETURN = 1  # Begin the lane change back.
+    CANCEL = 2  # Reverse either lane change: give up the overtake, or stay out and not return.
 
 
 class PerceivedVehicle(IntEnum):
@@ -281,6 +284,7 @@ class Contacts(Batch):
             column=ColumnName("vehicle", "contact_"),
         ),
     ]
+    # Without `needs`: a recording without impulses may still state the time.
     time: Annotated[
         I32, _contact("Instant of that contact", "ms", 0, MAX_DURATION * 1000, needs=())
     ]
@@ -575,7 +579,7 @@ class Trajectories(IdentityBatch):
     def is_excerpt(self) -> bool:
         """Whether the traffic began before the first frame, as in recordings of real traffic.
 
-        An unknown stage of the ego marks them: every simulator records the stage.
+        The stage of the ego decides: simulators record it, recordings of real traffic lack it.
         """
         return "stage" in self.unknown
 
@@ -586,7 +590,7 @@ class Trajectories(IdentityBatch):
 
     @property
     def frame_mask(self) -> NDArray[np.bool_]:
-        """Whether a simulation lasts to a frame, shape (simulation, time)."""
+        """Whether a frame is not padding of a shorter simulation, shape (simulation, time)."""
         return np.arange(self.stage.shape[1])[None, :] < self.num_frames[:, None]
 
     @property

@@ -7,7 +7,8 @@ under study, and a slot may be empty.
 
 `FieldSpec` declares for each field a description, the unit, the smallest and the largest value.
 `names` are the texts that tables show for the integers of an enumeration, and `needs` names the
-properties that a recording may leave unknown; the column is then null.
+properties that a recording may leave unknown; the column is then null. `with_field_docs` lists the
+fields in the docstring of the class.
 
 The paper is `pinto-2023` in docs/reference/sources.md, a study that this package reproduces.
 """
@@ -212,9 +213,10 @@ _DISABLED = 1e9
 class DriverTraits(Batch):
     """Parameters of the driver model; every array has shape (simulation, vehicle).
 
-    Drivers follow a leader by the model IIDM and change lanes by the model MOBIL (Kesting, Treiber,
-    Helbing 2007); `docs/explanation/model.md` has the formulas. Most traits depend on a hidden
-    driving style from careful to reckless, which is drawn and not stored.
+    Drivers follow a leader by the improved intelligent driver model, IIDM (Treiber, Kesting 2013),
+    and change lanes by the model MOBIL (Kesting, Treiber, Helbing 2007);
+    `docs/explanation/model.md` has the formulas. Most traits depend on a hidden driving style from
+    careful to reckless, which is drawn and not stored.
 
     To add a trait, add a field here, a line for each population and each end of the style in
     `knowledge/data/drivers.toml`, and its use in the simulation step. The ranges are chosen: wider
@@ -280,7 +282,7 @@ class DriverTraits(Batch):
     min_speed_gain: Annotated[
         F32,
         FieldSpec(
-            "Smallest excess of the desired speed over the leader's for which the driver overtakes",
+            "Least excess of the desired over the leader's speed at which the driver overtakes",
             "m/s",
             0.0,
             _DISABLED,

@@ -12,6 +12,7 @@ Terms:
 
 `FieldSpec` declares the table column of a field: `names` are the texts for its integers, `missing`
 is the value that is null in tables, and a field with `column=None` is not written.
+`with_field_docs` lists the fields in the docstring of the class.
 """
 
 from dataclasses import dataclass
@@ -87,7 +88,8 @@ _TITLES = (  # In the order of the integers of `OvertakeClass`.
 class Case(IdentityBatch):
     """All inputs of rules and features, for a batch of simulations.
 
-    Functions cache their results per `Case` object, so `==` is true for the same object only.
+    Functions cache their results per `Case` object, through weak references; therefore `==` is true
+    for the same object only.
 
     Attributes:
         trajectories: The recorded states, with road, weather and vehicles.
@@ -137,7 +139,9 @@ class Finding(Batch):
         I32, FieldSpec("Number of frames of the longest unbroken run of the breach", column=None)
     ]
     severity: Annotated[U8, _enumeration_spec("Severity of the breach", Severity)]
-    belief: Annotated[U8, _enumeration_spec("Verdict by the belief of the driver", Belief)]
+    belief: Annotated[
+        U8, _enumeration_spec("True verdict and verdict by the belief of the driver", Belief)
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,8 @@ questions: the same scene without rain, fog, wind, night or glare.
 Percentages are the settings of the simulator CARLA, 0 to 100 without physical meaning; `world`
 converts them, such as 100 % of rain to a rate in mm/h. `FieldSpec` declares description, unit,
 smallest and largest value of a field; `missing` is a further value, which is null in tables.
+`AxisEnd` limits an index by the number that `axis_lengths` states. `with_field_docs` lists the
+fields in the docstring of the class.
 """
 
 import math
@@ -120,9 +122,9 @@ class Weather(Batch):
         Raises:
             ConfigError: A name is not in `REMOVABLE_FACTORS`.
         """
-        for name in sorted(set(factors) - set(REMOVABLE_FACTORS)):
+        if unknown := sorted(set(factors) - set(REMOVABLE_FACTORS)):
             raise ConfigError.unknown_choice(
-                what="without", where="weather", choices=REMOVABLE_FACTORS, got=name
+                what="without", where="weather", choices=REMOVABLE_FACTORS, got=unknown[0]
             )
         weather = self
         # In a fixed order, because night and glare both move the sun.
@@ -165,7 +167,7 @@ def _without_night(weather: Weather) -> Weather:
 
 
 def _without_glare(weather: Weather) -> Weather:
-    """Weather without a low sun: by day the sun stands high."""
+    """Weather without glare: the sun stands high by day, also where it did not dazzle."""
     altitude = np.where(weather.night, weather.sun_altitude, _HIGH_SUN)
     return _with_consequences(weather.replace(sun_altitude=altitude))
 
