@@ -1,4 +1,8 @@
-"""Output in IPython: HTML, and the progress of long work below the running cell of a notebook."""
+"""Output in IPython: HTML messages, and the progress of long calls below the cell of a notebook.
+
+Outside IPython (a script, a plain Python shell) nothing is shown. `model.checks` decorates each
+public function that has an argument `progress` with `show_progress`.
+"""
 
 import importlib
 import inspect
@@ -14,29 +18,35 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 PROGRESS = "progress"
-"""Name of the argument through which a function reports its progress."""
+"""Name of the argument that takes a function's progress callback."""
 
 DELAY_S = 2.0
-"""Duration of the work before its progress appears, so that short work shows none [s]."""
+"""Time from the call to the first display of its progress [s]. Shorter calls show no progress.
+Chosen."""
 
 _INTERVAL_S = 0.25
-"""Shortest time between two updates [s]. A reader cannot follow faster ones, and the notebook
-stores each of them."""
+"""Shortest time between two updates [s]. Chosen: users cannot follow faster updates, and the
+notebook file stores each of them."""
 
 
 def show_progress(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function so that it shows its progress in notebooks.
-
-    In a notebook, a call that passes no `progress` shows the progress below the running cell.
+    """Decorate a function so that a call without `progress` shows its progress in notebooks.
 
     Args:
-        function: A function with an argument `progress`, a `ProgressCallback` or None.
+        function: A function with an argument `progress`: a `ProgressCallback`, which the function
+            calls with the numbers of completed and of all steps, or None.
+
+    Returns:
+        The function. If a notebook runs the call and the caller passes no callback, it gets one
+        that displays the numbers below the running cell.
     """
     signature = inspect.signature(function)
 
     @wraps(function)
     def call_with_progress(*args: P.args, **kwargs: P.kwargs) -> T:
-        call = signature.bind_partial(*args, **kwargs)  # `progress` may be positional.
+        # `bind_partial` finds `progress` also as a positional argument, and leaves errors about
+        # missing arguments to the call itself.
+        call = signature.bind_partial(*args, **kwargs)
         if call.arguments.get(PROGRESS) is None:
             call.arguments[PROGRESS] = notebook_progress(function.__name__)
         return function(*call.args, **call.kwargs)
@@ -45,68 +55,69 @@ def show_progress(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def notebook_progress(title: str) -> ProgressCallback | None:
-    """A function that shows progress below the running cell.
+    """Make a callback that shows progress below the running cell.
 
     Args:
         title: Text before the numbers: "title: 3 of 10".
 
     Returns:
-        The function; None if no IPython kernel runs this code.
+        The callback; None if no notebook runs this code.
     """
-    if "ipykernel" not in sys.modules:
+    if "ipykernel" not in sys.modules:  # The package that connects IPython with a notebook.
         return None
-    shell = _import("IPython").get_ipython()
+    # A script can have loaded ipykernel as well: then there is no shell, or a shell without kernel.
+    shell = _import_loaded("IPython").get_ipython()
     return _CellProgress(title) if getattr(shell, "kernel", None) is not None else None
 
 
 def display(*, html: str, text: str) -> bool:
-    """Show a message where IPython runs this code.
+    """Show a message if IPython runs this code.
 
     Args:
-        html: The message for notebooks.
-        text: The same message for terminals.
+        html: The message in HTML, which notebooks show.
+        text: The same message as plain text, which IPython shows in a terminal.
 
     Returns:
-        Whether IPython runs this code; if not, nothing is shown.
+        Whether IPython runs this code and shows the message.
     """
-    if "IPython" not in sys.modules or _import("IPython").get_ipython() is None:
+    if "IPython" not in sys.modules or _import_loaded("IPython").get_ipython() is None:
         return False
-    _import("IPython.display").display({"text/html": html, "text/plain": text}, raw=True)
+    _import_loaded("IPython.display").display({"text/html": html, "text/plain": text}, raw=True)
     return True
 
 
-def _import(name: str) -> Any:
-    """A module of IPython.
+def _import_loaded(name: str) -> Any:
+    """A module of IPython in a process that has loaded IPython already.
 
-    IPython is no dependency of the package: this module imports it only in a process that has
-    loaded it already. The package is type-checked without it, so its modules are `Any`.
+    An ordinary import would load IPython in every process, and this package does not require it.
+    Type checkers run without it, so the type of the module is `Any`.
     """
     return importlib.import_module(name)
 
 
 class _CellProgress:
-    """A progress callback with one line of text below the cell, which each call replaces."""
+    """A progress callback that displays one line of text below the cell and then updates it."""
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._next_update = time.monotonic() + DELAY_S
-        self._handle: Any = None
+        self._displayed_line: Any = None  # IPython's handle of the line; None before its display.
 
-    def __call__(self, done: int, total: int) -> None:
-        """Show the progress, at most every `_INTERVAL_S` and always at the end.
+    def __call__(self, num_completed: int, num_steps: int) -> None:
+        """Update the line, at most once in `_INTERVAL_S`; a displayed line always gets its end.
 
         Args:
-            done: Number of steps that are done.
-            total: Number of all steps.
+            num_completed: Number of completed steps.
+            num_steps: Number of all steps.
         """
         now = time.monotonic()
-        is_complete = self._handle is not None and done >= total
-        if now < self._next_update and not is_complete:
+        is_end_of_line = self._displayed_line is not None and num_completed >= num_steps
+        if now < self._next_update and not is_end_of_line:
             return
         self._next_update = now + _INTERVAL_S
-        text = {"text/plain": f"{self._title}: {done} of {total}"}
-        if self._handle is None:
-            display_text = _import("IPython.display").display
-            self._handle = display_text(text, raw=True, display_id=True)
+        text = {"text/plain": f"{self._title}: {num_completed} of {num_steps}"}
+        if self._displayed_line is None:
+            display_text = _import_loaded("IPython.display").display
+            self._displayed_line = display_text(text, raw=True, display_id=True)
         else:
-            self._handle.update(text, raw=True)
+            self._displayed_line.update(text, raw=True)

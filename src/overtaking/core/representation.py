@@ -1,4 +1,8 @@
-"""Objects as JSON values, one-line representations, counts in words."""
+"""Objects as JSON values, short `repr` of objects with large arrays, texts that UTF-8 can hold.
+
+Results of public functions derive from `CompactRepr` or `ShownAsTable`, so that a Python shell
+shows one line or a table instead of the values of all arrays, and a notebook shows HTML.
+"""
 
 import contextlib
 import dataclasses
@@ -10,14 +14,15 @@ from pathlib import Path
 from typing import Any
 
 _SURROGATE = re.compile("[\ud800-\udfff]")
+"""The code points that Python strings may contain but UTF-8 may not."""
 
 
 def format_count(number: int, noun: str) -> str:
-    """A number with its noun.
+    """Write a number with its noun, in the singular or the plural.
 
     Args:
-        number: The number.
-        noun: The noun in the singular; its plural ends in s.
+        number: The number, 0 or more.
+        noun: The noun in the singular; its plural must be the noun with an s.
 
     Examples:
         >>> format_count(1, "simulation"), format_count(1000, "simulation")
@@ -27,32 +32,38 @@ def format_count(number: int, noun: str) -> str:
 
 
 def as_utf8(text: str) -> str:
-    r"""A text that UTF-8 can hold: bytes of a file name that are not UTF-8 become `\xe9`.
+    r"""Replace the characters that no file in UTF-8 can hold by escapes of plain characters.
 
-    Python keeps such bytes of a name as surrogates, which no file in UTF-8 can hold.
+    A file name on Linux may have bytes that are not UTF-8. Python stores such a byte, for instance
+    0xE9, as a surrogate; it becomes the four characters `\xe9`.
     """
     return _SURROGATE.sub(_escape, text)
 
 
 def _escape(surrogate: re.Match[str]) -> str:
     code = ord(surrogate.group())
-    # Python adds 0xDC00 to the byte (PEP 383).
+    # For a byte of a file name, from 0x80 on, Python adds 0xDC00 (PEP 383). Other surrogates come
+    # from faulty text and are shown with their own number.
     return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else f"\\u{code:04x}"
 
 
 def json_values(value: Any) -> Any:
-    """A value as JSON has it.
+    """Convert a value to the types of JSON, also inside lists, tuples, mappings and dataclasses.
 
     Args:
-        value: Dataclasses become objects with the names of their fields; arrays and tuples become
-            lists; bytes become hexadecimal text; NaN and infinities become null; anything else that
-            JSON does not have becomes text.
+        value: Any value.
+
+    Returns:
+        None, a bool, int, float, str, list or dict. Dataclasses become dicts by the names of their
+        fields, arrays and tuples lists, bytes hexadecimal text. NaN and infinities become None,
+        because JSON lacks them. Values of other types, such as paths, become text.
     """
-    # Not at the top of the module: the help of commands, which prints no arrays, loads no NumPy.
+    # Not at the top of the module: `overtaking --help` needs this module but no arrays, and starts
+    # faster without NumPy.
     import numpy as np
 
     if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+        value = value.tolist()  # Lists of Python's numbers; a NumPy scalar becomes one number.
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
@@ -76,35 +87,46 @@ MAX_SHOWN_ROWS = 60
 
 MAX_SHOWN_CHARACTERS = 50
 """Largest number of characters of a cell on the screen, as in pandas."""
-_LINE_WIDTH = 100  # Wider tables continue below.
-_PLAIN = (str, int, float, Path)
+
+_LINE_WIDTH = 100
+"""Width of a table on the screen [characters]; further columns follow in a block below. Chosen."""
+
+_VALUE_TYPES = (str, int, float, Path)
 
 
 class CompactRepr:
-    """Base of dataclasses whose `repr` is a summary, because their arrays are large."""
+    """Base class of dataclasses whose `repr` shows `summary()` instead of all values."""
 
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        """Keep the `repr` of a summarized base, where `dataclass` would write one of all fields."""
+        """Copy the inherited `repr` into each subclass.
+
+        The decorator `dataclass` writes a `repr` of all fields unless the class itself has one.
+        """
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
-            summarized = [base for base in cls.__mro__ if issubclass(base, CompactRepr)]
-            cls.__repr__ = next(base.__repr__ for base in summarized if "__repr__" in vars(base))
+            bases = [base for base in cls.__mro__ if issubclass(base, CompactRepr)]
+            cls.__repr__ = next(base.__repr__ for base in bases if "__repr__" in vars(base))
 
     def summary(self) -> Mapping[str, object]:
-        """Names and values to show: a number or a text as it is, of a collection its length."""
+        """Names and values to show; subclasses may return others.
+
+        Returns:
+            Numbers, texts and paths by the names of their fields, and the lengths of collections.
+            "simulations" is the length of the arrays. Fields of other types are left out.
+        """
         import numpy as np  # As in `json_values`.
 
         summary: dict[str, object] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
-            with contextlib.suppress(
-                AttributeError
-            ):  # A field that is not computed yet is left out.
+            # Some classes compute a field at its first use, in `__getattr__`, which the method of
+            # `object` does not call: a field that is not computed yet raises AttributeError.
+            with contextlib.suppress(AttributeError):
                 value = object.__getattribute__(self, field.name)
                 if isinstance(value, np.ndarray):  # The first axis of all arrays is simulation.
                     summary.setdefault("simulations", len(value))
-                elif isinstance(value, _PLAIN):
+                elif isinstance(value, _VALUE_TYPES):
                     summary[field.name] = value
                 elif isinstance(value, tuple | list | dict | frozenset):
                     summary[field.name] = len(value)
@@ -116,7 +138,7 @@ class CompactRepr:
         return f"{type(self).__name__}({entries})"
 
     def _repr_html_(self) -> str:
-        """The same as a table, for notebooks."""
+        """The summary as a table in HTML; notebooks call this method."""
         rows = "".join(
             f'<tr><th scope="row">{escape(name)}</th><td>{escape(str(value))}</td></tr>'
             for name, value in self.summary().items()
@@ -125,22 +147,22 @@ class CompactRepr:
 
 
 class ShownAsTable(CompactRepr):
-    """Base of dataclasses that show their rows below the summary."""
+    """Base class of dataclasses with rows, such as tables of results: `repr` shows the rows too."""
 
     __slots__ = ()
 
     def to_pandas(self) -> Any:
-        """The rows as a DataFrame."""
+        """The rows as a DataFrame of pandas; each subclass defines it."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        """The summary in one line, and the first and last rows with all columns."""
+        """The summary in one line and, below, the first and last rows with all columns."""
         rows = self.to_pandas().to_string(
             max_rows=MAX_SHOWN_ROWS, max_colwidth=MAX_SHOWN_CHARACTERS, line_width=_LINE_WIDTH
         )
         return f"{super().__repr__()}\n{rows}"
 
     def _repr_html_(self) -> str:
-        """The same for notebooks."""
+        """The same in HTML; notebooks call this method."""
         rows = self.to_pandas().to_html(max_rows=MAX_SHOWN_ROWS)
         return f"<p>{escape(super().__repr__())}</p>{rows}"

@@ -1,4 +1,14 @@
-"""Units: suffixes of names, integer units, conversion to SI."""
+"""Units: suffixes of names, units of recorded integers, conversion to SI.
+
+Values in the code are in SI units and their names have no suffix. Other units occur at the edges:
+
+- names of columns and keys in files tell the unit by a suffix (`NAME_SUFFIXES`), also an SI unit;
+- trajectories are recorded as integers, in small units such as mm (`INTEGER_UNITS`);
+- the constants of the model, in the TOML files of `overtaking/knowledge/data` ("knowledge"), state
+  units as texts such as `km/h`; `unit_converter` converts most of them to SI when they are read;
+- commands and functions of the API take speeds in km/h and angles in degrees (`mps_from_kmh` and
+  its kind).
+"""
 
 from __future__ import annotations
 
@@ -41,7 +51,8 @@ NAME_SUFFIXES = {
     "N s": "_newton_s",
     "W": "_w",
 }
-"""Suffix of a name for each unit, in columns of tables and in keys of files."""
+"""Suffix of a name for each unit, in columns of tables and in keys of files. Numbers without a unit
+have the unit "1"."""
 
 INTEGER_UNITS = {
     "mm": ("m", 1000),
@@ -51,7 +62,8 @@ INTEGER_UNITS = {
     "0.1 mrad": ("rad", 10_000),
     "0.1 mrad/s": ("rad/s", 10_000),
 }
-"""The SI unit, and the number of steps in it, of each unit of recorded integers."""
+"""For each unit of recorded integers, the SI unit and how many steps of the integer make one of it:
+1000 mm are 1 m."""
 
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
@@ -78,17 +90,17 @@ def deg_from_rad(angle: FloatOrArray) -> FloatOrArray:
     return angle * _DEG_PER_RAD
 
 
-# Symbols that stand for themselves, the counting units of traffic among them.
+# Symbols that are not converted: SI units, 1 for a number without a unit, and a counting unit.
 _SI_SYMBOLS = frozenset(
     ["1", "m", "s", "kg", "rad", "N", "W", "J", "Pa", "Hz", "K", "cd", "lx", "vehicle"]
 )
 
-# Symbol: (SI symbol, numerator, denominator); a fraction keeps 50 mm/h or 0.2 mm as exact as
-# floating point allows.
+# Symbol: (SI symbol, numerator, denominator of the factor). Two numbers, because no float is exactly
+# 1 / 1000: 0.2 mm is computed as 0.2 * 1 / 1000 and rounded at the division only.
 _OTHER_SYMBOLS = {
     "km": ("m", 1000.0, 1.0),
     "Mm": ("m", 1e6, 1.0),
-    "Mkm": ("m", 1e9, 1.0),  # As accident rates are written: per million vehicle-km.
+    "Mkm": ("m", 1e9, 1.0),  # For accident rates, which are stated per million vehicle-km.
     "mm": ("m", 1.0, 1000.0),
     "inch": ("m", 254.0, 10000.0),
     "h": ("s", 3600.0, 1.0),
@@ -101,11 +113,13 @@ _OTHER_SYMBOLS = {
     "percent": ("1", 1.0, 100.0),
 }
 
-# The two conversions that people also do at the edges: one formula each, so that 120 km/h in a
-# file and 120 km/h on the command line are the same bits.
-_SHARED: dict[str, Callable[[float], float]] = {"km/h": mps_from_kmh, "deg": rad_from_deg}
+# These two units also occur in commands and in the API. One formula for all of them: 120 km/h in a
+# TOML file and 120 km/h in a command have the same bits.
+_SHARED_CONVERSIONS: dict[str, Callable[[float], float]] = {
+    "km/h": mps_from_kmh,
+    "deg": rad_from_deg,
+}
 
-# Suffixes of the names of knowledge entries whose values are not converted to SI.
 UNCONVERTED_SUFFIXES = {
     "_mm": "mm",
     "_inch": "inch",
@@ -115,13 +129,21 @@ UNCONVERTED_SUFFIXES = {
     "_deg": "deg",
     "_kmh": "km/h",
 }
+"""Unit by suffix, for names of constants that keep their unit: formulas from the literature use
+`film_mm` in mm. All other constants are converted to SI."""
+
+# A unit such as `kg m^2`, `m/s^2` or `1/(m s)`: a product, then perhaps `/` and a factor or a product
+# in parentheses.
 _FACTOR = r"(?:[A-Za-z]+|1)(?:\^[0-9]+)?"
 _PRODUCT = rf"{_FACTOR}(?: {_FACTOR})*"
 _UNIT = re.compile(rf"({_PRODUCT})(?:/(?:({_FACTOR})|\(({_PRODUCT})\)))?")
 
 
 def _powers(unit: str) -> list[tuple[str, int]] | None:
-    """The symbols of a unit with their powers; None for a text that is not a unit."""
+    """The symbols of a unit with their powers: [("m", 1), ("s", -2)] for `m/s^2`.
+
+    For a text that is not a product of known symbols, it returns None.
+    """
     match = _UNIT.fullmatch(unit)
     if match is None:
         return None
@@ -135,22 +157,26 @@ def _powers(unit: str) -> list[tuple[str, int]] | None:
 
 
 def si_unit(unit: str) -> str:
-    """The SI unit of the same dimension, spelt the same way: `m/s` for `km/h`."""
+    """The SI unit of the same dimension: `m/s` for `km/h`, `1` for `percent`.
+
+    Args:
+        unit: A unit that `unit_converter` accepts.
+    """
     return re.sub(r"[A-Za-z]+", lambda match: _OTHER_SYMBOLS.get(match[0], (match[0],))[0], unit)
 
 
 def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
-    """A function that takes a number in `unit` to SI.
+    """Make a function that converts a number in `unit` to the SI unit of `si_unit`.
 
     Args:
         unit: Symbols joined by spaces, `/` and `^`, such as `m/s^2` or `1/(m s)`.
-        where: File and entry, for the message.
+        where: File and entry that contain the unit, for the message.
 
     Returns:
-        The conversion; the identity for SI units.
+        The conversion. For SI units it returns its argument with the same bits.
 
     Raises:
-        KnowledgeError: The text holds a symbol that is no known unit.
+        KnowledgeError: The text is not a product of known symbols.
     """
     powers = _powers(unit)
     if powers is None:
@@ -162,8 +188,8 @@ def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
             got=repr(unit),
             next_step=f"write one with {symbols}",
         )
-    if unit in _SHARED:
-        return _SHARED[unit]
+    if unit in _SHARED_CONVERSIONS:
+        return _SHARED_CONVERSIONS[unit]
     numerator = denominator = 1.0
     for symbol, power in powers:
         _, multiplier, divisor = _OTHER_SYMBOLS.get(symbol, (symbol, 1.0, 1.0))
@@ -175,7 +201,11 @@ def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
 
 
 def unit_of_suffix(name: str) -> str | None:
-    """The unit that an entry's name carries as a suffix, or None where it carries none."""
+    """The unit in which a constant is kept, by the suffix of its name; None if it is kept in SI.
+
+    Args:
+        name: Name of the constant, such as `film_mm`.
+    """
     for suffix, unit in UNCONVERTED_SUFFIXES.items():
         if name.endswith(suffix):
             return unit
