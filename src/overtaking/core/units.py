@@ -95,8 +95,8 @@ _SI_SYMBOLS = frozenset(
     ["1", "m", "s", "kg", "rad", "N", "W", "J", "Pa", "Hz", "K", "cd", "lx", "vehicle"]
 )
 
-# Symbol: (SI symbol, numerator, denominator of the factor). Two numbers, because no float is equal to
-# 1 / 1000: 0.2 mm is computed as 0.2 * 1 / 1000 and rounded at the division only.
+# Symbol: (SI symbol, numerator, denominator of the factor). Two numbers, because no float is equal
+# to 1 / 1000: 0.2 mm is computed as 0.2 * 1 / 1000 and rounded at the division only.
 _OTHER_SYMBOLS = {
     "km": ("m", 1000.0, 1.0),
     "Mm": ("m", 1e6, 1.0),
@@ -132,8 +132,8 @@ UNCONVERTED_SUFFIXES = {
 """Unit by suffix, for names of constants that keep their unit: formulas from the literature use
 `film_mm` in mm. All other constants are converted to SI."""
 
-# A unit such as `kg m^2`, `m/s^2` or `1/(m s)`: a product; after a slash, one factor or a product in
-# parentheses.
+# A unit such as `kg m^2`, `m/s^2` or `1/(m s)`: a product; after a slash, one factor or a product
+# in parentheses.
 _FACTOR = r"(?:[A-Za-z]+|1)(?:\^[0-9]+)?"
 _PRODUCT = rf"{_FACTOR}(?: {_FACTOR})*"
 _UNIT = re.compile(rf"({_PRODUCT})(?:/(?:({_FACTOR})|\(({_PRODUCT})\)))?")

@@ -1,4 +1,13 @@
-"""A module that runs in a child process, and its messages; both ends."""
+"""Worker processes: child processes that run a module of this package, and exchange messages.
+
+A process makes a `WorkerProcess` with the name of a module; the child calls the module's `main`
+with a `ParentConnection`. Both ends send any objects that `pickle` can copy. Data sets are
+generated in such processes, and queries, neural networks and clients of CARLA run in them, because a
+child can have limits of its own, and can crash or be killed without its parent.
+
+Messages to the worker go through its standard input, messages from it through its standard output.
+Text that the worker prints goes to its standard error, whose end `describe_exit` quotes.
+"""
 
 import _thread
 import atexit
@@ -21,7 +30,8 @@ from typing import IO, Any, Final, Self
 
 from overtaking.core.process_limits import explain_refusals, thread_error
 
-# Messages of both directions are pickles in frames. A frame is its length and that many bytes.
+# A message is a pickle in a frame: the length of the pickle as a 64-bit integer, then its bytes. A
+# pipe alone does not keep messages apart.
 _LENGTH = struct.Struct("<Q")
 
 
@@ -30,7 +40,7 @@ def write_frame(stream: IO[bytes], data: bytes) -> None:
 
     Args:
         stream: A pipe.
-        data: The content of the frame.
+        data: Content of the frame, without its length.
 
     Raises:
         OSError: The reader has closed its end.
@@ -42,6 +52,12 @@ def write_frame(stream: IO[bytes], data: bytes) -> None:
 
 def read_frame(stream: IO[bytes]) -> bytes:
     """Wait for one frame and read its content.
+
+    Args:
+        stream: A pipe.
+
+    Returns:
+        Content of the frame, without its length.
 
     Raises:
         EOFError: The writer has closed its end, before or within a frame.
@@ -61,70 +77,99 @@ STOP_FRAME = b""
 
 
 class ParentConnection:
-    """The connection of a worker to the process that started it.
+    """The end of the connection in the worker: it receives messages from the parent and answers.
 
-    If that process ends, the worker ends at once.
+    The parent is the process that started the worker. If it ends, also if it is killed, the worker
+    ends at once.
     """
 
     def __init__(self) -> None:
-        """Take over the standard streams: the first call in a worker, once."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal.
-        self._requests: SimpleQueue[bytes] = SimpleQueue()
+        """Take over standard input and output.
+
+        `run_worker` does this before it imports the module, which may print or read.
+        """
+        # Ctrl-C in a terminal also interrupts child processes; only the parent decides to stop.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self._received_frames: SimpleQueue[bytes] = SimpleQueue()
         self._is_stopped = False
-        requests, self._answers = _private_streams()
-        threading.Thread(target=self._read_frames, args=(requests,), daemon=True).start()
+        from_parent, self._to_parent = _private_streams()
+        # A thread, so that the end of the parent is noticed while the main thread computes.
+        threading.Thread(target=self._read_frames, args=(from_parent,), daemon=True).start()
 
     def __iter__(self) -> Iterator[Any]:
-        """Messages, until the parent asks this process to stop."""
-        while (frame := self._requests.get()) != STOP_FRAME and not self._is_stopped:
+        """Wait for messages and yield them until the parent asks this process to stop.
+
+        Messages that the parent sent before and that still wait are then dropped.
+        """
+        while (frame := self._received_frames.get()) != STOP_FRAME and not self._is_stopped:
             yield pickle.loads(frame)
 
     def send(self, message: object) -> None:
-        """Send a message.
+        """Send a message to the parent.
+
+        Args:
+            message: Any object that `pickle` can copy.
 
         Raises:
             OSError: The parent has ended.
         """
-        write_frame(self._answers, pickle.dumps(message))
+        write_frame(self._to_parent, pickle.dumps(message))
 
-    def _read_frames(self, requests: IO[bytes]) -> None:
-        """Receive messages, also while the main thread works."""
+    def _read_frames(self, from_parent: IO[bytes]) -> None:
+        """Queue the frames from the parent, and end this process when the parent has ended."""
         try:
             while True:
-                frame = read_frame(requests)
+                frame = read_frame(from_parent)
                 if frame == STOP_FRAME:
                     self._is_stopped = True
-                    _thread.interrupt_main(signal.SIGTERM)  # Only a module with a handler notices.
-                self._requests.put(frame)
+                    # Call the module's handler of SIGTERM, which can interrupt its work. Without a
+                    # handler this does nothing, and the worker stops before its next message.
+                    _thread.interrupt_main(signal.SIGTERM)
+                self._received_frames.put(frame)
         except BaseException:  # The parent has ended, or a message is larger than the memory.
-            # At once and without cleaning up: the parent's lock on its folder is free from now on,
-            # and another process may already write there.
+            # At once and without cleaning up: the system has released the parent's lock on the
+            # folder of its data set, and another process may already write there.
             os._exit(1)
 
 
 def run_worker() -> None:
-    """Run a worker: call `main` of the module that the command line names, with its arguments."""
+    """Call `main` of the module that the command line names: the main program of a worker.
+
+    The command line has the name of the module, then the arguments of `main` after its
+    `ParentConnection`.
+    """
     parent = ParentConnection()
     module, *arguments = sys.argv[1:]
     importlib.import_module(module).main(parent, *arguments)
 
 
 def _private_streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Move both pipes to other descriptors, for code that reads standard input or prints."""
-    requests, answers = (os.fdopen(os.dup(number), mode) for number, mode in ((0, "rb"), (1, "wb")))
+    """Move the pipes of standard input and output to descriptors that other code does not know.
+
+    Otherwise text that a library prints would be read as a message.
+
+    Returns:
+        The pipe from the parent and the pipe to the parent.
+    """
+    from_parent = os.fdopen(os.dup(0), "rb")
+    to_parent = os.fdopen(os.dup(1), "wb")
     null_device = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null_device, 0)
+    os.dup2(null_device, 0)  # Standard input is empty.
     os.close(null_device)
-    os.dup2(2, 1)  # Printed text goes to standard error, which the parent keeps for messages.
-    return requests, answers
+    os.dup2(2, 1)  # Printed text goes to standard error, which the parent quotes in errors.
+    return from_parent, to_parent
 
 
 SHUTDOWN_TIMEOUT = 5.0
-"""Time for a worker to clean up before it is killed [s]."""
+"""Time for a worker to clean up before it is killed [s]. Chosen."""
 
-_START = "from overtaking.core.worker_process import run_worker; run_worker()"
-_PRINTED_BYTES = 4096  # The end of the printed text that is kept: an exception and its cause.
-_POLL = 1.0  # Windows handles Ctrl-C only between two waits [s].
+_CHILD_PROGRAM = "from overtaking.core.worker_process import run_worker; run_worker()"
+
+_MAX_PRINTED_BYTES = 4096
+"""Length of the end of the printed text that is stored. Chosen: an exception and its cause fit."""
+
+_MAX_WAIT = 1.0
+"""Longest time of one wait [s]. On Windows a wait blocks Ctrl-C until it ends."""
 
 
 class WorkerEnded:
@@ -132,22 +177,24 @@ class WorkerEnded:
 
 
 WORKER_ENDED: Final = WorkerEnded()
-"""The last message from each worker, whether it has stopped or crashed."""
+"""The message that `receive` returns last, after the worker has stopped or crashed."""
 
 
 _frame_received = threading.Condition()
-"""Guards the received frames of all workers; notified after each new one."""
+"""Guards the received frames of all workers and is notified after each new frame. All workers share
+it, because `receive_from_any` waits for several of them."""
 
 
 class WorkerProcess:
-    """A child process that runs a module; as a context manager it ends with the block.
+    """The end of the connection in the parent: it starts a worker, and sends and receives messages.
 
-    The child ends with this process, ignores Ctrl-C, and imports from the same folders.
+    As a context manager it kills the worker at the end of the block. The worker also ends when this
+    process ends. It ignores Ctrl-C and imports modules from the same folders as this process.
 
     Args:
-        module: Name of the module. Its `main` receives a `ParentConnection` and the arguments.
-        arguments: Further arguments of `main`.
-        variables: Environment variables to set in the child; it inherits the others.
+        module: Name of the module that the worker runs.
+        arguments: Arguments of the module's `main` after its `ParentConnection`.
+        variables: Environment variables to set in the worker; it inherits the others.
 
     Raises:
         OSError: The process cannot be started.
@@ -159,26 +206,28 @@ class WorkerProcess:
     ) -> None:
         """Start the process."""
         search_path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-        self._frames: deque[bytes | None] = deque()  # None after the last one.
+        self._frames: deque[bytes | None] = deque()  # None stands for the end of the worker.
         self._printed = b""
-        # Not multiprocessing: its fork copies a process whose threads hold locks, and its spawn
-        # runs the main module of the user again, so that every script would need a guard.
+        # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks, and
+        # its "spawn" runs the user's script again, so that every script would need the guard
+        # `if __name__ == "__main__"`.
         with explain_refusals(module):
             self._process = subprocess.Popen(
-                # Safe path (-P): the child searches where this process does, and nowhere else.
-                [sys.executable, "-P", "-c", _START, module, *arguments],
+                # With -P Python does not add the working directory to the folders in which it
+                # searches for modules: the worker searches only where this process does.
+                [sys.executable, "-P", "-c", _CHILD_PROGRAM, module, *arguments],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 env={**os.environ, **(variables or {}), "PYTHONPATH": search_path},
             )
-        atexit.register(self.close)
+        atexit.register(self.close)  # Until `close` itself unregisters it.
         readers = (self._read_frames, self._read_printed)
         self._threads = [threading.Thread(target=reader, daemon=True) for reader in readers]
         try:
             for thread in self._threads:
                 thread.start()
-        except RuntimeError as error:
+        except RuntimeError as error:  # The system starts no more threads.
             self._process.kill()
             self.close()
             raise thread_error(module, str(error)) from error
@@ -202,11 +251,27 @@ class WorkerProcess:
         return self._process.poll() is None
 
     def send(self, message: object) -> None:
-        """Send a message. After the end of the process it is lost; `receive` tells of the end."""
+        """Send a message to the worker.
+
+        If the worker has ended, the message is lost without an error; `receive` reports the end.
+
+        Args:
+            message: Any object that `pickle` can copy.
+        """
         self._send_frame(pickle.dumps(message))
 
     def receive(self, timeout: float | None = None) -> Any:
-        """Wait for the next message from this worker; see `receive_from_any`."""
+        """Wait for the next message from this worker.
+
+        Args:
+            timeout: Longest time to wait [s]; None waits without limit.
+
+        Returns:
+            The message, or `WORKER_ENDED` once after the last message.
+
+        Raises:
+            TimeoutError: No message arrived in time.
+        """
         return self.receive_from_any((self,), timeout)[1]
 
     @staticmethod
@@ -216,11 +281,11 @@ class WorkerProcess:
         """Wait for the next message from one of several workers.
 
         Args:
-            workers: The workers.
+            workers: The workers. If messages of several wait, the first worker has priority.
             timeout: Longest time to wait [s]; None waits without limit.
 
         Returns:
-            The worker and its message, which after the end of the worker is `WORKER_ENDED`, once.
+            The worker and its message, or `WORKER_ENDED` once after its last message.
 
         Raises:
             TimeoutError: No message arrived in time.
@@ -231,38 +296,39 @@ class WorkerProcess:
                 remaining = end - time.monotonic()
                 if remaining <= 0.0:
                     raise TimeoutError
-                _frame_received.wait(min(_POLL, remaining))
+                _frame_received.wait(min(_MAX_WAIT, remaining))
             frame = worker._frames.popleft()
         return worker, WORKER_ENDED if frame is None else pickle.loads(frame)
 
     def stop(self) -> None:
-        """Ask the process to end; `close` gives it the time to clean up."""
+        """Ask the worker to end, and return at once. Then `close` with a timeout waits for it."""
         self._send_frame(STOP_FRAME)
 
     def close(self, timeout: float = 0.0) -> None:
-        """End the process and free its pipes and threads. A second call does nothing.
+        """End the worker and free its pipes and threads. A second call does nothing.
 
         Args:
-            timeout: Time to wait for the process to end before it is killed [s].
+            timeout: Time to wait for the worker to end before it is killed [s]; 0 kills it at once.
         """
         try:
             self._process.wait(timeout)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        for thread in self._threads:
-            if thread.ident is not None:  # It was started.
+        for thread in self._threads:  # They end with the process, which closes its pipes.
+            if thread.ident is not None:  # A thread that the system did not start cannot be joined.
                 thread.join()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            with suppress(OSError):  # A message that was not written completely.
-                _open(stream).close()
+            # To close a pipe writes the rest of a message, which fails without the worker.
+            with suppress(OSError):
+                _not_none(stream).close()
         atexit.unregister(self.close)
 
     def describe_exit(self) -> str:
-        """Close a worker after `WORKER_ENDED`, and describe its end.
+        """Close a worker of which `receive` has returned `WORKER_ENDED`, and describe its end.
 
         Returns:
-            Its exit status or signal, and the last line that it printed.
+            "with exit status 3" or "by SIGKILL", then ": " and the last line that it printed.
         """
         self.close(SHUTDOWN_TIMEOUT)
         status = self._process.returncode
@@ -272,14 +338,15 @@ class WorkerProcess:
         return f"{cause}: {last_line}" if last_line else cause
 
     def _send_frame(self, data: bytes) -> None:
-        with suppress(OSError):
-            write_frame(_open(self._process.stdin), data)
+        with suppress(OSError):  # The worker has ended.
+            write_frame(_not_none(self._process.stdin), data)
 
     def _read_frames(self) -> None:
+        """Store the frames from the worker and, after its end, None: the work of a thread."""
         try:
             with suppress(EOFError, OSError):
                 while True:
-                    self._add_frame(read_frame(_open(self._process.stdout)))
+                    self._add_frame(read_frame(_not_none(self._process.stdout)))
         finally:
             self._add_frame(None)
 
@@ -289,12 +356,16 @@ class WorkerProcess:
             _frame_received.notify_all()
 
     def _read_printed(self) -> None:
-        """Keep the end of the text that the process prints."""
-        while text := os.read(_open(self._process.stderr).fileno(), _PRINTED_BYTES):
-            self._printed = (self._printed + text)[-_PRINTED_BYTES:]
+        """Store the end of the text that the worker prints: the work of another thread.
+
+        Without a reader, the pipe would fill up and the worker would wait when it prints.
+        """
+        while text := os.read(_not_none(self._process.stderr).fileno(), _MAX_PRINTED_BYTES):
+            self._printed = (self._printed + text)[-_MAX_PRINTED_BYTES:]
 
 
-def _open(pipe: IO[bytes] | None) -> IO[bytes]:
+def _not_none(pipe: IO[bytes] | None) -> IO[bytes]:
+    """The pipe, for type checkers: each standard stream of a `WorkerProcess` is a pipe."""
     assert pipe is not None
     return pipe
 
