@@ -1,4 +1,16 @@
-"""Processors, threads, memory and time that this process or a query may use."""
+"""Limits of processors, threads, memory and time: how much is left, and errors that name them.
+
+The module has four parts:
+
+- numbers of processors and threads to use;
+- checks before a call (`check_address_space`, `check_memory`), and the translation of errors that a
+  limit caused (`refusal_of`, `explain_refusals`) into a `SystemLimitError`. A refusal is such an
+  error: the operating system refused memory, a thread, a process or an open file. Without the
+  checks, compiled code would end the process when an allocation fails;
+- limits for a child process that answers a query (a question in SQL or in logic) or reads a file of
+  unknown origin, so that it cannot harm the machine;
+- pools of threads (`thread_pool`, `ordered_map`).
+"""
 
 from __future__ import annotations
 
@@ -20,28 +32,32 @@ if TYPE_CHECKING:
 
 
 THREADS_VARIABLE = "RAYON_NUM_THREADS"
-"""Environment variable with the largest number of threads of the engine."""
+"""Environment variable with the largest number of threads of the engine, the compiled simulator.
+The name is fixed by Rayon, the Rust library that starts the threads."""
 
 CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
-"""Linux's file with the CPU quota of a container: microseconds of quota and of its period.
+"""Linux's file with the processor time of a container (a cgroup of version 2): microseconds that
+all its processes may use together in a period, or "max", and the microseconds of the period.
 
-Only this file of cgroups of version 2 is read, while `_memory_of_cgroups` reads both versions and
-all parents: a process that overlooks a quota runs slower, a process that overlooks a limit of
-memory is killed."""
+Containers with cgroups of version 1 are not detected, unlike in `_memory_of_cgroups`: a process
+that overlooks this limit runs slower, but a process that overlooks a limit of memory is killed."""
 
 
 def available_processors() -> int:
-    """Number of processors that the system lets this process use."""
+    """Number of processors that the system lets this process use, 1 or more."""
     num_installed = os.cpu_count() or 1
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else num_installed
-    with suppress(OSError, ValueError):  # No container, or a container without a limit.
+    with suppress(OSError, ValueError):  # No such file, or "max": no limit.
         time, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
         return max(1, min(allowed, int(time) // int(period)))
     return allowed
 
 
 def processors_to_use() -> int:
-    """Number of processors to use: the available ones, or fewer if `RAYON_NUM_THREADS` is lower."""
+    """Number of processors to use: the available ones, or fewer if `RAYON_NUM_THREADS` is lower.
+
+    A value of the variable that is 0 or not a number does not count.
+    """
     setting = os.environ.get(THREADS_VARIABLE, "")
     limit = int(setting) if setting.isascii() and setting.isdigit() else 0
     return min(available_processors(), limit) if limit else available_processors()
@@ -49,45 +65,52 @@ def processors_to_use() -> int:
 
 _MIB = 1 << 20  # Bytes.
 
+# A limit of the address space (`ulimit -v`) counts all addresses that a process has reserved, also
+# without memory behind them.
+
 LIBRARY_BYTES = 320 * _MIB
-"""Address space of NumPy, Arrow and the engine once they are loaded: 290 MiB with NumPy 2.4 and
-Arrow 26 on Linux."""
+"""Address space that NumPy, Arrow and the engine take when they are loaded: 290 MiB with NumPy 2.4
+and Arrow 26 on Linux, and a margin."""
 
 WORKING_BYTES = 96 * _MIB
 """Address space for modules that are loaded on demand and for the data of a small call. C++ and
 Rust end the process when they cannot allocate a few bytes, so a call begins only with this much.
-The size is chosen: a larger one refuses more calls that would have succeeded, a smaller one lets
-more calls end the process."""
+Chosen: with more, calls that would have succeeded are refused; with less, more calls end the
+process."""
 
 _STACK_BYTES = 8 * _MIB
 """Address space of a thread's stack where `ulimit -s` sets no limit."""
 
-_OTHER_THREADS = 9
-"""Threads that do not depend on the number of processors: 8 that read files for Arrow, 1 that
+_NUM_OTHER_THREADS = 9
+"""Threads whose number does not depend on the processors: 8 that read files for Arrow, 1 that
 cleans up for its allocator."""
 
 _ADDRESS_SPACE, _DATA_AND_STACK = 0, 5
 """Columns of Linux's `/proc/self/statm`: address space, and private memory that can be written."""
 
 _M_ARENA_MAX = -8  # Value of M_ARENA_MAX in glibc's malloc.h.
+
+# How to recognize an error that a limit caused: by the number of an OSError, or by a part of the
+# text of an error of a library, which has no number.
 _MEMORY_ERRORS = (errno.ENOMEM,)
 _THREAD_ERRORS = (errno.EAGAIN,)
 _FILE_ERRORS = (errno.EMFILE, errno.ENFILE)
 
 _THREAD_TEXTS = (
     "can't start new thread",  # Python
-    "can't allocate lock",
+    "can't allocate lock",  # Python
     "Failed to launch worker thread",  # Arrow
-    "Resource temporarily unavailable",
+    "Resource temporarily unavailable",  # The system, EAGAIN in words
 )
 
 _MEMORY_TEXTS = (
     "failed to map segment",  # The dynamic loader, in an ImportError
     "annot allocate memory",  # The system, with "C" or "c"
     "bad_alloc",  # C++
-    "bad allocation",
+    "bad allocation",  # C++ on Windows
 )
 
+# Advice to the user at the end of messages.
 MORE_MEMORY = (
     "take fewer simulations at a time or fewer threads (RAYON_NUM_THREADS), or raise the limit "
     "(ulimit -v, memory of the container)"
@@ -103,28 +126,29 @@ MORE_FILES = "raise the limit of open files (ulimit -n), or close some"
 def check_address_space(where: str) -> None:
     """Refuse to begin a call if too little address space is left for libraries and threads.
 
-    Without this check, C++ or Rust code ends the process when an allocation fails.
+    Without a limit of the address space (`ulimit -v`) it does nothing.
 
     Args:
         where: The function or command, for the message.
 
     Raises:
-        SystemLimitError: The limit (`ulimit -v`) leaves too little.
+        SystemLimitError: The limit leaves too little.
     """
     limit = _address_space_limit()
     used = None if limit is None else _bytes_in_use(_ADDRESS_SPACE)
     if limit is None or used is None:
         return
     _reduce_reservations()
-    # The package imports Arrow after NumPy and the engine.
+    # The package imports Arrow last, so with Arrow all of them are loaded and count as used.
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
         raise SystemLimitError(
             what="memory",
             where=where,
-            expected=f"at least {_size(required)} that can be allocated",
-            got=f"{_size(max(0, limit - used))}, which the limit of {_size(limit)} leaves",
+            expected=f"at least {_size_text(required)} that can be allocated",
+            got=f"{_size_text(max(0, limit - used))}, "
+            f"which the limit of {_size_text(limit)} leaves",
             next_step="raise the limit (ulimit -v, in KiB), or take fewer threads "
             "(RAYON_NUM_THREADS)",
         )
@@ -135,34 +159,35 @@ def check_memory(size: int, where: str, next_step: str) -> None:
 
     Args:
         size: Memory that the work needs [bytes].
-        where: The function that needs it.
-        next_step: An alternative for the caller.
+        where: The function that needs it, for the message.
+        next_step: An alternative for the caller, as an imperative.
 
     Raises:
         SystemLimitError: The machine, a limit of the process or a limit of its cgroup leaves less.
     """
-    for free, limit in _limits():
+    for free, limit_text in _memory_limits():
         if size > free:
             raise SystemLimitError(
                 what="memory",
                 where=where,
-                expected=f"at most the {_size(free)} {limit}",
-                got=f"work that needs {_size(size)}",
+                expected=f"at most the {_size_text(free)} {limit_text}",
+                got=f"work that needs {_size_text(size)}",
                 next_step=next_step,
             )
 
 
 def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
-    """Translate an error that a limit of the system caused.
+    """Translate an error into a `SystemLimitError` if a limit of the system caused it.
 
     Args:
-        error: Any error.
-        where: The function or file in which it was raised.
+        error: An error of Python, of the system or of a library.
+        where: The function or file in which it was raised, for the message.
 
     Returns:
-        The error to raise instead, with the limit and a next step; None for other causes.
+        The error to raise instead, which names the resource and a next step; None if the error has
+        another cause.
     """
-    if isinstance(error, OvertakingError):
+    if isinstance(error, OvertakingError):  # It explains itself, but its text may quote another.
         return None
     text = str(error)
     number = error.errno if isinstance(error, OSError) else None
@@ -184,10 +209,13 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
 
 
 def asks_beyond_machine(error: BaseException) -> bool:
-    """Whether a library failed to allocate more than the memory of this machine.
+    """Whether a library failed to allocate more than the whole memory of this machine.
 
     A damaged file may state such a size as the length of its content. Then the file is the cause,
     not a limit of the system.
+
+    Args:
+        error: The error. The `MemoryError` of Arrow states the size in its text.
     """
     stated = re.search(r"of size (\d+)", str(error)) if isinstance(error, MemoryError) else None
     return stated is not None and int(stated[1]) > _machine_memory()
@@ -195,13 +223,14 @@ def asks_beyond_machine(error: BaseException) -> bool:
 
 @contextmanager
 def explain_refusals(where: str) -> Generator[None]:
-    """Translate errors in the block that limits of the system cause, see `refusal_of`.
+    """Translate errors in the block of `with` that a limit of the system caused.
 
     Args:
         where: The function or file, for the message.
 
     Raises:
-        SystemLimitError: Instead of an error that a limit caused.
+        SystemLimitError: Instead of an error of which `refusal_of` finds that a limit caused it.
+            Other errors pass.
     """
     try:
         yield
@@ -212,11 +241,11 @@ def explain_refusals(where: str) -> Generator[None]:
 
 
 def memory_error(where: str, answer: str) -> SystemLimitError:
-    """The error where the system grants no more memory.
+    """The error for a call to which the system grants no more memory.
 
     Args:
         where: The function or file that needs it.
-        answer: Text of the error of the system or of a library.
+        answer: Text of the original error of the system or a library; may be empty.
     """
     return SystemLimitError(
         what="memory",
@@ -228,11 +257,11 @@ def memory_error(where: str, answer: str) -> SystemLimitError:
 
 
 def thread_error(where: str, answer: str) -> SystemLimitError:
-    """The error where the system starts no more threads or processes.
+    """The error for a call for which the system starts no more threads or processes.
 
     Args:
         where: The function that needs them.
-        answer: Text of the error of the system or of a library.
+        answer: Text of the original error of the system or a library.
     """
     return SystemLimitError(
         what="threads",
@@ -245,12 +274,14 @@ def thread_error(where: str, answer: str) -> SystemLimitError:
 
 @cache
 def _reduce_reservations() -> None:
-    """Make allocators reserve less address space, for processes with a limit (`ulimit -v`).
+    """Make allocators reserve less address space, in a process with a limit of it.
 
-    The limit includes reserved addresses that are never used. Arrow's allocator reserves 1 GiB at
-    once, glibc 64 MiB for each thread, and OpenBLAS a buffer for each processor.
+    Otherwise Arrow's allocator reserves 1 GiB at once, the C library 64 MiB for each thread, and
+    OpenBLAS, which NumPy uses, a buffer for each processor. The cache of the function makes the
+    second and later calls do nothing.
     """
-    # For libraries that are not loaded yet, and for child processes, which have the same limit.
+    # Variables are for libraries that are not loaded yet, and for child processes, which have the
+    # same limit; the calls below for libraries that are loaded. A user's setting has priority.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MALLOC_ARENA_MAX", "1")
@@ -262,25 +293,26 @@ def _reduce_reservations() -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
-def _limits() -> Iterator[tuple[int, str]]:
-    """Memory that each limit leaves to this process [bytes], and its description for messages.
+def _memory_limits() -> Iterator[tuple[int, str]]:
+    """Memory that each limit leaves to this process [bytes], and words for it in a message.
 
-    The machine counts with all its memory, because other processes may free theirs.
+    The words follow a size: "at most the 16.0 GB" "of this machine".
     """
-    # Linux grants more memory than the machine has, and ends the process when it is used. Windows
-    # refuses such an allocation itself.
+    # Linux grants more memory than the machine has, and kills the process when it uses it. Windows
+    # refuses such an allocation itself. All memory counts, because other processes may free theirs.
     if hasattr(os, "sysconf"):
         yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
     if limit is not None and (used := _bytes_in_use(_ADDRESS_SPACE)) is not None:
-        # `WORKING_BYTES` includes mapped files of modules, which only this limit counts.
+        # Modules that the work loads take `WORKING_BYTES` of addresses. The other limits do not
+        # count the mapped files of modules.
         free = max(0, limit - used - WORKING_BYTES)
-        yield free, f"that the limit of {_size(limit)} leaves (ulimit -v)"
+        yield free, f"that the limit of {_size_text(limit)} leaves (ulimit -v)"
     limit = _soft_limit("RLIMIT_DATA")
     if limit is not None and (used := _bytes_in_use(_DATA_AND_STACK)) is not None:
-        yield max(0, limit - used), f"that the limit of {_size(limit)} leaves (ulimit -d)"
+        yield max(0, limit - used), f"that the limit of {_size_text(limit)} leaves (ulimit -d)"
     for limit, used in _cgroup_memory():
-        yield max(0, limit - used), f"that the limit of {_size(limit)} of its cgroup leaves"
+        yield max(0, limit - used), f"that the limit of {_size_text(limit)} of its cgroup leaves"
 
 
 def _machine_memory() -> int:
@@ -291,7 +323,11 @@ def _machine_memory() -> int:
 
 
 def _soft_limit(name: str) -> int | None:
-    """Soft limit of this process by its name in `resource`; None without a limit."""
+    """Soft limit of this process, in the unit of the limit; None if the process has no such limit.
+
+    Args:
+        name: Name of the limit in the module `resource`, such as "RLIMIT_AS".
+    """
     try:
         import resource
     except ImportError:  # Windows.
@@ -301,7 +337,7 @@ def _soft_limit(name: str) -> int | None:
 
 
 def _address_space_limit() -> int | None:
-    """Limit of the address space [bytes]; None without a limit."""
+    """Limit of the address space of this process, `ulimit -v` [bytes]; None without a limit."""
     return _soft_limit("RLIMIT_AS")
 
 
@@ -309,7 +345,7 @@ def _bytes_in_use(column: int) -> int | None:
     """Memory that this process uses now [bytes]; None on systems without `/proc`.
 
     Args:
-        column: `_ADDRESS_SPACE` or `_DATA_AND_STACK`.
+        column: The kind of memory, `_ADDRESS_SPACE` or `_DATA_AND_STACK`.
     """
     with suppress(OSError, ValueError, IndexError):
         columns = Path("/proc/self/statm").read_text(encoding="ascii").split()
@@ -318,43 +354,47 @@ def _bytes_in_use(column: int) -> int | None:
 
 
 def _missing_threads() -> int:
-    """Number of threads that the engine and Arrow have yet to start."""
-    # The size of Arrow's thread pool is this variable, or else the number of processors.
+    """Number of threads that the engine and Arrow will start during a call but have not started."""
+    # Arrow starts as many threads as this variable says, or else one for each processor.
     setting = os.environ.get("OMP_NUM_THREADS", "")
     is_number = setting.isascii() and setting.isdigit()
     arrow_threads = int(setting) if is_number else available_processors()
-    expected = processors_to_use() + arrow_threads + _OTHER_THREADS
-    with suppress(OSError):
+    expected = processors_to_use() + arrow_threads + _NUM_OTHER_THREADS
+    with suppress(OSError):  # A system without `/proc`: count all threads as missing.
         return max(0, expected - len(list(Path("/proc/self/task").iterdir())))
     return expected
 
 
 def _stack_bytes() -> int:
-    """Address space of a thread's stack: the limit of stacks (`ulimit -s`), at most 16 MiB.
+    """Address space that a new thread's stack takes [bytes].
 
-    The limit holds for Arrow's threads. The engine's threads take 2 MiB whatever the limit is, so a
-    very large limit would count too much; the bound of 16 MiB is chosen.
+    Arrow's threads take the limit of stacks (`ulimit -s`). The engine's threads take 2 MiB whatever
+    the limit is. A very large limit would count too much for them, so it counts as 16 MiB (chosen).
     """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
 
 def _cgroup_memory() -> Iterator[tuple[int, int]]:
-    """Limit and use [bytes] of the cgroups of this process that limit memory, on Linux only."""
+    """Limit and use [bytes] of each cgroup of this process that limits memory.
+
+    A cgroup is a group of processes with common limits on Linux, such as a container. Other
+    systems there is nothing to yield.
+    """
     yield from _memory_of_cgroups(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
 
 
 def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
-    """Limit and use [bytes] of the groups in a file and of their parents.
+    """Limit and use [bytes] of the cgroups in a file and of their parents, which limit them too.
 
-    The page cache does not count as use, because the kernel drops it first. In a container the file
-    may name groups of the host, whose folders do not exist inside; then the container's own group
-    is at the mount.
+    Files that the system caches in memory do not count as use, because it drops them when a process
+    needs memory. In a container, the file may name groups of the host, whose folders do not exist
+    inside. Then the group of the container itself is in the folder `mount`, the last parent.
 
     Args:
-        groups: File in the format of `/proc/self/cgroup`.
-        mount: Folder of the cgroup file system.
+        groups: File in the format of `/proc/self/cgroup`: lines `number:controllers:path`.
+        mount: Folder in which each cgroup is a folder with files.
     """
-    with suppress(OSError, ValueError):  # Also lines of another form, and other encodings.
+    with suppress(OSError, ValueError):  # No such file, or lines of another form.
         lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
         for line in lines:
             _, controllers, name = line.split(":", 2)
@@ -372,41 +412,50 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
 
 
 def _group_memory(group: Path, limit_file: str, use_key: str) -> Iterator[tuple[int, int]]:
-    """Limit and use of one group [bytes]; empty if the group does not limit memory."""
+    """Yield limit and use of a cgroup [bytes]; nothing if it does not limit memory.
+
+    Args:
+        group: Folder of the cgroup.
+        limit_file: Name of the file with its limit.
+        use_key: Name of the line in its file `memory.stat` that states the use.
+    """
     with suppress(OSError, ValueError, KeyError):
         limit = int((group / limit_file).read_text(encoding="ascii"))  # Without a limit: "max".
         pairs = (line.split() for line in (group / "memory.stat").read_text().splitlines())
         yield limit, int(dict(pairs)[use_key])
 
 
-def _size(size: int) -> str:
-    """A number of bytes for messages."""
+def _size_text(size: int) -> str:
+    """A number of bytes in words for messages: "1.5 GB", "200 MB"."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 
 
 def limit_process(
     memory_mib: int, *, open_files: int | None = None, processor_s: int | None = None
 ) -> None:
-    """Forbid this process to write files, and limit its memory.
+    """Forbid this process to write files, and limit its memory, until its end.
 
-    Linux has all of these limits. macOS does not limit memory, and Windows has no such limits.
+    Child processes call it before they run a query, a neural network of a user or the reader of a
+    map. Linux has all of these limits. macOS does not limit memory, and Windows has no such limits.
 
     Args:
         memory_mib: Memory in addition to the present use [MiB].
-        open_files: Largest number of open files; None for no limit.
-        processor_s: Processor time after which SIGXCPU ends the process [s]; None for no limit.
+        open_files: Largest number of open files, with those that are open now; None leaves the
+            limit as it is.
+        processor_s: Processor time after which SIGXCPU ends the process [s]; None leaves the limit
+            as it is.
     """
     try:
         import resource
     except ImportError:  # Windows.
         return
-    # RLIMIT_DATA counts private writable memory. RLIMIT_AS would also count addresses that threads
-    # reserve and never use.
+    # RLIMIT_DATA counts private memory that can be written. RLIMIT_AS would also count addresses
+    # that threads reserve and never use.
     memory = (_bytes_in_use(_DATA_AND_STACK) or 0) + memory_mib * _MIB
     limits = {
         resource.RLIMIT_DATA: (memory, memory),
-        resource.RLIMIT_FSIZE: (0, 0),
-        resource.RLIMIT_CORE: (0, 0),
+        resource.RLIMIT_FSIZE: (0, 0),  # Bytes of a file that it writes; pipes are not limited.
+        resource.RLIMIT_CORE: (0, 0),  # No image of its memory on the disk when it crashes.
     }
     if open_files is not None:
         limits[resource.RLIMIT_NOFILE] = (open_files, open_files)
@@ -415,22 +464,23 @@ def limit_process(
         # it sends SIGKILL, and the parent cannot tell why the process ended.
         limits[resource.RLIMIT_CPU] = (processor_s, processor_s + 1)
     for limit, soft_and_hard in limits.items():
-        with suppress(ValueError, OSError):
+        with suppress(ValueError, OSError):  # The present limit is lower, or macOS refuses it.
             resource.setrlimit(limit, soft_and_hard)
 
 
 def check_query_limits(where: str, *, max_rows: int, timeout_s: float, memory_mib: int) -> None:
-    """Refuse limits under which no query can be answered.
+    """Refuse limits of a query under which no query can be answered.
 
     Args:
-        where: The command of the query, for the message.
+        where: The command of the query, `sql` or `ask`, for the message.
         max_rows: Largest number of rows of an answer, 1 to 1e9.
         timeout_s: Longest time [s], 0.001 to 1e9.
-        memory_mib: Largest memory [MiB], 16 to 1e9.
+        memory_mib: Largest memory of the process that answers [MiB], 16 to 1e9.
 
     Raises:
         ConfigError: A limit is out of its range.
     """
+    # The ranges are chosen. 1e9 is beyond any machine, but keeps NaN and infinity out.
     for name, value, low in (
         ("rows", max_rows, 1),
         ("time in seconds", timeout_s, 0.001),
@@ -440,37 +490,43 @@ def check_query_limits(where: str, *, max_rows: int, timeout_s: float, memory_mi
             raise ConfigError.out_of_range(what=name, where=where, low=low, got=value)
 
 
-ANSWER_MEMORY_SHARE = 8
-"""An answer may use this fraction of the memory, an eighth: the parent process stores it beside the
-text that it formats."""
+_ANSWER_MEMORY_DIVISOR = 8
+"""An answer may take the memory of its query divided by this number. Chosen: the process that asked
+holds the answer several times, as rows and in the text that it formats."""
 
 
 def remaining_answer_bytes(remaining: int | None, rows: object, where: str, memory_mib: int) -> int:
-    """Subtract further rows of an answer from the memory that is left for it [bytes].
+    """Subtract further rows of an answer from the memory that is left for the answer.
 
     Args:
-        remaining: Memory that is left before these rows [bytes]; None for the first rows.
-        rows: The rows.
+        remaining: Result of the last call for this answer [bytes]; None at its first rows.
+        rows: The further rows.
         where: The command of the query, for the message.
         memory_mib: Largest memory of the query [MiB].
 
     Returns:
-        Memory that is left after these rows [bytes].
+        Memory that is left for the answer after these rows [bytes].
 
     Raises:
         ConfigError: The answer is too large.
     """
-    max_mib = memory_mib / ANSWER_MEMORY_SHARE
+    max_mib = memory_mib / _ANSWER_MEMORY_DIVISOR
     remaining = int(max_mib * _MIB) if remaining is None else remaining
     remaining -= deep_size(rows)
     if remaining < 0:
-        expected = f"an answer of at most {max_mib:g} MiB, 1/{ANSWER_MEMORY_SHARE} of the memory"
+        expected = f"an answer of at most {max_mib:g} MiB, 1/{_ANSWER_MEMORY_DIVISOR} of the memory"
         raise query_limit_error(where, expected, "a larger one")
     return remaining
 
 
 def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
-    """The error for a query that exceeds one of its limits."""
+    """The error for a query that exceeds a limit of time, memory or rows.
+
+    Args:
+        where: The command of the query.
+        expected: The limit in words, such as "an answer within 10 s".
+        got: The query in words, such as "one that takes longer".
+    """
     return ConfigError(
         what="query",
         where=where,
@@ -481,24 +537,28 @@ def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
 
 
 def deep_size(value: Any) -> int:
-    """Memory of a value of an answer and of its elements [bytes]."""
+    """Memory of a value and, if it is a collection, of its elements and theirs [bytes].
+
+    Args:
+        value: Rows of an answer: dicts, lists and tuples of texts and numbers.
+    """
     elements = value.values() if isinstance(value, dict) else value
     size = sum(map(deep_size, elements)) if isinstance(value, dict | list | tuple) else 0
     return sys.getsizeof(value) + size
 
 
-A = TypeVar("A")
-B = TypeVar("B")
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
 
 
 def thread_pool(name: str, threads: int) -> ThreadPoolExecutor:
-    """A pool of threads that lasts as long as the process.
+    """A pool of threads that lasts as long as the process; the same arguments return the same pool.
 
-    Allocators keep memory for each thread that has existed: with new threads for every shard it
-    would grow with the number of shards.
+    Allocators keep memory for each thread that has existed. With new threads for every shard (a
+    file of a data set), this memory would grow with the number of shards.
 
     Args:
-        name: Purpose of the pool. Each name and number of threads has one pool.
+        name: Purpose of the pool, which becomes part of the names of its threads.
         threads: Number of threads.
     """
     return _process_pool(os.getpid(), name, threads)
@@ -506,13 +566,27 @@ def thread_pool(name: str, threads: int) -> ThreadPoolExecutor:
 
 @cache
 def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
-    """The pool of one process: a forked child does not inherit the threads of its parent."""
+    """Make the pool for a process id, a name and a number of threads, or return the cached one.
+
+    A forked child has a copy of the cache but not the threads of its parent, so it needs a pool of
+    its own.
+    """
     del process  # Only part of the key of the cache.
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 
-def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
-    """Submit work to a pool from `thread_pool`.
+def submit(
+    pool: ThreadPoolExecutor, work: Callable[[ItemT], ResultT], item: ItemT
+) -> Future[ResultT]:
+    """Call a function with an item in a thread of a pool from `thread_pool`.
+
+    Args:
+        pool: The pool.
+        work: The function.
+        item: Its argument.
+
+    Returns:
+        The future result of the function.
 
     Raises:
         SystemLimitError: The system starts no more threads. The pool has then carried out or
@@ -524,34 +598,37 @@ def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[
         if (refusal := refusal_of(error, "overtaking")) is None:
             raise
         # A cache drops all its entries or none. The other pools go on for their present callers;
-        # later callers get new ones.
+        # later callers get new pools.
         _process_pool.cache_clear()
-        # The pool has kept the work whose thread did not start: its other threads, if any, do it.
+        # The pool has queued the work before it failed to start a thread for it. `shutdown` waits
+        # until its other threads, if any, have done all queued work.
         pool.shutdown()
         raise refusal from error
 
 
-def ordered_map(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
-    """Call a function with each item in threads, and return the results in order.
+def ordered_map(
+    work: Callable[[ItemT], ResultT], items: Iterable[ItemT], threads: int
+) -> Generator[ResultT]:
+    """Call a function with each item in several threads, and yield the results in order.
 
     Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
-    At most `threads` + 1 items are under way or wait for the caller, so that memory does not grow
-    with their number. The one above `threads` keeps the last thread busy while the caller waits for
-    the first result.
+    At most `threads` + 1 items are computed or wait for the caller, so that memory does not grow
+    with the number of items. The additional item keeps the last thread busy while the caller waits
+    for the first result.
 
     Args:
         work: The function. Its result must not depend on earlier items.
         items: The items.
-        threads: Number of threads; 1 calls the function in this thread.
+        threads: Number of threads, 1 or more; 1 calls the function in the thread of the caller.
 
     Yields:
-        The result of each item.
+        The result of each item, in the order of the items.
     """
     if threads == 1:
         yield from map(work, items)
         return
     pool = thread_pool("work", threads)
-    underway: deque[Future[B]] = deque()
+    underway: deque[Future[ResultT]] = deque()
     try:
         for item in items:
             underway.append(submit(pool, work, item))
@@ -559,7 +636,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], threads: int) -> Gen
                 yield underway.popleft().result()
         while underway:
             yield underway.popleft().result()
-    finally:
+    finally:  # After an error, or if the caller stops early: leave no work in the shared pool.
         for future in underway:
             future.cancel()
         wait(underway)

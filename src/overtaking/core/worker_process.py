@@ -2,8 +2,8 @@
 
 A process makes a `WorkerProcess` with the name of a module; the child calls the module's `main`
 with a `ParentConnection`. Both ends send any objects that `pickle` can copy. Data sets are
-generated in such processes, and queries, neural networks and clients of CARLA run in them, because a
-child can have limits of its own, and can crash or be killed without its parent.
+generated in such processes, and queries, neural networks and clients of CARLA run in them, because
+a child can have limits of its own, and can crash or be killed without its parent.
 
 Messages to the worker go through its standard input, messages from it through its standard output.
 Text that the worker prints goes to its standard error, whose end `describe_exit` quotes.
@@ -208,9 +208,9 @@ class WorkerProcess:
         search_path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
         self._frames: deque[bytes | None] = deque()  # None stands for the end of the worker.
         self._printed = b""
-        # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks, and
-        # its "spawn" runs the user's script again, so that every script would need the guard
-        # `if __name__ == "__main__"`.
+        # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks,
+        # its "spawn" runs the user's script again, so that every script would need the guard `if
+        # __name__ == "__main__"`.
         with explain_refusals(module):
             self._process = subprocess.Popen(
                 # With -P Python does not add the working directory to the folders in which it
