@@ -1,18 +1,22 @@
 """A laboratory for overtaking manoeuvres: simulate, label and explain them, reproducibly.
 
-In memory:
+The ego is the vehicle under study; it follows a slower vehicle, the target, and may overtake it. A
+profile describes a road and its traffic. A scenario is all that is decided before the simulation
+begins: road, weather, vehicles and drivers, drawn from a profile. A simulation records the vehicles
+frame by frame. Its labels are its outcome, the verdicts of the rules of a law, and features.
+
+Arrays in memory (a batch of many simulations):
 
     sample                  draw scenarios from a profile
     simulate                simulate them
     drive                   simulate them with a driver of your own
     branch                  simulate them again with decisions, weather, drivers or vehicles changed
     label                   find outcomes, breaches of the law and features
-    evaluate                compare a driver with others in the same scenes
-    run_benchmark           the same in the scenes of a benchmark
+    evaluate                compare a driver with others in the same scenarios
+    run_benchmark           the same in the published scenarios of a benchmark
     compare_simulators      simulate on several simulators and show the differences
     validate_profile        compare the traffic of a profile with measured traffic
-    reproduce_study         repeat a published study
-    list_opendrive_roads    list the roads of an OpenDRIVE file, and which can be simulated
+    reproduce_study         repeat the published study that the profile pinto2023 models
 
 Data sets on disk, each in a folder:
 
@@ -23,53 +27,60 @@ Data sets on disk, each in a folder:
     export_dataset          write a data set in another format
     import_recording        read a recording of real traffic as a data set
     label_recordings        label a folder of recordings
-    dataset_statistics      count classes, features and waiting times
+    list_opendrive_roads    list the roads of an OpenDRIVE file, and which can be simulated
+    dataset_statistics      count classes, features and the times that drivers wait to overtake
     sql                     query a data set in SQL
 
 Pictures and pages:
 
     plot                    draw a figure of a data set or of a result
-    film                    film simulations, or a simulation above its twin
+    film                    film simulations, or a simulation above its changed repetition
     write_report            write a data set, an evaluation or a reproduction as a page
     write_viewer_page       write simulations as a page for a browser
     serve_viewer            show a data set in the browser of this machine
 
 Objects:
 
-    Scenario                what is decided before the first frame: Road with Lane, VehicleSpecs,
-                            DriverTraits, Weather
+    Scenario                a batch of scenarios; it contains a Road with Lanes, VehicleSpecs,
+                            DriverTraits and Weather
+    Road                    a road: its lanes, markings, curvature and speed limits
+    Lane                    one of its lanes
+    VehicleSpecs            size and performance of the vehicles
+    DriverTraits            traits of their drivers
+    Weather                 rain, fog, wind and light
     Trajectories            recorded simulations
     LabelledTrajectories    the same with labels
     Dataset                 a data set on disk
     ClassBalance            equal shares of classes, for generate_dataset
-    Intervention            what a branch changes from a frame on
-    ForcedDecision          a decision that a branch forces
-    Driver                  a function that drives the ego, what it observes and answers
-    Observation             what a driver observes
-    Sensor                  the numbers of a sensor, for a driver that does not see like a human
-    Move                    a decision that a driver may answer
+    Intervention            a change that branch makes from a frame on
+    ForcedDecision          a decision that an Intervention forces
+    Driver                  a function that drives the ego, and how it observes and answers
+    Observation             the values that a Driver observes
+    Sensor                  range and errors of a sensor, for a Driver without human eyes
+    Move                    a decision that a Driver may answer
     MeasurementErrors       standard deviations of recorded positions and speeds, for label
     OvertakingError         the base of all errors
-    RecordingWarning        a warning about a recording that was read
+    RecordingWarning        a warning about implausible values in a recording
 
 Codes in arrays, such as those of `labelled.labels.classes`:
 
-    OvertakeClass           class of an overtake under a policy of the law
+    OvertakeClass           class of an overtake by its outcome and the verdicts of the rules
     Outcome                 end of an overtake, whatever the law says
-    Verdict                 what a rule says of a simulation
-    Stage                   stage of the ego in a frame
+    Verdict                 a rule is kept, broken, not applicable or undecidable in a simulation
+    Stage                   stage of the ego's overtake in a frame, such as PULL_OUT
     VehicleKind             car, van, truck and the other kinds of vehicles
 
 Modules:
 
-    whatif                  counterfactuals, sufficient changes, branches as data sets
+    whatif                  what would have happened otherwise, and which change would have sufficed
     law                     laws compared, and rules of your own
     logic                   questions in logic, and proofs
-    learning                learned rules and factors
-    carla                   CARLA: handling limits, replay, a server for its clients
+    learning                rules and factors learned from a data set
+    carla                   the simulator CARLA: handling limits, replay, a server for its clients
 
 `help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
-used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors the same names.
+used (PEP 562), so that `import overtaking` is quick. `__init__.pyi` tells editors the same names.
+A new public name needs an entry in `_HOMES`, in `__init__.pyi` and in the lists above.
 """
 
 from importlib import import_module as _import_module
@@ -125,36 +136,38 @@ _HOMES = {
     "serve_viewer": "overtaking.api.reports",
     "write_viewer_page": "overtaking.api.reports",
 }
-"""The module that defines each public name."""
+"""Public names, each with the module that defines it."""
 
 _MODULES = ("carla", "law", "learning", "logic", "whatif")
-"""Public modules beside this file."""
+"""Public modules, in the folder of this file."""
 
 __all__ = [*_HOMES, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name, once."""
+    """Load a public name; Python calls this function for names that are not loaded yet."""
     if name == "__version__":
         value = _import_module("importlib.metadata").version(__name__)
     elif name in _MODULES:
         value = _import_module(f"{__name__}.{name}")
     elif name in _HOMES:
-        if name != "OvertakingError":  # Its module loads no library.
+        # The libraries that a name loads end the process if a limit of the system leaves too little
+        # memory. The module of this error loads no library, so a program can always catch it.
+        if name != "OvertakingError":
             _import_module("overtaking.core.process_limits").check_address_space(name)
         value = getattr(_import_module(_HOMES[name]), name)
     else:
         message = f"overtaking: no public name {name!r}{_nearest(name)}; dir(overtaking) lists them"
         raise AttributeError(message, name=name)
-    globals()[name] = value
+    globals()[name] = value  # The next use of the name does not call this function.
     return value
 
 
 def _nearest(name: str) -> str:
-    """The public name that is most like an unknown one, as a question; empty if none is alike."""
+    """A question with the public name that is most similar to an unknown one; may be empty."""
     difflib = _import_module("difflib")
-    # A short old or guessed name is often a part of the right one: `load` of `load_dataset`.
-    names = [known for known in __all__ if name in known.split("_")]
+    # A guessed name is often a word of the right one: `load` of `load_dataset`.
+    names = [public_name for public_name in __all__ if name in public_name.split("_")]
     names = names or difflib.get_close_matches(name, __all__, n=1)
     return f"; did you mean {names[0]}?" if names else ""
 

@@ -1,36 +1,68 @@
-"""Laws: functions that judge data by a law, and the parts of which you make rules and packs.
+"""Laws: functions that judge data by a law, and the parts of rules and packs of your own.
+
+A pack is the list of the rules of one law. The check of a rule is a function that takes a `Case`
+(simulations with their signals) and returns a `Finding`: for each simulation a `Verdict`, a margin
+(negative in a breach, in the unit of the rule) and the frames of a breach. A policy says which rules
+of a pack an overtake must keep, and with which tolerances.
+
+The ego is the vehicle that is judged, the target the vehicle that it overtakes. An attempt is an
+overtake that has begun. Signals are time series of shape (simulation, time).
 
 Functions that use a law:
 
-- `compare` (the overtakes on which laws differ), `explain` (reasons for the verdicts on one
-  overtake), `tolerance_curve` (number of legal overtakes by tolerance);
-- `undecidable_rules`: the rules that a recording cannot decide, because it lacks signals;
-- `load_pack`, `policies_for`: a pack by its name, and the policies for it.
+- `judge`: judge a data set by another law or other policies;
+- `compare`: find the overtakes that are legal under one law and illegal under another;
+- `explain`: explain each verdict on one simulation in English;
+- `tolerance_curve`: count legal overtakes by tolerance;
+- `undecidable_rules`: list the rules that a recording cannot decide, because it lacks signals;
+- `load_pack`, `policies_for`: find a pack by its name, and the policies for it.
 
-Parts of rules and packs. A rule is a function that takes a `Case` (simulations with their signals)
-and returns a `Finding` (a `Verdict`, a margin and the frames of a breach for each simulation):
+Description of a rule and of a pack:
 
-- description: `Rule` with its `Text` (how the wording of the provision is known), `Grade` (severity
-  by the provision), `Severity` (of one breach) and `Spread` (error of the margin); `adopt` copies
-  the check of a rule into a rule of another law; `Pack`, and the packs `PORTUGAL` and `GERMANY`;
-- policies: `Policy`, `Tolerance`;
-- input: `Case`, `MeasurementErrors`, `NeighbourRole`, and the constants `NEVER` (no frame),
-  `ENDLESS` (larger than any margin), `ROAD_KINDS` and `CLASSES` (kinds of roads and vehicles with
-  limits of their own);
-- spans of frames to check: `Span`; `manoeuvre` (3 s before the attempt to 3 s after its end),
-  `conduct` (the manoeuvre, or the whole drive without an attempt), `settled` (`conduct` without the
-  time in which a driver may regain a gap that another took), `passed` (from the end of the overlap
-  with the target), `alongside` (the frames of that overlap); `frames_of` and `seconds_of` convert
-  durations;
-- values at frames: `at` (a signal at one frame of each simulation), `encounter` and `beside` (a
-  neighbour at a frame), `limits_of` (speed limits);
-- findings from margins, where a negative margin is a breach: `always` (at all frames of a span),
-  `always_at` (at listed frames), `instant` (at one frame), `keeps_limit` (speed under a limit),
-  `decided` (from margins and frames that you have computed), `judge` (of a whole rule);
-- errors of measurement: `deciding` (the frame whose margin is the margin of a finding),
-  `standard_error` (of a margin).
+- `Rule` with its `Text` (whether the wording of the provision was read, or is known from others),
+  `Grade` (severity of its breaches), `Severity` (of one breach) and `Spread` (standard deviation of
+  its margin, from errors of measurement);
+- `adopt`: make a rule of another law with the check of an existing rule;
+- `Pack`, and the packs `PORTUGAL` and `GERMANY`; `Policy`, `Tolerance`.
 
-`docs/how-to/write-a-rule.md` shows a rule.
+Input of a rule:
+
+- `Case`, `MeasurementErrors`, `NeighbourRole` (leader and follower in the lane of the ego and in
+  the lanes beside it);
+- constants: `NEVER` (a frame number that stands for no frame), `ENDLESS` (larger than any margin),
+  `ROAD_KINDS` and `CLASSES` (kinds of roads and of vehicles with limits of their own).
+
+Spans of frames to check (`Span`: the first and the last frame of each simulation):
+
+- `manoeuvre`: from 3 s before the attempt to 3 s after its end;
+- `conduct`: the manoeuvre, or the whole drive if there was no attempt;
+- `settled`: `conduct` without the time in which a driver may regain a gap after a cut-in;
+- `passed`: from the end of the overlap of ego and target along the road to the end of `manoeuvre`;
+- `alongside`: the frames of that overlap;
+- `frames_of` and `seconds_of` convert durations from and to seconds.
+
+Values at frames:
+
+- `at`: a signal at one frame of each simulation;
+- `encounter`: gap, closing speed and other measures of a neighbour at listed frames;
+- `beside`: the same at one frame of each simulation;
+- `limits_of`: the lowest and the highest speed limit that may hold, because the kind of the road or
+  of the ego can be unknown.
+
+Findings from margins:
+
+- `always`: a margin at all frames of a span;
+- `always_at`: a margin at listed frames;
+- `instant`: a margin at one frame of each simulation;
+- `keeps_limit`: the speed under a limit;
+- `decided`: margins and frames that you have computed.
+
+Errors of measurement:
+
+- `deciding`: the frame of a span at which the margin is the margin of the finding;
+- `standard_error`: the standard deviation of a margin.
+
+`docs/how-to/write-a-rule.md` shows a pack of two rules.
 """
 
 from overtaking.api.law import compare as compare

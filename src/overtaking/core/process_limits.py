@@ -377,8 +377,7 @@ def _stack_bytes() -> int:
 def _cgroup_memory() -> Iterator[tuple[int, int]]:
     """Limit and use [bytes] of each cgroup of this process that limits memory.
 
-    A cgroup is a group of processes with common limits on Linux, such as a container. Other
-    systems there is nothing to yield.
+    A cgroup is a group of processes with common limits, such as a container. Only Linux has them.
     """
     yield from _memory_of_cgroups(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
 
