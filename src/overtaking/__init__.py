@@ -62,7 +62,7 @@ Objects:
     OvertakingError         the base of all errors
     RecordingWarning        a warning about implausible values in a recording
 
-Codes in arrays, such as those of `labelled.labels.classes`:
+Codes in arrays, such as `labelled.labels.classes` of LabelledTrajectories:
 
     OvertakeClass           class of an overtake by its outcome and the verdicts of the rules
     Outcome                 end of an overtake, whatever the law says
@@ -141,6 +141,7 @@ _HOMES = {
 _MODULES = ("carla", "law", "learning", "logic", "whatif")
 """Public modules, in the folder of this file."""
 
+# For `from overtaking import *` and documentation tools.
 __all__ = [*_HOMES, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 

@@ -2,8 +2,8 @@
 
 A pack is the list of the rules of one law. The check of a rule is a function that takes a `Case`
 (simulations with their signals) and returns a `Finding`: for each simulation a `Verdict`, a margin
-(negative in a breach, in the unit of the rule) and the frames of a breach. A policy says which rules
-of a pack an overtake must keep, and with which tolerances.
+(negative in a breach, in the unit of the rule) and the frames of a breach. A policy says which
+rules of a pack an overtake must keep, and with which tolerances.
 
 The ego is the vehicle that is judged, the target the vehicle that it overtakes. An attempt is an
 overtake that has begun. Signals are time series of shape (simulation, time).
@@ -14,7 +14,8 @@ Functions that use a law:
 - `compare`: find the overtakes that are legal under one law and illegal under another;
 - `explain`: explain each verdict on one simulation in English;
 - `tolerance_curve`: count legal overtakes by tolerance;
-- `undecidable_rules`: list the rules that a recording cannot decide, because it lacks signals;
+- `undecidable_rules`: list the rules of `PORTUGAL` that a recording without some signals cannot
+  decide;
 - `load_pack`, `policies_for`: find a pack by its name, and the policies for it.
 
 Description of a rule and of a pack:
