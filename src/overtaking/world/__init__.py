@@ -1,13 +1,17 @@
-"""Physics of road, weather and sight, and the parameters of the simulation step.
+"""Physics of road, weather and sight, and the inputs of the simulation step.
 
-constants            model constants, the clock, effects that can be switched off
-driver_parameters    speeds, following and passing of drivers, as parameters of the step
-road_parameters      the road as the step sees it
-road_surface         film of water and friction of tyres
+The step moves all vehicles of a batch of simulations by 10 ms. Modules `..._parameters` compute its
+inputs once before a simulation, from a `Scenario`; the others hold formulas that they share with
+the step and with the rules of the law.
+
+constants            numbers of the model, lengths of step and decision, switches of effects
+driver_parameters    inputs from drivers: desired speeds, car following, passing
+road_parameters      inputs from the road: borders of lanes, tables of sight, lines and limits
+road_surface         film of water, friction of tyres, stopping distance
 sight_distance       how far a road is visible round bends and over crests
-step_parameters      all parameters of a batch
-surrogate_safety     time gap, TTC, DRAC, PICUD, RSS
-vehicle_parameters   vehicle bodies, as parameters of the step
+step_parameters      all inputs of a batch in tables, also for the compiled engine
+surrogate_safety     measures of near-crashes: time gap, TTC, DRAC, PICUD, RSS
+vehicle_parameters   inputs from vehicle bodies and their starts
 visibility           extinction, contrast, lamps, glare
-weather_parameters   weather and light of each simulation, as parameters of the step
+weather_parameters   inputs from weather and light
 """

@@ -41,7 +41,7 @@ _UNLIMITED = 1e6
 
 
 def _constant_field(path: str) -> Any:
-    """A dataclass field whose default is an entry, in SI units or in that of its suffix (`_mm`)."""
+    """A dataclass field whose default is an entry; its unit is SI, or the suffix of its name."""
     return field(default_factory=lambda: constant(path))
 
 
@@ -69,7 +69,8 @@ class ModelConstants:
     The engine has a field of the same name for each, in the same order: run `crates/fields.py`
     after a change of names or order. The *overtaking lane* is the next lane towards the overtaking
     side; on a two-way road it is the opposing lane. The *target* is the vehicle that the driver
-    overtakes. TTC is the time to collision. "Others" are all vehicles but the ego.
+    overtakes. TTC is the time to collision. "Others" are all vehicles but the ego. Looming is the
+    growth of the visual angle of a vehicle that comes nearer.
 
     Attributes:
         step: Duration of a step [s].
@@ -392,6 +393,7 @@ class ModelConstants:
         return dataclasses.replace(self, **numbers)
 
 
+# The comparison needs annotations that are types: no `from __future__ import annotations` here.
 CONSTANT_NAMES = tuple(
     entry.name for entry in dataclasses.fields(ModelConstants) if entry.type is np.float32
 )

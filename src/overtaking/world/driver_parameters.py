@@ -336,10 +336,10 @@ def _limits(context: StepContext) -> FieldArrays:
     Both are equal for all vehicles here. They are fields of each vehicle so that a study can lower
     them for the ego alone (`benchmarks/nets.py`).
     """
-    reaction_time = context.scenario.drivers.reaction_time
+    template = context.scenario.drivers.reaction_time  # Any float32 array (simulation, vehicle).
     return {
-        "attention_range": np.full_like(reaction_time, context.constants.sight_range),
-        "max_friction": np.full_like(reaction_time, _UNLIMITED_FRICTION),
+        "attention_range": np.full_like(template, context.constants.sight_range),
+        "max_friction": np.full_like(template, _UNLIMITED_FRICTION),
     }
 
 
@@ -445,7 +445,7 @@ def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     """Draw how each driver behaves while being passed: shifts aside, yields or speeds up."""
     # A stream is a sequence of random numbers that depends on seed, scenario and stream number.
     # Streams of their own, one for each slot, keep all other draws as they are. The results are no
-    # traits of `DriverTraits`, so no data set stores them.
+    # traits of `DriverTraits`, so no data set stores them. Draws have shape (simulation, vehicle).
     streams = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], streams)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")

@@ -221,7 +221,7 @@ def check_one_direction(scenario: Scenario, where: str) -> None:
         ConfigError: A vehicle drives in the opposite direction.
     """
     road = scenario.road
-    # In a scenario the opposing lane has the number after the road's own lanes.
+    # In a scenario the lane index `num_lanes` stands for the opposing lane.
     is_oncoming = scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)
     if is_oncoming.any():
         raise ConfigError(
@@ -292,6 +292,7 @@ def interpolate_course(row: F32, station: F32) -> F32:
     """
     last = np.float32(len(row) - 1)
     position = clamp(station, ZERO, last)
+    # The last station is the upper end of an interval, never the lower one.
     first = minimum(road_surface.floor(position), last - ONE)
     low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
     return low + (position - first) * (high - low)
@@ -447,7 +448,10 @@ def _sight_rows(road: Road, num_stations: int) -> list[F64]:
 
 
 def _pad_stations(rows: Sequence[ArrayLike]) -> F32:
-    """Extend rows of equal length to `MAX_STATIONS` numbers by copies of their last number."""
+    """Extend rows of equal length to `MAX_STATIONS` numbers by copies of their last number.
+
+    Copies keep the stations in ascending order, as the search in the tables requires.
+    """
     table = np.array([np.asarray(row, np.float64) for row in rows])
     padding = np.repeat(table[:, -1:], MAX_STATIONS - table.shape[1], axis=1)
     return np.concatenate([table, padding], axis=1).astype(np.float32)

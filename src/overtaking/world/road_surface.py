@@ -1,8 +1,9 @@
 """Film of water on the road, friction of tyres, and stopping distances.
 
-In go CARLA's weather percentages, positions, speeds and tyres; out come films of water in mm and
-friction coefficients. The lanes have a *film* that rain feeds and that runs off from the crown of
-the road, and puddles on top of it, which are a periodic pattern along each wheel path.
+In go weather percentages of the driving simulator CARLA, positions, speeds and tyres; out come
+films of water in mm and friction coefficients. The lanes have a *film* that rain feeds and that
+runs off from the crown, the highest line of the road, and puddles on top of the film, which are a
+fixed pattern along each wheel path.
 
 Numbers of the model come from `knowledge/data/weather.toml` (`constant`) and, where the simulation
 step needs them, from `ModelConstants`. All functions are element by element: arguments are float32
@@ -25,9 +26,9 @@ PERCENT = np.float32(0.01)
 _FULL = np.float32(100.0)
 """The largest value of CARLA's weather parameters [%]."""
 
-# Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: 0.618 is the
-# golden ratio, whose multiples fill a period evenly, and 0.382 its square. So neighbouring wheel
-# paths have puddles at different places. The engine has the same two numbers.
+# Shifts of the two waves of puddles from one wheel path to the next, in wave lengths, so that
+# neighbouring wheel paths have puddles at different places: 0.618 is one over the golden ratio,
+# whose multiples fill a period evenly, and 0.382 is its square. The engine has the same numbers.
 _PHASE_STEP_1 = np.float32(0.618_034)
 _PHASE_STEP_2 = np.float32(0.381_966)
 
@@ -63,7 +64,7 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 
 
 def puddle_depth(puddles: F32) -> F32:
-    """Full depth of a puddle above the film, 0 below half of the deposits [mm].
+    """Full depth of a puddle above the film, 0 up to 50 % of deposits [mm].
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -149,7 +150,7 @@ def triangle_wave(x: F32) -> F32:
 
 
 def puddle_depth_share(
-    constants: ModelConstants, s: F32, path: F32, phase_1: F32, phase_2: F32, threshold: F32
+    constants: ModelConstants, s: F32, wheel_path: F32, phase_1: F32, phase_2: F32, threshold: F32
 ) -> F32:
     """Depth of the puddle at a point, as a share of its full depth, 0 outside puddles to 1.
 
@@ -160,14 +161,16 @@ def puddle_depth_share(
     Args:
         constants: Constants of the model.
         s: Position along the road, any shape [m].
-        path: Number of the wheel path, counted across the road, two to a lane.
+        wheel_path: Whole number of the wheel path, counted across the road, two to a lane.
         phase_1: Random phase of the first wave in this simulation, in [0, 1).
         phase_2: Random phase of the second wave, in [0, 1).
         threshold: sqrt(2 c) for the share c of the road under puddles, see `puddle_cover` [1].
     """
-    wave_1 = triangle_wave(s * constants.inverse_puddle_wave_1 + phase_1 + _PHASE_STEP_1 * path)
-    wave_2 = triangle_wave(s * constants.inverse_puddle_wave_2 + phase_2 + _PHASE_STEP_2 * path)
-    return clamp((threshold - (wave_1 + wave_2)) * constants.puddle_slope, ZERO, ONE)
+    # Positions in wave lengths.
+    on_wave_1 = s * constants.inverse_puddle_wave_1 + phase_1 + _PHASE_STEP_1 * wheel_path
+    on_wave_2 = s * constants.inverse_puddle_wave_2 + phase_2 + _PHASE_STEP_2 * wheel_path
+    wave_sum = triangle_wave(on_wave_1) + triangle_wave(on_wave_2)
+    return clamp((threshold - wave_sum) * constants.puddle_slope, ZERO, ONE)
 
 
 def peak_friction(constants: ModelConstants, speed: F32, film: F32, wear: F32, truck: F32) -> F32:

@@ -71,8 +71,7 @@ class Path(NamedTuple):
     Each point is the eye of a driver, and a point that drivers behind it may see.
 
     Attributes:
-        points: World coordinates x and y, each of shape (point,), one station apart along the road
-            [m].
+        points: World coordinates x and y, each of shape (point,); one point for each station [m].
         cosine: Cosine of the direction of travel at each point, shape (point,).
         sine: Sine of the direction of travel, shape (point,).
     """

@@ -47,10 +47,9 @@ class VehicleParameters(NamedTuple):
     """Parameters of each vehicle, in the order in which the engine receives them.
 
     Every array has shape (vehicle, simulation) in the step. Flags are 0 or 1. A slot without a
-    vehicle has finite numbers without meaning. Of the fields up to `initial_lights` and from
-    `start_s` to `travel_sign`, `world.vehicle_parameters` computes those that are no copies of
-    fields of `VehicleSpecs`; of the other fields, `world.driver_parameters` computes those that are
-    no copies of fields of `DriverTraits`.
+    vehicle has finite numbers without meaning. `world.vehicle_parameters` and
+    `world.driver_parameters` compute the fields; those that they leave out are copies of the fields
+    of the same name in `VehicleSpecs` and `DriverTraits`.
 
     Attributes:
         valid: Flag of a slot that holds a vehicle.
@@ -403,7 +402,7 @@ def _same_fields(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
 
 
 def _stack(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
-    """Stack arrays by field in one float32 table, with reversed axes.
+    """Stack arrays by field in one float32 table, with reversed axes; True becomes 1.
 
     Simulations then lie side by side in memory, as the engine computes several at a time.
 

@@ -272,14 +272,14 @@ def _start(scenario: Scenario) -> FieldArrays:
     """States at the start, each vehicle in the frame of its own direction.
 
     A two-way road has one lane in each direction, both equally wide; in `Scenario.start_lane` the
-    opposing lane has the number after the road's own lanes. The frame of oncoming vehicles is the
-    frame of the road turned by half a circle about its middle: s becomes length - s, and each lane
-    takes the place of the other. So an oncoming vehicle starts in lane 0 of its frame, between the
-    same borders as a vehicle along the road.
+    index 1, the number of the road's own lanes, stands for the opposing lane. The frame of oncoming
+    vehicles is the frame of the road turned by half a circle about its middle: s becomes
+    length - s, and each lane takes the place of the other. So an oncoming vehicle starts in lane 0
+    of its frame, between the same borders as a vehicle along the road.
     """
     road = road_parameters(scenario.road)
     borders = road.boundaries
-    # A slot without a vehicle may hold any number as its lane; keep the index below in range.
+    # A slot without a vehicle may hold any lane index; keep it in the range of `borders`.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
     is_oncoming = road.has_oncoming_traffic & (lane == road.num_own_lanes)
     lane = np.where(is_oncoming, 0, lane)

@@ -1,10 +1,11 @@
 """Extinction of air, contrast, lamps and glare: how far an object is visible.
 
-In go CARLA's weather percentages, the sun, and lamps; out come extinction coefficients, thresholds
-of perception, and ranges, the distances up to which a driver sees an object. Ranges follow the laws
-of Koschmieder (objects by daylight) and of Allard (lamps). The *extinction coefficient* is the
-share of light that air takes from a beam per metre; times the distance it is the *optical depth*.
-The *meteorological optical range* is the distance at which a contrast falls to 5 %.
+In go weather percentages of the driving simulator CARLA, the sun, and lamps; out come extinction
+coefficients, thresholds of perception, and ranges, the distances up to which a driver sees an
+object. Ranges follow the laws of Koschmieder (objects by daylight) and of Allard (lamps). The
+*extinction coefficient* is the share of light that air takes from a beam per metre; times the
+distance it is the *optical depth*. The *meteorological optical range* is the distance at which a
+contrast falls to 5 %.
 
 `constant` reads the numbers, with their sources, from `knowledge/data/weather.toml`. It returns SI
 values, so angles in radians, unless the name of the number ends in another unit, such as `_deg`.
@@ -49,7 +50,8 @@ _NEWTON_STEPS = 8
 """Steps of Newton's method for the range of a lamp.
 
 Lamps of 1 to 500 cd come within 1e-6 of their range in five steps, in clear air and in the thickest
-fog. `tests/reference/test_visibility.py` compares these lamps with another solver.
+fog; three more are a reserve. `tests/reference/test_visibility.py` compares these lamps with
+another solver.
 """
 
 _MIN_LAMP_RANGE = np.float32(0.5)
@@ -231,7 +233,7 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
     range_in_clear_air = np.sqrt(intensity / threshold)
     # The iteration starts at the range in clear air, or at four optical depths if that is less: in
     # the thickest fog, lamps of 1 to 500 cd have ranges of 2 to 10 optical depths. The bound of the
-    # extinction keeps the quotient finite in clear air: 4000 km, more than any such lamp reaches.
+    # extinction keeps the quotient finite in clear air: 4000 km, where 500 cd reach 25 km at night.
     r = minimum(range_in_clear_air, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
     for _ in range(_NEWTON_STEPS):
         excess = TWO * log(r) + extinction * r - target

@@ -1,9 +1,10 @@
 """Weather and light of each simulation as parameters of the step: water, wind and sight.
 
-In goes a batch of scenarios with CARLA's weather percentages; out come `SceneConditions`, float32
-arrays of shape (simulation,) in physical units. They are most of the `SimulationParameters`, which
-the simulation step reads, and the base of the speeds and reactions in `driver_parameters`. The
-formulas are in `road_surface` and `visibility`; `constant` reads numbers from `knowledge/data`.
+In goes a batch of scenarios with weather percentages of the driving simulator CARLA; out come
+`SceneConditions`, float32 arrays of shape (simulation,) in physical units. They are most of the
+`SimulationParameters`, which the simulation step reads, and the base of the speeds and reactions in
+`driver_parameters`. The formulas are in `road_surface` and `visibility`; `constant` reads numbers
+from `knowledge/data`.
 
 The profile `pinto2023` repeats a published study, in which random lateral *pushes* and a reduced
 field of vision replace the physical effects of weather (`Scenario.pushes`). For such scenarios the
@@ -370,7 +371,8 @@ def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> d
     """Mean wind, and the gusts at bridges and cuttings.
 
     The number of draws is the same for all simulations, also where there are no gusts, so that the
-    draws that follow do not depend on the wind or on the effects.
+    draws that follow do not depend on the wind or on the effects. Their order belongs to the seed:
+    gain, phase, length.
     """
     along, across = mean_wind(scenario)
     has_gusts = (scenario.weather.wind >= constant("weather.gusts.from_percent")) & effects.gusts
@@ -422,8 +424,8 @@ def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F
 def _believed_friction(water: dict[str, F32]) -> F32:
     """Friction coefficient that drivers assume from experience, shape (simulation,).
 
-    It is the peak friction of a half-worn car tyre at 90 km/h, outside puddles, on the film of a
-    middle lane; drivers do not know the friction under their own tyres.
+    It is the peak friction of a half-worn car tyre at 90 km/h, outside puddles, on the film of the
+    second lane from the crown; drivers do not know the friction under their own tyres.
     """
     path = np.full_like(water["film_rain_factor"], constant("model.believed_grip.path_factor"))
     film = road_surface.lane_film(
@@ -444,6 +446,7 @@ def _perception(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[
         effects: The effects that are enabled.
     """
     weather, zero = scenario.weather, np.zeros_like(rate)
+    # The azimuth counts from the direction of travel, where the sun is straight ahead.
     sun_angle_behind = np.abs(PI - np.abs(weather.sun_azimuth))
     speed_error = constant("weather.errors.closing_speed_cv") if effects.distance_error else ZERO
     return {
