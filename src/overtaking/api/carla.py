@@ -29,8 +29,7 @@ def measure_limits() -> "Limits":
 
     The Traffic Manager is the part of CARLA's client that drives vehicles. Above some speed it
     ignores the command to change lanes, and for some time after one lane change it ignores the next
-    command. Both limits shaped the data of the study that this package reproduces (Pinto, Dutra and
-    Fonseca 2023).
+    command. The study that this package reproduces (Pinto, Dutra and Fonseca 2023) met both limits.
 
     Returns:
         `speeds_kmh`, `changed` (how many vehicles obeyed at each speed, of `trials`), and

@@ -344,11 +344,11 @@ def label_recordings(
         out: Folder for the result: tables of labels, among them `simulations`, and
             `recordings.json`. Recordings are numbered from 0 by file name; the number of a
             simulation is 1,000,000 times its recording's number plus its number in the recording.
-            A file `fault-*.txt` with a traceback is written for each recording that failed by a
-            programming error in this package.
+            If a recording fails by a programming error in this package, a file `fault-*.txt` has
+            its number in the name and the traceback.
         executor: Where recordings are labelled: `threads` of this process, `processes` of this
-            machine, `ray` for a Ray cluster; `auto` takes processes for several recordings. The
-            result has the same bytes.
+            machine, `ray` for a Ray cluster; `auto` takes processes for more than 256 recordings,
+            else threads. The result has the same bytes.
         workers: Number of processes; None for one per core.
         address: Address `HOST:PORT` of a running Ray cluster.
         resume: Whether to complete the result of an interrupted call; failed recordings are tried

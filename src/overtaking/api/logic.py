@@ -53,9 +53,10 @@ def ask(
         frame_step: Interval between the positions and speeds among the facts [frames], 1 or more.
             A small step slows the reasoner down; frames in which a vehicle changes lane or the
             order of vehicles changes are always among the facts.
-        max_rows: Largest number of answers.
-        timeout_s: Longest time of the reasoner [s].
-        memory_mib: Memory limit of the reasoner [MiB]; the answers may take an eighth of it.
+        max_rows: Largest number of answers, 1 to 1e9.
+        timeout_s: Longest time of the reasoner [s], 0.001 to 1e9.
+        memory_mib: Memory limit of the reasoner [MiB], 16 to 1e9; the answers may take an eighth of
+            it.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:

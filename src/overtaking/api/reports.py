@@ -390,7 +390,7 @@ def write_viewer_page(
 
     Raises:
         ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB,
-            which browsers of phones do not open.
+            the most that browsers open at once, also on a phone.
         DatasetError: The data set is not complete or damaged.
         OSError: The file cannot be written.
     """

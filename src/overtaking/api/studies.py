@@ -121,7 +121,7 @@ def dataset_statistics(
             rare cases were drawn more often.
 
     Returns:
-        The tables, for print or as LaTeX and CSV; `plot` draws figures of them.
+        The tables (`tables`, or `to_pandas` for exact values); `plot` draws figures of them.
 
     Raises:
         ConfigError: There is no such policy or reading.
