@@ -73,7 +73,7 @@ def load_specification(
     try:
         return Specification.model_validate(_lists_to_tuples(table))
     except ValidationError as error:
-        # Without the cause: Pydantic's message of several lines says the same.
+        # `from None` hides Pydantic's message, which says the same on several lines.
         raise config_error(error, where, known_keys) from None
 
 

@@ -136,9 +136,9 @@ class DrawnStarts:
         lane: Lane, 0 the slowest.
         s: Station [m].
         speed: Speed [m/s].
-        kept_gap_share: A vehicle that starts too near moves back, but gives up only 1 minus this
-            share of the free part of the zone behind it, and slows for the rest of the danger. The
-            share is drawn, so that starts do not pile up at the end of the zone [1].
+        kept_gap_share: A vehicle that starts too near moves back, but keeps this share of the free
+            part of the zone behind it; if that is not enough, it starts slower. The share is drawn,
+            so that starts do not pile up at the end of the zone [1].
     """
 
     valid: Mask

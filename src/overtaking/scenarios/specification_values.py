@@ -184,7 +184,10 @@ MIN_VEHICLES = 2
 
 
 def check_ascending(pair: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Refuse a range whose first value is above its second."""
+    """Refuse a range whose first value is above its second.
+
+    Like all checks below, it returns a valid value unchanged.
+    """
     if pair[0] > pair[1]:
         raise specification_error("a range from low to high", f"write [{pair[1]:g}, {pair[0]:g}]")
     return pair
@@ -241,7 +244,7 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]  # World x or y [m].
 Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]  # Distance along a road [m].
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # From one time step on [s].
+Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # At least one time step [s].
 Factor = Annotated[float, Field(ge=0.01, le=100.0)]
 Density = Annotated[float, Field(ge=0.1, le=250.0)]  # Vehicles on a kilometre of a lane.
 SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
