@@ -128,7 +128,7 @@ def test_recorded_states_have_the_dtypes_of_the_format():
 def test_help_lists_the_fields_under_one_heading():
     """Python 3.13 removes the indentation of docstrings, earlier versions keep it."""
     lines = (inspect.getdoc(ot.DriverTraits) or "").splitlines()
-    assert "    time_gap: Net time gap wanted behind a leader [s]." in lines
+    assert "    time_gap: Desired time gap behind a leader, bumper to bumper [s]." in lines
     assert lines.count("Attributes:") == 1
 
 
