@@ -26,8 +26,8 @@ ENGINEERING_CHOICE = "choice"
 """Source of a number that the authors chose; its entry must state a rationale."""
 
 SUPPORT_SIGMAS = 2.0
-"""Samples of a quantity stay within this many standard deviations of its value, unless the entry
-states `low` and `high`. Chosen: rarer values make implausible vehicles."""
+"""Samples of a quantity stay within this many standard deviations of its value, on a side where the
+entry states no limit (`low`, `high`). Chosen: rarer values make implausible vehicles."""
 
 SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
 """Kinds of sources; files with any other kind are refused."""
@@ -321,6 +321,7 @@ def _unit_and_converter(
 ) -> tuple[str, Callable[[Any], float]]:
     """The unit of the parsed numbers, and the function that converts numbers of the entry to it."""
     quoted_unit: str = entry["unit"]
+    # `str`, because the file may state anything: the converter then names it in its message.
     convert_to_si = unit_converter(str(quoted_unit), where=where)
     suffix_unit = unit_of_suffix(name)
     if suffix_unit is None:

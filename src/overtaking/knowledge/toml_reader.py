@@ -323,7 +323,7 @@ def _expand_bases(table: dict[str, Any], document: Mapping[str, Any], file: str)
         document: The whole document, in which bases are looked up.
         file: Name of the file, for messages.
     """
-    for name, item in table.items():
+    for name, item in table.items():  # The loop replaces values and adds no keys.
         if not isinstance(item, dict) or is_entry(item):
             continue
         child = cast("dict[str, Any]", item)

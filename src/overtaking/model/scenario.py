@@ -189,7 +189,7 @@ class ForcedDecision(IntEnum):
 
     FREE = 0  # Nothing is forced; this also ends the effect of an earlier intervention.
     PULL_OUT = 1  # Begin the overtake, regardless of the gaps.
-    CANCEL = 2  # Turn back during the lane change to the left.
+    CANCEL = 2  # Turn back during the lane change that begins the overtake.
     RETURN = 3  # Change back to the slower lane, regardless of the gaps.
     STAY = 4  # Begin no overtake.
 

@@ -79,7 +79,7 @@ LANE_CHANGE_SPEED = 0.15
 """Lateral speed above which a vehicle changes lanes instead of wandering in its lane [m/s].
 
 The search for overtakes in recordings and the stages of SUMO's drivers use it. Labels use the same
-number as float32, from `event_detection.toml` (`least_speed`), which states its source; a float64
+number as float32, from `event_detection.toml` (`least_speed`), which states its reason; a float64
 there would change recorded labels."""
 
 POSITION_RESOLUTION = 1e-3  # [m]
