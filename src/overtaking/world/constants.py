@@ -76,7 +76,7 @@ class ModelConstants:
         step: Duration of a step [s].
         decision: Time between two decisions [s].
         after_overtake: Time simulated after the ego has returned from its overtake [s].
-        after_collision: Time simulated after a collision of the ego [s].
+        after_collision: Time simulated after the ego has collided or left the road [s].
         min_effective_gap: Smaller gaps count as this in car following [m].
         jerk_up: Fastest growth of the acceleration, from zero or more [m/s^3].
         jerk_down: Fastest fall of the acceleration, unless `brake_ramp` gives more [m/s^3].
@@ -202,7 +202,7 @@ class ModelConstants:
         passing_speed_surplus: Speed above the target's that drivers want while passing against
             oncoming traffic [m/s].
         min_change_distance: Distance along the road that an urgent lane change takes at least [m].
-        min_return_gap: Gap to the target that drivers keep in an urgent return, at least [m].
+        min_return_gap: Gap to the target that drivers keep in an urgent return or abort [m].
         min_return_space: Gap to the leader plus gap to the follower in the lane to return to, below
             which a driver aborts instead [m].
         return_time_gap_share: Share of the desired time gap that must be free ahead of the target
