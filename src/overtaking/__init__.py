@@ -12,8 +12,8 @@ Arrays in memory (a batch of many simulations):
     drive                   simulate them with a driver of your own
     branch                  simulate them again with decisions, weather, drivers or vehicles changed
     label                   find outcomes, breaches of the law and features
-    evaluate                compare a driver with others in the same scenarios
-    run_benchmark           the same in the published scenarios of a benchmark
+    evaluate                compare drivers of the ego in the same scenarios
+    run_benchmark           compare them in the published scenarios of a benchmark
     compare_simulators      simulate on several simulators and show the differences
     validate_profile        compare the traffic of a profile with measured traffic
     reproduce_study         repeat the published study that the profile pinto2023 models

@@ -1,17 +1,17 @@
 """Basis of all other packages: arrays, errors, files, random numbers, processes.
 
-arrays: array types with their dtypes; memory of large arrays is reused.
+arrays: array types with their dtypes, and a pool that reuses the memory of large arrays.
 equality: equality by content for objects that hold arrays, tables and NaN.
-errors: error classes, their one message format, checks of names and numbers, extras.
-files: bounded reading; atomic writing of files and folders.
+errors: error classes with one message format, checks of arguments, packages of extras.
+files: reading up to a size; writing that leaves complete files and folders only.
 float32_math: elementary functions in float32 that have the same bits on every machine.
 intervals: confidence intervals of counted shares.
-native: the same functions and random numbers by the compiled engine.
-notebook: output of IPython: links, and progress below the running cell of a notebook.
-process_limits: processors, threads, memory and time that this process or a query may use.
+native: the functions of float32_math and random_numbers, compiled.
+notebook: output in IPython: HTML messages, and the progress of long calls below a cell.
+process_limits: limits of processors, threads, memory and time, and pools of threads.
 progress: progress of work that has several parts.
 random_numbers: counter-based random numbers (Philox 4x32-10).
-representation: objects as JSON values, one-line representations, counts in words.
-units: suffixes of names, integer units, conversion to SI.
-worker_process: a module that runs in a child process, and its messages; both ends.
+representation: objects as JSON values, short `repr`, texts that UTF-8 can hold.
+units: suffixes of names, units of recorded integers, conversion to SI.
+worker_process: child processes that run a module and exchange messages.
 """

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 F32 = Annotated[NDArray[np.floating[Any]], np.dtype(np.float32)]
-"""A float32 array. Type checkers see an array of floats of any width: in the annotations of NumPy,
-an operation on float32 arrays returns any width, and checkers would reject correct code."""
+"""A float32 array. Type checkers see an array of floats of any width: by the annotations of NumPy,
+the sum of two float32 arrays may have any width, and checkers would reject correct code."""
 F64 = Annotated[NDArray[np.float64], np.dtype(np.float64)]
 I16 = Annotated[NDArray[np.int16], np.dtype(np.int16)]
 I32 = Annotated[NDArray[np.int32], np.dtype(np.int32)]
@@ -30,7 +30,7 @@ U8 = Annotated[NDArray[np.uint8], np.dtype(np.uint8)]
 U32 = Annotated[NDArray[np.uint32], np.dtype(np.uint32)]
 U64 = Annotated[NDArray[np.uint64], np.dtype(np.uint64)]
 Mask = Annotated[NDArray[np.bool_], np.dtype(np.bool_)]
-IndexArray = Annotated[NDArray[np.intp], np.dtype(np.intp)]
+IndexArray = Annotated[NDArray[np.intp], np.dtype(np.intp)]  # Positions in an axis of an array.
 
 F32Like = F32 | np.floating[Any]
 """A float32 array or number."""
@@ -39,13 +39,13 @@ MIN_POOLED_BYTES = 1 << 20
 """Smaller arrays are ordinary NumPy arrays: NumPy and the C library reuse small blocks."""
 
 MAX_POOLED_BYTES = 256 << 20
-"""Largest amount of unused memory that the pool keeps: about one large batch and its results."""
+"""Largest amount of unused memory that the pool keeps. Chosen: one large batch and its results."""
 
 # Linux maps memory in pages of 4 KiB or, on request, in huge pages of this size (x86 and ARM). With
 # small pages, the engine works on more pages than the CPU keeps addresses of.
 _HUGE_PAGE_BYTES = 2 << 20
 
-_CACHE_LINE_BYTES = 64
+_CACHE_LINE_BYTES = 64  # Also the widest vector of a CPU, with AVX-512.
 
 
 class ArrayLayout(NamedTuple):
@@ -186,7 +186,7 @@ class Buffers:
             The arrays by the names in their layouts.
         """
         sizes = [math.prod(layout.shape) * np.dtype(layout.dtype).itemsize for layout in layouts]
-        # Each array begins at a cache line, so that no two arrays share one.
+        # Each array begins at a cache line, so that no vector of its numbers lies in two of them.
         begins = [
             0,
             *accumulate(-(-size // _CACHE_LINE_BYTES) * _CACHE_LINE_BYTES for size in sizes),

@@ -283,6 +283,7 @@ def check_in_range(
         ConfigError: The number is smaller or larger, or NaN.
     """
     if not low <= value <= high:
+        # Not `out_of_range`, whose message has no unit.
         at_least = f"{low:g} {unit}".strip() + " or more"
         raise ConfigError(
             what=what,

@@ -116,6 +116,9 @@ def check_regular_file(path: Path) -> Path:
 def open_regular_file(path: Path) -> BufferedReader:
     """Open a file for reading bytes, after `check_regular_file`.
 
+    Args:
+        path: The file.
+
     Raises:
         OSError: The file cannot be opened, or is a pipe or a device.
     """
@@ -171,6 +174,7 @@ def atomic_file(path: Path) -> Generator[Path]:
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    # Hidden by its dot, and unique, because several processes may write this file.
     partial = path.with_name(f".{path.stem}.{uuid4().hex[:8]}.partial{path.suffix}")
     try:
         yield partial
@@ -233,6 +237,9 @@ def atomic_folder(out: Path) -> Generator[Path]:
 def check_folder_is_free(out: Path) -> None:
     """Refuse a path that exists, unless it is an empty folder.
 
+    Args:
+        out: The path of a folder to make.
+
     Raises:
         ConfigError: The path is a file, a link, or a folder with files.
     """
@@ -279,6 +286,9 @@ def fsync_folder(folder: Path) -> None:
     """Force the names of the files in a folder to the disk, after a file was made or renamed.
 
     Without it, a power failure can undo the new name although the file is on the disk.
+
+    Args:
+        folder: The folder of that file.
     """
     if os.name == "nt":  # Windows cannot open folders, so it keeps this risk.
         return

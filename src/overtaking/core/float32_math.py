@@ -2,9 +2,9 @@
 
 The last bits of `numpy.exp` and its kind depend on the CPU and on the version, so the simulator
 uses the functions of this module. They consist of operations that IEEE 754 rounds in one way only:
-`+ - * /`, comparisons, and shifts of bits. The compiled simulator (the engine) has the same
-functions in `crates/overtaking-core/src/elementary.rs`, with the same operations in the same order.
-Change both together.
+`+ - * /`, comparisons, rounding to integers and shifts of bits. The compiled simulator (the engine)
+has the same functions in `crates/overtaking-core/src/elementary.rs`, with the same operations in
+the same order. Change both together.
 
 Arguments are float32 arrays or numbers of any shapes that broadcast; the results are float32 arrays
 of the common shape.
@@ -13,7 +13,8 @@ Each function first maps its argument to a small interval around 0, and there ev
 whose largest error is as small as possible. Intervals and coefficients come from the single
 precision of the Cephes library (Moshier, *Methods and Programs for Mathematical Functions*, 1989).
 The docstrings state the largest errors in units in the last place (ulp) or as absolute values;
-tests compare with mpmath.
+tests compare with mpmath. In the code, `r` or `m` is the argument in the interval, `z` its square
+and `p` the polynomial.
 """
 
 from typing import Any
@@ -59,7 +60,8 @@ def as_f32(value: Any) -> F32:
     return np.asarray(value, dtype=np.float32)
 
 
-# Not `numpy.minimum`: its result for a pair of -0.0 and 0.0, or for NaN, differs from the engine's.
+# Not `numpy.minimum`: for a pair of -0.0 and 0.0, or for NaN, its result can differ from the
+# engine's.
 
 
 def minimum(a: F32Like, b: F32Like) -> F32:
@@ -78,9 +80,9 @@ def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
 
 
 def exp(x: F32Like) -> F32:
-    """E to the power `x`, error below 2 ulp; an `x` beyond [-87, 88] counts as that limit.
+    """The number e to the power `x`, error below 2 ulp.
 
-    The limits keep 2**k below within the normal numbers of float32.
+    An `x` below -87 or above 88 counts as that limit, so that the result is neither 0 nor infinite.
     """
     x = clamp(as_f32(x), np.float32(-87.0), np.float32(88.0))
     # exp(x) = 2**k * exp(r) with |r| <= ln(2) / 2.
@@ -97,7 +99,7 @@ def exp(x: F32Like) -> F32:
 
 
 def log(x: F32Like) -> F32:
-    """Natural logarithm, error below 2 ulp or 1e-7.
+    """Natural logarithm, error below 2 ulp or 1e-7, whichever is larger.
 
     An `x` below 2**-126 (1.2e-38), also a negative one, and NaN count as 2**-126: the result is
     never infinite.

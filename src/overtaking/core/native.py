@@ -33,9 +33,12 @@ class PhiloxStream(random_numbers.PhiloxStream):
         self._flat_indices = np.ascontiguousarray(indices).reshape(-1)
         self._flat_streams = np.ascontiguousarray(streams).reshape(-1)
 
-    def _block_words(self, draw: int) -> tuple[U32, U32, U32, U32]:
+    def _block_words(self, block_number: int) -> tuple[U32, U32, U32, U32]:
         words = _core.words(
-            seed=self._seed, index=self._flat_indices, stream=self._flat_streams, draw=draw
+            seed=self._seed,
+            index=self._flat_indices,
+            stream=self._flat_streams,
+            draw=block_number,
         )
         first, second, third, fourth = (word.reshape(self._shape) for word in words)
         return first, second, third, fourth
@@ -52,7 +55,7 @@ class PhiloxStream(random_numbers.PhiloxStream):
 
 
 def exp(x: F32Like) -> F32:
-    """E to the power `x`; an `x` beyond [-87, 88] counts as that limit."""
+    """The number e to the power `x`; an `x` below -87 or above 88 counts as that limit."""
     values = _float32_copy(x)
     _core.exponentials(values.reshape(-1))
     return values

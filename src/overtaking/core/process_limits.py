@@ -281,7 +281,7 @@ def _reduce_reservations() -> None:
     second and later calls do nothing.
     """
     # Variables are for libraries that are not loaded yet, and for child processes, which have the
-    # same limit; the calls below for libraries that are loaded. A user's setting has priority.
+    # same limit; a variable that the user has set stays. The calls below are for loaded libraries.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MALLOC_ARENA_MAX", "1")
@@ -594,6 +594,7 @@ def submit(
     try:
         return pool.submit(work, item)
     except RuntimeError as error:
+        # The pool does not know the name of the call, so the message begins with the package.
         if (refusal := refusal_of(error, "overtaking")) is None:
             raise
         # A cache drops all its entries or none. The other pools go on for their present callers;
@@ -611,8 +612,8 @@ def ordered_map(
     """Call a function with each item in several threads, and yield the results in order.
 
     Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
-    At most `threads` + 1 items are computed or wait for the caller, so that memory does not grow
-    with the number of items. The additional item keeps the last thread busy while the caller waits
+    At most `threads` + 1 results are computed ahead of the caller, so that memory does not grow
+    with the number of items. The additional one keeps the last thread busy while the caller waits
     for the first result.
 
     Args:

@@ -2,14 +2,15 @@
 
 The generator has no state. It maps four numbers to a block of four random 32-bit words:
 
-seed: number of the data set.
+seed: 64-bit number that the user chooses for a data set.
 scenario index: 64-bit number that identifies a scenario, from which its simulation is made.
-stream: purpose of the draws, a `Stream`. Purposes that concern single vehicles add the slot, which
-    is the number of a vehicle in its simulation, less than 256.
+stream: purpose of the draws, a `Stream`. Purposes that concern single vehicles add the slot (the
+    number of a vehicle in its simulation) or the role of a neighbour (leader, follower, ...), both
+    less than 256.
 block number: 0 for the first four words of a stream, 1 for the next.
 
-So a simulation has the same random numbers in any batch (simulations computed together), on any
-worker and at any SIMD width. `core.native` has the same functions, compiled.
+So a simulation has the same random numbers in any batch (simulations computed together), in any
+process and with vectors of any width. `core.native` has the same functions, compiled.
 
 Source:
     Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11; constants and
@@ -84,7 +85,7 @@ def philox4x32(
 
 
 def philox_words(
-    seed: int, scenario_index: U64, stream: U32 | int, draw: int
+    seed: int, scenario_index: U64, stream: U32 | int, block_number: int
 ) -> tuple[U32, U32, U32, U32]:
     """The block of four random words for each scenario and stream.
 
@@ -92,8 +93,8 @@ def philox_words(
         seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario; broadcasts with `stream`.
         stream: A `Stream`, plus slots or roles for some purposes.
-        draw: Block number in the stream, 0 <= draw < 2**32. The simulator passes the number of the
-            driver's decision.
+        block_number: Block number in the stream, 0 <= block_number < 2**32. For draws at each
+            decision of a driver, the simulator passes the number of the decision.
 
     Returns:
         The four words, each with the common shape of `scenario_index` and `stream`.
@@ -103,15 +104,15 @@ def philox_words(
     )
     low = (scenario_index & _LOW_32_BITS).astype(np.uint32)
     high = (scenario_index >> np.uint64(32)).astype(np.uint32)
-    draws = np.full(scenario_index.shape, draw, dtype=np.uint32)
-    return philox4x32((draws, streams, low, high), (seed & 0xFFFF_FFFF, seed >> 32))
+    block_numbers = np.full(scenario_index.shape, block_number, dtype=np.uint32)
+    return philox4x32((block_numbers, streams, low, high), (seed & 0xFFFF_FFFF, seed >> 32))
 
 
 def uniform_from_word(word: U32) -> F32:
     """Convert 32-bit words to numbers in the open interval (0, 1).
 
-    A float32 has 24 digits: the upper 23 bits of the word, plus a half, are exact. So 0 and 1, of
-    which the logarithm in `box_muller` would be infinite or 0, never occur.
+    A float32 has 24 binary digits, so the upper 23 bits of the word, plus a half, are exact. The
+    half excludes 0, of which `box_muller` could not take the logarithm.
     """
     return ((word >> np.uint32(9)).astype(np.float32) + HALF) * np.float32(2.0**-23)
 
@@ -154,12 +155,15 @@ class PhiloxStream:
             self._next_block += 1
         return self._unused_words.pop(0)
 
-    def _block_words(self, draw: int) -> tuple[U32, U32, U32, U32]:
+    def _block_words(self, block_number: int) -> tuple[U32, U32, U32, U32]:
         """The four words of a block; `core.native` overrides this method."""
-        return philox_words(self._seed, self._scenario_index, self._stream, draw)
+        return philox_words(self._seed, self._scenario_index, self._stream, block_number)
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> F32:
-        """The next number between `low` and `high`; 0 and 1 themselves never occur."""
+        """The next number between `low` and `high`.
+
+        By default it is never 0 or 1. With other limits, rounding can make it equal to a limit.
+        """
         low32, high32 = np.float32(low), np.float32(high)
         return low32 + (high32 - low32) * uniform_from_word(self.next_word())
 

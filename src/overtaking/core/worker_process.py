@@ -209,8 +209,8 @@ class WorkerProcess:
         self._frames: deque[bytes | None] = deque()  # None stands for the end of the worker.
         self._printed = b""
         # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks,
-        # its "spawn" runs the user's script again, so that every script would need the guard `if
-        # __name__ == "__main__"`.
+        # and its "spawn" runs the script of the user again, so that every script would have to ask
+        # whether it is the main module.
         with explain_refusals(module):
             self._process = subprocess.Popen(
                 # With -P Python does not add the working directory to the folders in which it
@@ -319,7 +319,7 @@ class WorkerProcess:
             if thread.ident is not None:  # A thread that the system did not start cannot be joined.
                 thread.join()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            # To close a pipe writes the rest of a message, which fails without the worker.
+            # Closing a pipe writes the rest of a message, which fails without the worker.
             with suppress(OSError):
                 _not_none(stream).close()
         atexit.unregister(self.close)
@@ -332,7 +332,7 @@ class WorkerProcess:
         """
         self.close(SHUTDOWN_TIMEOUT)
         status = self._process.returncode
-        cause = _signal_name(-status) if status < 0 else f"with exit status {status}"
+        cause = _describe_signal(-status) if status < 0 else f"with exit status {status}"
         lines = self._printed.decode(errors="replace").split("\n")
         last_line = next((line.strip() for line in reversed(lines) if line.strip()), "")
         return f"{cause}: {last_line}" if last_line else cause
@@ -351,6 +351,7 @@ class WorkerProcess:
             self._add_frame(None)
 
     def _add_frame(self, frame: bytes | None) -> None:
+        """Store a frame, and wake the threads that wait in `receive_from_any`."""
         with _frame_received:
             self._frames.append(frame)
             _frame_received.notify_all()
@@ -370,7 +371,7 @@ def _not_none(pipe: IO[bytes] | None) -> IO[bytes]:
     return pipe
 
 
-def _signal_name(number: int) -> str:
+def _describe_signal(number: int) -> str:
     try:
         return f"by {signal.Signals(number).name}"
     except ValueError:
