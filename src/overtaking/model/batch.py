@@ -121,6 +121,12 @@ class FieldSpec:
     flags: Sequence[str] = ()
     is_key: bool = False
 
+    def __repr__(self) -> str:
+        """The declared values alone, because `help` shows it in signatures of public functions."""
+        values = [(entry, getattr(self, entry.name)) for entry in dataclasses.fields(self)]
+        declared = (f"{entry.name}={value!r}" for entry, value in values if value != entry.default)
+        return f"FieldSpec({', '.join(declared)})"
+
     @property
     def is_bounded(self) -> bool:
         """Whether a range is declared, against which values are checked."""

@@ -92,6 +92,11 @@ def test_a_range_that_ends_with_an_axis_has_no_limits():
         _ = FieldSpec(low=0, high=AxisEnd("lane")).limits
 
 
+def test_a_declaration_shows_only_what_it_declares():
+    assert repr(FieldSpec("gap", "m", low=0.0)) == "FieldSpec(meaning='gap', unit='m', low=0.0)"
+    assert "FieldSpec(low=0, high=100000000)" in str(inspect.signature(ot.sample))
+
+
 def test_every_array_type_declares_the_dtype_that_it_names():
     for name in ("F64", "I16", "I32", "I64", "U8", "U32", "U64", "Mask", "IndexArray"):
         array_type, dtype = get_args(getattr(arrays, name))
