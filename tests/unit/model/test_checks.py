@@ -277,7 +277,8 @@ def test_every_number_of_what_is_simulated_has_a_range(cls: type):
 
 
 def test_help_lists_what_the_fields_declare():
-    assert "time_gap: Net time gap wanted behind a leader [s].\n" in (ot.DriverTraits.__doc__ or "")
+    line = "time_gap: Desired time gap behind a leader, bumper to bumper [s].\n"
+    assert line in (ot.DriverTraits.__doc__ or "")
 
 
 @pytest.mark.parametrize(
