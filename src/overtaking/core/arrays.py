@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 F32 = Annotated[NDArray[np.floating[Any]], np.dtype(np.float32)]
 """A float32 array. Type checkers see an array of floats of any width: by the annotations of NumPy,
-the sum of two float32 arrays may have any width, and checkers would reject correct code."""
+many operations on float32 arrays return an unknown width, and checkers would reject correct code.
+"""
 F64 = Annotated[NDArray[np.float64], np.dtype(np.float64)]
 I16 = Annotated[NDArray[np.int16], np.dtype(np.int16)]
 I32 = Annotated[NDArray[np.int32], np.dtype(np.int32)]
@@ -126,8 +127,8 @@ def _take_from_pool(key: _PoolKey) -> mmap.mmap:
     """
     with contextlib.suppress(KeyError, IndexError):
         return _pool[key].pop()
-    # Python's default is shared memory: Linux does not put it on huge pages, and a forked child
-    # process would write into the arrays of its parent. Windows knows no such flags.
+    # Python's default is shared memory: by default Linux keeps it on small pages, and a forked
+    # child process would write into the arrays of its parent. Windows knows no such flags.
     flags = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANON} if hasattr(mmap, "MAP_PRIVATE") else {}
     memory = mmap.mmap(-1, key.num_bytes + _HUGE_PAGE_BYTES, **flags)
     if hasattr(mmap, "MADV_HUGEPAGE"):

@@ -169,7 +169,7 @@ class ImportFormatError(OvertakingError, ValueError):
 class RecordingWarning(UserWarning):
     """A recording of real traffic has implausible or missing values, but is imported.
 
-    `import_report` of the imported data lists these values, and how the reader repaired each.
+    `import_report` of the imported data lists these values, and what the reader did about each.
     """
 
 
@@ -215,7 +215,7 @@ class KnowledgeError(OvertakingError, ValueError):
 
 
 class InfeasibleError(OvertakingError, ValueError):
-    """A valid request for traffic that does not fit on the road, or that vehicles cannot reach."""
+    """A valid request for traffic that does not fit on the road, or is too fast for a vehicle."""
 
 
 def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
