@@ -83,10 +83,13 @@ _RANGES: Final = {
     "sight_distance": _SIGHT,
     "expected_closing_speed": _SPEED,
     "gap_ahead_of_leader": _GAP,
+    "tall_vehicle_gap_factor": (0.0, 5.0, 1.0),  # 1 for cars, 2.2 for trucks.
+    "return_urgency": _FLAG,
+    "abort_state": _FLAG,
 }
 """Lower bound, upper bound and scale by column name, or by group and name where groups differ.
 
-Columns without an entry have `_FLAG`.
+Every column has an entry, except flags.
 """
 
 
@@ -101,7 +104,7 @@ def _columns() -> tuple[ObservationColumn, ...]:
         ObservationColumn(
             f"{group}.{name}",
             unit,
-            *_RANGES.get(f"{group}.{name}", _RANGES.get(name, _FLAG)),
+            *(_FLAG if unit == "flag" else _RANGES.get(f"{group}.{name}") or _RANGES[name]),
         )
         for group, columns in groups
         for name, (unit, _meaning) in columns.items()

@@ -20,6 +20,8 @@ from tests.support.integers import INTEGER_TYPES, NO_INTEGERS
 import overtaking as ot
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
+from overtaking.gym.spaces import clip_observation
+from overtaking.knowledge import toml_reader
 from overtaking.model.driver_interface import OBSERVATION_SIZE
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.trajectories import Stage
@@ -280,6 +282,18 @@ def test_observations_are_nobody_elses():
     kept = first.copy()
     env.step(wish(first))
     np.testing.assert_array_equal(first, kept)
+
+
+def test_the_observation_of_a_pass_is_not_clipped():
+    """The gap factor of a truck is 2.2: bounds of 0 and 1 would hide it."""
+    table = np.zeros((1, OBSERVATION_SIZE), np.float32)
+    [index] = (
+        index
+        for index, column in enumerate(envs.OBSERVATION_COLUMNS)
+        if column.name == "passing.tall_vehicle_gap_factor"
+    )
+    table[:, index] = toml_reader.number("model.oncoming.tall_room")
+    assert (clip_observation(table, normalize=False) == table).all()
 
 
 def test_every_column_has_name_unit_and_bounds():
