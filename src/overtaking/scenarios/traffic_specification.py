@@ -169,6 +169,7 @@ END_MARGIN = number("sampling.flow.end_margin")
 `knowledge/data/sampling.toml`."""
 
 _FlowPerHour = Annotated[float, Field(ge=10.0, le=1500.0)]  # Vehicles per hour; limits are choices.
+_BusierShare = Annotated[float, Field(ge=0.5, le=1.0)]
 
 # Numbers of vehicles besides the ego, of which one is ahead of it.
 _CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
@@ -216,7 +217,10 @@ class TwoWayTraffic(Section):
     behind: _CountFromZero
     oncoming: _CountFromZero
     flow_vph: Annotated[tuple[_FlowPerHour, _FlowPerHour], AfterValidator(check_ascending)]
-    split: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.5, 0.5)
+    split: Annotated[tuple[_BusierShare, _BusierShare], AfterValidator(check_ascending)] = (
+        0.5,
+        0.5,
+    )
     min_headway_s: Annotated[float, Field(ge=0.5, le=5.0)] = 1.5
     held_up: Share = 0.0
     types: Types

@@ -331,3 +331,11 @@ def test_the_ego_of_a_two_way_road_starts_beyond_the_end_of_its_traffic():
     with pytest.raises(ConfigError, match=r"traffic\.start_s_m.*more than 50 m"):
         load_specification("rural", {"traffic.start_s_m": [0.0, 40.0]})
     assert load_specification("rural", {"traffic.start_s_m": [50.1, 60.0]})
+
+
+def test_the_share_of_the_busier_direction_is_at_least_one_half():
+    """A smaller one would make the other direction busier than the check of the flow assumes."""
+    with pytest.raises(ConfigError, match=r"traffic\.split.*0\.5"):
+        load_specification("rural", {"traffic.split": [0.0, 0.1]})
+    with pytest.raises(ConfigError, match=r"traffic\.flow_vph.*busier direction"):
+        load_specification("rural", {"traffic.split": [0.9, 0.9], "traffic.flow_vph": [1300, 1300]})
