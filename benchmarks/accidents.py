@@ -171,7 +171,7 @@ def replay(
 ) -> tuple[Trajectories, list[Seen]]:
     """The simulations of some numbers once more, with what was believed at each decision."""
     seen: list[Seen] = []
-    perceive = perception.perceive
+    perceive = perception.form_beliefs
 
     def noting(*arguments: Any) -> perception.Beliefs:
         believed = perceive(*arguments)
@@ -180,9 +180,9 @@ def replay(
             Seen(
                 slot=near.slot.astype(np.int16),
                 looked=looks.copy(),
-                detected=believed.detected.copy(),
+                detected=believed.is_detected.copy(),
                 gap=believed.gap.copy(),
-                closing=believed.closing.copy(),
+                closing=believed.closing_speed.copy(),
                 true_gap=near.gap.copy(),
             )
         )

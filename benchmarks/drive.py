@@ -27,7 +27,7 @@ import numpy as np
 import overtaking as ot
 from measure import ROOT, Measure, load_note, parser, report
 from overtaking.model.driver_interface import MAX_ACTION_PARTS
-from overtaking.sim.stepping import stepper
+from overtaking.sim.stepping import new_stepper
 from overtaking.world.step_parameters import step_parameters
 
 PEERS_PYTHON = ROOT / "target" / "peers" / "bin" / "python"
@@ -47,9 +47,9 @@ def timed(decisions: Callable[[], int]) -> Rates:
 
 def steps(scenario: ot.Scenario, hold: int) -> int:
     """Drive a batch to its end with a constant action."""
-    batch = stepper(step_parameters(scenario), "accel_lane", is_true=False)
+    batch = new_stepper(step_parameters(scenario), "accel_lane", is_true=False)
     constant = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
-    _, runs, _ = batch.begin()
+    _, runs, _ = batch.observe_start()
     count = 0
     while runs.any():
         count += hold * int(runs.sum())

@@ -25,25 +25,25 @@ CONTENT = """\
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{{LANES, Seats, V}};
+use crate::math::vectors::{{LANES, Seats, V}};
 
-lane_fields! {{
+parameter_rows! {{
     /// Parameters of one vehicle slot.
-    Vehicle, VEHICLE_NAMES {{
+    VehicleParams, VEHICLE_NAMES {{
 {vehicle}
     }}
 }}
 
-lane_fields! {{
+parameter_rows! {{
     /// Parameters of a simulation.
-    Simulation, SIMULATION_NAMES {{
+    SimulationParams, SIMULATION_NAMES {{
 {simulation}
     }}
 }}
 
-number_fields! {{
+named_constants! {{
     /// Constants of the model.
-    Constants {{
+    ModelConstants {{
 {constants}
     }}
 }}

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 
 import overtaking as ot
 from overtaking.core.arrays import F32
-from overtaking.sim.reference.following import follow
-from overtaking.sim.reference.mobil import incentives, is_safe
-from overtaking.sim.reference.perception import Beliefs
-from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
+from overtaking.sim.reference.car_following import acc_accel
+from overtaking.sim.reference.decision_context import Beliefs
+from overtaking.sim.reference.lane_change import is_safe_lane_change, mobil_incentives
+from overtaking.sim.reference.state import (
+    LEADER,
+    LEFT_FOLLOWER,
+    LEFT_LEADER,
+    RIGHT_FOLLOWER,
+    RIGHT_LEADER,
+)
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 
@@ -32,9 +38,9 @@ class MobilDriver:
         """Acceleration [m/s^2] and side of the lane to change to, for each simulation."""
         neighbours = observation.neighbours
         believed = Beliefs(
-            detected=neighbours.is_detected > 0,
+            is_detected=neighbours.is_detected > 0,
             gap=neighbours.gap,
-            closing=neighbours.closing_speed,
+            closing_speed=neighbours.closing_speed,
             accel=neighbours.accel,
         )
         accel = self.behind_leader(observation, believed)
@@ -45,21 +51,21 @@ class MobilDriver:
 
     def behind_leader(self, observation: ot.Observation, believed: Beliefs) -> F32:
         """Acceleration behind the leader [m/s^2]."""
-        p, near = observation.vehicle, (believed.gap[LEAD], believed.closing[LEAD])
+        p, near = observation.vehicle, (believed.gap[LEADER], believed.closing_speed[LEADER])
         c, speed = self.given.constants, observation.ego.speed
-        return follow(c, p, speed, p.desired_speed, *near, p.time_gap, believed.accel[LEAD])
+        return acc_accel(c, p, speed, p.desired_speed, *near, p.time_gap, believed.accel[LEADER])
 
     def side(self, observation: ot.Observation, believed: Beliefs, accel: F32) -> F32:
         """1 towards the fast side, -1 towards the slow side, where it pays and is safe; else 0."""
         given, p, ego = self.given, observation.vehicle, observation.ego
         speed = ego.speed
-        to_fast, to_slow = incentives(given, p, speed, believed, accel)
+        to_fast, to_slow = mobil_incentives(given, p, speed, believed, accel)
         rested = ego.time_since_lane_change >= given.constants.cooldown
         fast = rested & (ego.can_pull_out > 0) & (to_fast > p.lane_change_threshold)
-        fast &= is_safe(given, p, speed, believed, FAST_LEAD, FAST_REAR)
+        fast &= is_safe_lane_change(given, p, speed, believed, LEFT_LEADER, LEFT_FOLLOWER)
         slow = rested & (ego.can_return > 0) & (to_slow > p.lane_change_threshold) & ~fast
-        slow &= is_safe(given, p, speed, believed, SLOW_LEAD, SLOW_REAR)
-        slow &= believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * speed
+        slow &= is_safe_lane_change(given, p, speed, believed, RIGHT_LEADER, RIGHT_FOLLOWER)
+        slow &= believed.gap[RIGHT_LEADER] > given.constants.free_ahead_time * speed
         return np.where(fast, np.float32(1.0), np.where(slow, np.float32(-1.0), np.float32(0.0)))
 
 

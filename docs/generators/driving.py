@@ -15,7 +15,7 @@ from overtaking.model.driver_interface import (
     ObservedValue,
 )
 from overtaking.model.trajectories import Stage
-from overtaking.sim.controls import CONTROLS
+from overtaking.sim.action_spaces import ACTION_SPACES
 
 if TYPE_CHECKING:
     from enum import IntEnum
@@ -57,7 +57,7 @@ def content() -> str:
             f"{part.low:g} to {part.high:g}",
             f"{part.resolution:g}",
         )
-        for name, control in CONTROLS.items()
+        for name, control in ACTION_SPACES.items()
         for place, part in enumerate(control.parts)
     )
     return page(

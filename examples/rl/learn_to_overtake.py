@@ -29,7 +29,7 @@ import overtaking as ot
 from overtaking.core.arrays import F32
 from overtaking.gym import OBSERVATION_COLUMNS, StepOutcome, flatten_observation, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
-from overtaking.sim.observation import EgoObservation
+from overtaking.sim.ego_observation import EgoObservation
 
 HOLD = 20  # Decisions for which an answer holds, 1 s.
 PROFILES = ("motorway", "pinto2023")

@@ -49,8 +49,8 @@ from overtaking.model.verdicts import OvertakeClass as OvertakeClass
 from overtaking.model.verdicts import Verdict as Verdict
 from overtaking.model.weather import Weather as Weather
 from overtaking.recordings.opendrive_map import list_opendrive_roads as list_opendrive_roads
-from overtaking.sim.driving import Driver as Driver
-from overtaking.sim.observation import Observation as Observation
-from overtaking.sim.sensor import Sensor as Sensor
+from overtaking.sim.ego_observation import Observation as Observation
+from overtaking.sim.external_driver import Driver as Driver
+from overtaking.sim.sensors import Sensor as Sensor
 
 __version__: str

@@ -315,8 +315,8 @@ def test_every_name_exists():
 @pytest.mark.parametrize(
     ("name", "is_there"),
     [
-        ("sim.reference.following.iidm", True),
-        ("sim.reference.following.idm", False),
+        ("sim.reference.car_following.iidm_accel", True),
+        ("sim.reference.car_following.idm", False),
         ("DriverTraits.time_gap", True),
         ("DriverTraits.time_gaps", False),
         ("overtaking.branch", True),

@@ -11,7 +11,7 @@ import pytest
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError, DriverError
-from overtaking.sim.controls import CONTROLS
+from overtaking.sim.action_spaces import ACTION_SPACES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,10 +75,10 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("action", CONTROLS)
+@pytest.mark.parametrize("action", ACTION_SPACES)
 def test_every_action_is_restored_from_its_table(tmp_path, action):
     """By the columns that it fills; the same bits act again."""
-    parts = CONTROLS[action].parts
+    parts = ACTION_SPACES[action].parts
 
     def draws(observation: ot.Observation) -> np.ndarray:
         least, most = np.array([(max(one.low, -3.0), min(one.high, 3.0)) for one in parts]).T
@@ -103,7 +103,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
     for number in range(3):
         again = data[number]  # Simulated with what the table holds.
         assert again.actions
-        assert again.actions.kind == CONTROLS[action].kind
+        assert again.actions.kind == ACTION_SPACES[action].kind
         assert again.actions.hashes[0] == run.actions.hashes[number]
         np.testing.assert_array_equal(again.trace_hash[0], run.trace_hash[number])
 

@@ -210,7 +210,7 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     path = tmp_path / "linear.onnx"
     same = network(path, width)
     driver = evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=4)
-    assert driver.digest
+    assert driver.sha256
     scenes = ot.sample("pinto2023-physical", num_simulations=8, seed=1, overrides=SHORT)
     options = {"observation": "truth", "action_repeat": 4}
     runs = [ot.drive(scenes, one, **options) for one in (driver.function, same)]
@@ -228,7 +228,7 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
         overrides=SHORT,
     )
     assert found.policy == "linear.onnx"
-    assert found.digest == driver.digest
+    assert found.digest == driver.sha256
 
 
 def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Path):

@@ -10,7 +10,7 @@ import pytest
 
 import overtaking as ot
 from overtaking.model.driver_interface import MAX_ACTION_PARTS
-from overtaking.sim.stepping import stepper
+from overtaking.sim.stepping import new_stepper
 from overtaking.world.step_parameters import step_parameters
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def test_a_child_writes_a_data_set(tmp_path):
 
 def test_a_child_is_refused_simulations_that_its_parent_began():
     scenarios = ot.sample("pinto2023-physical", num_simulations=2, seed=1)
-    simulations = stepper(step_parameters(scenarios), None, is_true=True)
-    simulations.begin()
+    simulations = new_stepper(step_parameters(scenarios), None, is_true=True)
+    simulations.observe_start()
     orders = np.zeros((2, MAX_ACTION_PARTS), np.int32)
     answers = multiprocessing.get_context("fork").SimpleQueue()
 

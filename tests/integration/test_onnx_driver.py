@@ -16,7 +16,7 @@ import overtaking as ot
 from overtaking.api import evaluation
 from overtaking.core.errors import ConfigError, DriverError
 from overtaking.model.driver_interface import OBSERVATION_SIZE
-from overtaking.sim import networks
+from overtaking.sim import built_in_drivers
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -174,7 +174,7 @@ def test_a_network_that_does_not_end_is_stopped_at_the_time_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     path = looping(tmp_path / "loop.onnx")
-    monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
+    monkeypatch.setattr(built_in_drivers, "TIMEOUT_S", 1.0)
     assert "an answer within 1 s" in load_error(path)
 
 
@@ -183,7 +183,7 @@ def test_a_network_that_ends_for_zeros_only_is_stopped_in_the_drive(
 ):
     path = looping(tmp_path / "loop.onnx", if_nonzero=True)
     driver = evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
-    monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
+    monkeypatch.setattr(built_in_drivers, "TIMEOUT_S", 1.0)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError, match=r"loop\.onnx.*within 1 s"):
         ot.drive(scenes, driver.function, observation="truth")
@@ -248,7 +248,7 @@ def test_weights_in_another_file_are_not_read(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 def test_a_process_that_is_killed_ends_one_drive_and_starts_again_for_the_next(tmp_path: Path):
     path = linear(tmp_path / "linear.onnx")
-    driver = networks.OnnxDriver(path)
+    driver = built_in_drivers.OnnxDriver(path)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     actions = ot.drive(scenes, driver, observation="truth").actions
     os.kill(process_id(driver), signal.SIGKILL)
@@ -263,30 +263,30 @@ def test_a_process_that_is_killed_ends_one_drive_and_starts_again_for_the_next(t
 def test_an_interrupted_decision_leaves_no_answer_for_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    driver = networks.OnnxDriver(linear(tmp_path / "linear.onnx", factor=1.0))
-    receive = networks._receive
+    driver = built_in_drivers.OnnxDriver(linear(tmp_path / "linear.onnx", factor=1.0))
+    receive = built_in_drivers._receive
 
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(networks, "_receive", interrupt)
+    monkeypatch.setattr(built_in_drivers, "_receive", interrupt)
     with pytest.raises(KeyboardInterrupt):
         driver._request(np.ones((2, OBSERVATION_SIZE), np.float32), DriverError)
-    monkeypatch.setattr(networks, "_receive", receive)
+    monkeypatch.setattr(built_in_drivers, "_receive", receive)
     driver._start(DriverError)
     answer = driver._request(np.zeros((2, OBSERVATION_SIZE), np.float32), DriverError)
     assert np.array_equal(answer, np.zeros((2, 2)))
 
 
 def test_a_driver_that_is_no_longer_used_ends_its_process(tmp_path: Path):
-    driver = networks.OnnxDriver(linear(tmp_path / "linear.onnx"))
+    driver = built_in_drivers.OnnxDriver(linear(tmp_path / "linear.onnx"))
     process = process_id(driver)
     del driver
     gc.collect()
     assert eventually(lambda: not is_running(process))
 
 
-def process_id(driver: networks.OnnxDriver) -> int:
+def process_id(driver: built_in_drivers.OnnxDriver) -> int:
     """Process in which a network runs."""
     assert driver._worker is not None
     return driver._worker.pid

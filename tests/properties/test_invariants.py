@@ -22,7 +22,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.trajectories import NO_VEHICLE, Stage, States, Trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles, sampler
-from overtaking.sim import branch, engine, reference
+from overtaking.sim import branching, engine, reference
 from overtaking.world.constants import EnabledEffects, model_constants
 from overtaking.world.step_parameters import VEHICLE_FIELDS, StepParameters, step_parameters
 
@@ -438,7 +438,7 @@ def test_frames_between_decisions_come_from_shorter_steps_of_nearly_the_same_mot
 def test_a_branch_with_nothing_changed_has_the_same_trace(seed: int, index: list[int], frame: int):
     world = drawn(seed, index)
     undisturbed = engine.simulate(world)
-    again = branch.branch(world, frame)
+    again = branching.branch(world, frame)
     np.testing.assert_array_equal(again.trace_hash, undisturbed.trace_hash)
 
 
@@ -447,7 +447,7 @@ def test_a_branch_with_nothing_changed_has_the_same_trace(seed: int, index: list
 def test_a_branch_changes_nothing_before_its_frame(seed: int, index: list[int], frame: int):
     world = drawn(seed, index)
     one = engine.simulate(world)
-    two = branch.branch(world, frame, decision=branch.ForcedDecision.STAY)
+    two = branching.branch(world, frame, decision=branching.ForcedDecision.STAY)
     for name in STATE_NAMES:
         left, right = (getattr(ran.states, name)[:, :, :frame] for ran in (one, two))
         valid = present(one)[:, :, :frame]

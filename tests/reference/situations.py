@@ -21,7 +21,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource, extend_road
 from overtaking.sim import engine
-from overtaking.sim.branch import ForcedDecision
+from overtaking.sim.branching import ForcedDecision
 from overtaking.world.step_parameters import SIMULATION_FIELDS, step_parameters
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions
-from overtaking.sim.reference.collisions import Box, first_contact
-from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.sim.reference.collisions import OrientedBox, swept_overlap
+from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters, step_parameters
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -39,7 +39,7 @@ class Pose:
         turned = affinity.rotate(box, self.heading, use_radians=True, origin=(0, 0))
         return shapely.get_coordinates(turned)
 
-    def ours(self) -> Box:
+    def ours(self) -> OrientedBox:
         numbers = [
             math.sin(self.heading),
             math.cos(self.heading),
@@ -48,7 +48,7 @@ class Pose:
         ]
         sine, cosine, half_length, half_width = (np.array([x], np.float32) for x in numbers)
         zero = np.zeros(1, np.float32)
-        return Box(
+        return OrientedBox(
             s=zero, d=zero, sine=sine, cosine=cosine, half_length=half_length, half_width=half_width
         )
 
@@ -74,7 +74,7 @@ moves = st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
 def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, float]) -> list[float]:
     """`first_contact` of two boxes, the second moving from `start` to `end` seen from the first."""
     s0, d0, s1, d1 = (np.array([x], np.float32) for x in (*start, *end))
-    return [float(x[0]) for x in first_contact(a.ours(), b.ours(), (s0, d0), (s1, d1))]
+    return [float(x[0]) for x in swept_overlap(a.ours(), b.ours(), (s0, d0), (s1, d1))]
 
 
 @pytest.mark.ci
@@ -146,8 +146,8 @@ class Crash:
 
     before: State
     after: State
-    p: Fields
-    hit: collisions.Hit
+    p: VehicleParameters
+    hit: collisions.Impact
 
 
 def crash(
@@ -182,9 +182,9 @@ def crash(
     old = copied(state)
     near = {(0, 1): np.array([True])}
     c, during = given_.constants, (7, np.float32(STEP))
-    frame = collisions.frame_of(given_.road, p, 0, 1)
-    hit = collisions._contact(copied(state), c, p, near[0, 1], before, during, (0, 1), frame)
-    collisions.collide(state, c, given_.road, p, near, before, *during)
+    frame = collisions.pair_frame(given_.road, p, 0, 1)
+    hit = collisions._find_impact(copied(state), c, p, near[0, 1], before, during, (0, 1), frame)
+    collisions.resolve_contacts(state, c, given_.road, p, near, before, *during)
     return Crash(before=old, after=state, p=p, hit=hit)
 
 
@@ -198,7 +198,7 @@ def road_velocity(state: State, i: int) -> tuple[float, float]:
     return vx * cosine - vy * sine, vx * sine + vy * cosine
 
 
-def momentum(state: State, p: Fields) -> np.ndarray:
+def momentum(state: State, p: VehicleParameters) -> np.ndarray:
     """Along, across, and about the origin."""
     total = np.zeros(3)
     for i in range(2):
@@ -210,7 +210,7 @@ def momentum(state: State, p: Fields) -> np.ndarray:
     return total
 
 
-def energy(state: State, p: Fields) -> float:
+def energy(state: State, p: VehicleParameters) -> float:
     total = 0.0
     for i in range(2):
         mass, inertia = 1.0 / float(p.inverse_mass[i, 0]), 1.0 / float(p.inverse_inertia[i, 0])
@@ -224,7 +224,7 @@ def approach(ran: Crash, state: State) -> float:
     hit, closing = ran.hit, 0.0
     for i, lever, sign in ((0, hit.lever_a, 1.0), (1, hit.lever_b, -1.0)):
         ahead, aside = road_velocity(state, i)
-        own = ahead * float(hit.along[0]) + aside * float(hit.across[0])
+        own = ahead * float(hit.normal_s[0]) + aside * float(hit.normal_d[0])
         closing += sign * (own + float(state.r[i, 0]) * float(lever[0]))
     return closing
 

@@ -12,9 +12,9 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
-from overtaking.sim.reference import collisions, dynamics, steering
-from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.run import advance, decide
+from overtaking.sim.reference import collisions, steering, vehicle_dynamics
+from overtaking.sim.reference.recorder import Recorder
+from overtaking.sim.reference.simulation import advance, decide
 from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.constants import SUBSTEPS
 from overtaking.world.step_parameters import step_parameters
@@ -74,8 +74,8 @@ class World:
         for k in range(50):
             before = (state.s, state.d)
             angle = steering.steer(state, c, self.p, self.q.max_lateral_accel, c.step)
-            dynamics.move(state, c, self.p, angle, c.step)
-            collisions.collide(
+            vehicle_dynamics.advance_motion(state, c, self.p, angle, c.step)
+            collisions.resolve_contacts(
                 state, c, self.given.road, self.p, pairs, before, 10 * self.step + k, c.step
             )
         self.step += SUBSTEPS

@@ -17,7 +17,7 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
-from overtaking.sim import branch, engine, reference
+from overtaking.sim import branching, engine, reference
 from overtaking.world.step_parameters import step_parameters
 
 from .scenes import WRITTEN
@@ -252,19 +252,19 @@ def test_a_branch_without_a_change_is_the_undisturbed_simulation(situation):
     scenario = situation.scenario(20)
     undisturbed = engine.simulate(scenario)
     for frame in (0, 1, 7, 40):
-        assert not difference(branch.branch(scenario, frame), undisturbed)
+        assert not difference(branching.branch(scenario, frame), undisturbed)
 
 
-@pytest.mark.parametrize("decision", branch.ForcedDecision)
+@pytest.mark.parametrize("decision", branching.ForcedDecision)
 def test_a_branch_is_the_run_with_other_parameters_from_its_frame_on(decision):
     situation = next(one for one in SITUATIONS if one.switch is not None)
     assert situation.switch is not None
     mixed = simulated(situation)
     scenario = mixed.scenario
-    chosen = scenario.scenario_index % len(branch.ForcedDecision) == int(decision)
+    chosen = scenario.scenario_index % len(branching.ForcedDecision) == int(decision)
     frame = situation.switch * 10 // scenario.frame_interval_ms
     weather = turned_round(scenario.weather)
-    alone = branch.branch(scenario, frame, decision=decision, weather=weather)
+    alone = branching.branch(scenario, frame, decision=decision, weather=weather)
     np.testing.assert_array_equal(alone.trace_hash[chosen], mixed.trace_hash[chosen])
 
 

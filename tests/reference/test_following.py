@@ -13,15 +13,9 @@ from scipy.integrate import solve_ivp
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim import engine
-from overtaking.sim.reference.following import (
-    follow,
-    forced_braking,
-    iidm,
-    needed_braking,
-)
-from overtaking.sim.reference.state import Fields
+from overtaking.sim.reference.car_following import acc_accel, cah_accel, iidm_accel, imposed_accel
 from overtaking.world.constants import EnabledEffects, model_constants
-from overtaking.world.step_parameters import step_parameters
+from overtaking.world.step_parameters import VehicleParameters, step_parameters
 
 EXPONENT = 4.0
 
@@ -40,15 +34,18 @@ def person(**changes: float) -> dict[str, float]:
     return {"time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0} | changes
 
 
-def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> Fields:
+def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> VehicleParameters:
     """The driver as the model's step sees it, spread over an array."""
     a, b = driver["accel"], driver["decel"]
     numbers = driver | {
         "idm_interaction": 0.5 / math.sqrt(a * b),
         "overspeed_exponent": EXPONENT * a / b,
     }
-    return Fields(
-        **{name: np.full(shape, numbers.get(name, 0.0), np.float32) for name in Fields._fields}
+    return VehicleParameters(
+        **{
+            name: np.full(shape, numbers.get(name, 0.0), np.float32)
+            for name in VehicleParameters._fields
+        }
     )
 
 
@@ -59,7 +56,9 @@ def model(
     arrays = np.broadcast_arrays(
         *(np.asarray(x, np.float32) for x in (speed, desired, gap, closing))
     )
-    return iidm(model_constants(), as_fields(driver, arrays[0].shape), *arrays).astype(np.float64)
+    return iidm_accel(model_constants(), as_fields(driver, arrays[0].shape), *arrays).astype(
+        np.float64
+    )
 
 
 def textbook(driver: dict[str, float], v: float, v0: float, s: float, dv: float) -> float:
@@ -140,7 +139,7 @@ def test_a_standing_vehicle_is_no_less_of_a_danger_when_its_approach_is_overesti
     # Believed to approach at 24 m/s by one who drives 20: it stands, it does not come closer.
     judged = [np.float32(x) for x in (20.0, 50.0, 24.0, 0.0)]
     expected = -(24.0**2) / (2.0 * 50.0)
-    assert float(needed_braking(model_constants(), *judged)) == pytest.approx(expected, rel=1e-5)
+    assert float(cah_accel(model_constants(), *judged)) == pytest.approx(expected, rel=1e-5)
 
 
 def needed(v: float, s: float, dv: float, leader: float) -> float:
@@ -176,7 +175,7 @@ def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
     # divides by 2 s a, which the model keeps from vanishing.
     dv = v - ahead
     arrays = [np.float32(x) for x in (v, v0, s, dv, driver["time_gap"], leader)]
-    value = float(follow(model_constants(), as_fields(driver, ()), *arrays))
+    value = float(acc_accel(model_constants(), as_fields(driver, ()), *arrays))
     least = needed(v, s, dv, leader)
     expected = cool(driver, textbook(driver, v, v0, s, dv), least)
     if leader < -0.5:  # Our addition: stop lamps are heeded, wholly below 1 s and not beyond 3 s.
@@ -193,7 +192,7 @@ def test_braking_as_hard_as_needed_stops_exactly_at_the_bumper(
     v: float, ahead: float, s: float, leader: float
 ):
     arrays = [np.float32(x) for x in (v, s, v - ahead, leader)]
-    decel = -float(needed_braking(model_constants(), *arrays))
+    decel = -float(cah_accel(model_constants(), *arrays))
     if ahead * (v - ahead) >= -2.0 * s * leader:
         return  # They would meet while both move: another branch, another formula.
     # The leader stops after v^2 / (2 b); the follower has that way and the gap.
@@ -205,8 +204,8 @@ def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
     driver = person()
     arrays = [np.float32(x) for x in (30.0, 35.0, 5.0, -1.0, driver["time_gap"])]
     p = as_fields(driver, ())
-    assert float(iidm(model_constants(), p, *arrays)) < -20.0
-    assert float(follow(model_constants(), p, *arrays)) > -1.1 * driver["decel"]
+    assert float(iidm_accel(model_constants(), p, *arrays)) < -20.0
+    assert float(acc_accel(model_constants(), p, *arrays)) > -1.1 * driver["decel"]
 
 
 @given(driver=drivers, v=st.floats(1.0, 40.0), s=st.floats(2.0, 100.0), ahead=st.floats(0.0, 50.0))
@@ -215,7 +214,7 @@ def test_who_follows_at_the_desired_speed_is_braked_but_never_pushed(
 ):
     dv = v - ahead
     args = [np.float32(x) for x in (v, s, dv, driver["time_gap"])]
-    forced = float(forced_braking(model_constants(), as_fields(driver, ()), *args))
+    forced = float(imposed_accel(model_constants(), as_fields(driver, ()), *args))
     root = 2.0 * math.sqrt(driver["accel"] * driver["decel"])
     wanted = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
     expected = driver["accel"] * (1.0 - (wanted / s) ** 2)
@@ -229,7 +228,7 @@ def test_inside_the_comfortable_stopping_distance_nobody_is_asked_for_less_than_
     # s* >= v dv / (2 sqrt(a b)), so a (s* / s)^2 >= dv^2 / (2 s) wherever s <= v^2 / (2 b).
     s, closing = share * v**2 / (2.0 * driver["decel"]), min(dv, v)
     args = [np.float32(x) for x in (v, s, closing, driver["time_gap"])]
-    forced = float(forced_braking(model_constants(), as_fields(driver, ()), *args))
+    forced = float(imposed_accel(model_constants(), as_fields(driver, ()), *args))
     assert forced <= driver["accel"] - closing**2 / (2.0 * max(s, 0.5)) + 1e-3
 
 

@@ -13,7 +13,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
-from overtaking.sim.reference.run import run
+from overtaking.sim.reference.simulation import run
 from overtaking.world.step_parameters import VEHICLE_FIELDS, step_parameters
 
 DRAWN = ScenarioSource(

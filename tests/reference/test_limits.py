@@ -19,7 +19,7 @@ from overtaking.model.road_course import SpeedLimitSpan, ZoneKind
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
-from overtaking.sim.stepping import stepper
+from overtaking.sim.stepping import new_stepper
 from overtaking.simulators.carla import traffic
 from overtaking.world.constants import model_constants
 from overtaking.world.road_parameters import allowed_speed, road_parameters
@@ -203,8 +203,8 @@ def test_another_driver_sees_the_same_bits_on_both_engines():
     given = step_parameters(batch)
     told = []
     for simulator in ("engine", "reference"):
-        stands = stepper(given, "decision", is_true=False, simulator=simulator)
-        rows = [stands.begin()[0]]
+        stands = new_stepper(given, "decision", is_true=False, simulator=simulator)
+        rows = [stands.observe_start()[0]]
         rows += [stands.step(np.zeros((4, MAX_ACTION_PARTS), np.int32), 3)[0] for _ in range(30)]
         told.append(np.array(rows))
     np.testing.assert_array_equal(*told)

@@ -15,7 +15,7 @@ import pytest
 from scipy.stats import kurtosis, skew
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.sim.reference import environment
+from overtaking.sim.reference import road_conditions
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
@@ -63,7 +63,7 @@ def runs() -> Runs:
     state = initial_state(given)
     kept = {}
     for decision in range(LATER[-1] + 1):
-        environment.move_random_processes(state, given, given.vehicles, q, decision)
+        road_conditions.update_random_processes(state, given, given.vehicles, q, decision)
         if decision in LATER:
             kept[decision] = {name: getattr(state, name).copy() for name in NAMES}
     return Runs(values=kept)
@@ -126,7 +126,7 @@ def test_a_simulation_has_the_same_gusts_in_any_batch():
     states = [initial_state(given) for given, _ in (alone, together)]
     for decision in range(30):
         for state, (given, q) in zip(states, (alone, together), strict=True):
-            environment.move_random_processes(state, given, given.vehicles, q, decision)
+            road_conditions.update_random_processes(state, given, given.vehicles, q, decision)
     for name in NAMES:
         one, three = (getattr(state, name) for state in states)
         np.testing.assert_array_equal(one[:, 0], three[:, 1])
@@ -138,6 +138,6 @@ def test_another_seed_gives_other_gusts():
     for seed in (5, 6):
         given, q = started([1], seed)
         state = initial_state(given)
-        environment.move_random_processes(state, given, given.vehicles, q, 0)
+        road_conditions.update_random_processes(state, given, given.vehicles, q, 0)
         states.append(state)
     assert (states[0].gust != states[1].gust).all()

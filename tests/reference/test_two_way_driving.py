@@ -24,14 +24,14 @@ from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
-from overtaking.sim import engine, policies, reference
-from overtaking.sim.driving import Driver, drive
-from overtaking.sim.sensor import Sensor
-from overtaking.sim.stepping import stepper
+from overtaking.sim import built_in_drivers, engine, reference
+from overtaking.sim.external_driver import Driver, drive
+from overtaking.sim.sensors import Sensor
+from overtaking.sim.stepping import new_stepper
 from overtaking.world.step_parameters import step_parameters
 
 from .situations import difference
-from .test_driving import random_actions
+from .test_external_driver import random_actions
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 HUMAN = Driver(function=HumanEgo(), observation="human", action="decision")
@@ -50,9 +50,10 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
     given = step_parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
     pair_of = [
-        stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
+        new_stepper(given, kind, is_true=is_true, simulator=name)
+        for name in ("engine", "reference")
     ]
-    (table, runs, _), (expected, still, _) = (one.begin() for one in pair_of)
+    (table, runs, _), (expected, still, _) = (one.observe_start() for one in pair_of)
     at, met = 0, 0
     while still.any():
         np.testing.assert_array_equal(runs, still)
@@ -131,7 +132,7 @@ class Seeing:
     def __call__(self, observation):
         """Stay."""
         self.tables.append(observation.table.copy())
-        return policies.stay(observation)
+        return built_in_drivers.stay(observation)
 
 
 def observed(observe, *scenes, on=None, horizon: float = 8.0):
@@ -190,7 +191,7 @@ def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
 
 @pytest.mark.ci
 def test_a_sensor_sees_those_who_come_within_its_range(repository):
-    radar = Sensor.read(repository / "examples" / "radar.toml")
+    radar = Sensor.from_file(repository / "examples" / "radar.toml")
     _, roles, passing = observed(radar, pair(300.0, 380.0))
     for role in ("oncoming", "second_oncoming"):
         seen = roles[role].is_detected[:, 0] > 0
@@ -202,8 +203,8 @@ def test_a_sensor_sees_those_who_come_within_its_range(repository):
 def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     world = scenario(pair(), road=road(), horizon=14.0)
     given = step_parameters(world)
-    steps = stepper(given, "decision", is_true=True)
-    table, runs, _ = steps.begin()
+    steps = new_stepper(given, "decision", is_true=True)
+    table, runs, _ = steps.observe_start()
     moves = []
     while runs.any():
         passing = PassingColumns._make(split_observation(table).passing[0])
@@ -222,7 +223,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
 @pytest.mark.ci
 def test_the_shipped_rules_pass_where_nobody_comes_and_wait_where_somebody_does():
     world = scenario(pair(), pair(300.0), road=road(), horizon=25.0)
-    driver = Driver(function=policies.rules, observation="human", action="decision")
+    driver = Driver(function=built_in_drivers.rules, observation="human", action="decision")
     run = drive(world, driver, engine.run)
     starts = [np.flatnonzero(stage == Stage.PULL_OUT) for stage in run.stage]
     assert len(starts[0])

@@ -11,7 +11,7 @@ from tests.support.single_track import side_wind
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine, reference
-from overtaking.sim.reference import environment
+from overtaking.sim.reference import road_conditions
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import step_parameters
@@ -140,7 +140,7 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     q = given.simulations
     return (
         places,
-        environment.gust_bump(state, given, given.vehicles, q)[0].astype(np.float64),
+        road_conditions.discrete_gust(state, given, given.vehicles, q)[0].astype(np.float64),
         float(q.gust_length[0]),
     )
 
@@ -178,7 +178,7 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     given = step_parameters(world, EnabledEffects(gusts=False))
     state = initial_state(given)
     fields = given.vehicles, given.simulations
-    environment.wind(state, given, *fields)
+    road_conditions.update_wind(state, given, *fields)
     return float(state.wind_force[0, 0])
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.sim.reference import dynamics, environment, steering
-from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.sim.reference import road_conditions, steering, vehicle_dynamics
+from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import StepParameters, step_parameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters, step_parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
@@ -49,7 +49,7 @@ class Bench:
     given: StepParameters
     state: State
     c: ModelConstants
-    p: Fields
+    p: VehicleParameters
     q: SimulationParameters
     grips: bool
     blows: bool
@@ -83,7 +83,7 @@ class Bench:
 
     def move(self, wheel: F64) -> None:
         """Advance everything by one step with this wheel angle in its middle."""
-        dynamics.move(self.state, self.c, self.p, wheel, self.c.step)
+        vehicle_dynamics.advance_motion(self.state, self.c, self.p, wheel, self.c.step)
 
     def steer(self, side_accel: F64) -> F64:
         """Let drivers steer for one step; the wheel angle in its middle."""
@@ -103,9 +103,9 @@ class Bench:
     def decide(self) -> None:
         """What the world does to the vehicles at a decision."""
         if self.grips:
-            environment.grip(self.state, self.given, self.p, self.q)
+            road_conditions.update_friction(self.state, self.given, self.p, self.q)
         if self.blows:
-            environment.wind(self.state, self.given, self.p, self.q)
+            road_conditions.update_wind(self.state, self.given, self.p, self.q)
 
 
 def bench(

@@ -191,7 +191,7 @@ def looped(step: float) -> np.ndarray:
     )
     state, zero = test.state, np.zeros_like(test.state.s)
     changes = zero == 0
-    steering.begin_path(state, changes, state.d + np.float32(3.5), zero + of_each("duration"))
+    steering.start_path(state, changes, state.d + np.float32(3.5), zero + of_each("duration"))
     most = np.minimum(np.float32(4.0), np.float32(0.7 * 9.81) * friction)
     state.accel = zero + of_each("accel")
     rows = []
@@ -200,7 +200,7 @@ def looped(step: float) -> np.ndarray:
         if k % decision == 0:
             rows.append([getattr(state, name)[0].copy() for name in KEPT])
             blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
-            steering.hold_against_wind(state, test.c.replace(decision=DECISION), test.p, k)
+            steering.update_wind_trim(state, test.c.replace(decision=DECISION), test.p, k)
         test.move(test.steer(np.full_like(test.q.max_lateral_accel, most)))
     return np.array(rows).transpose(2, 0, 1)
 

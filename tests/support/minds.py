@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.sim.reference import perception
-from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
-from overtaking.sim.reference.state import Fields, State, initial_state
+from overtaking.sim.reference.neighbour_search import find_neighbours
+from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.constants import EnabledEffects
-from overtaking.world.step_parameters import StepParameters, step_parameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters, step_parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
-    from overtaking.sim.reference.perception import Beliefs
+    from overtaking.sim.reference.decision_context import Beliefs, Neighbours
     from overtaking.world.weather_parameters import SimulationParameters
 
 CLEAR_MINDED = EnabledEffects(
@@ -41,7 +41,7 @@ class Moment:
 
     given: StepParameters
     state: State
-    p: Fields
+    p: VehicleParameters
     q: SimulationParameters
     decision: int = 0
 
@@ -51,9 +51,9 @@ class Moment:
 
     def look(self) -> Beliefs:
         """One decision's worth of everybody looking around."""
-        perception.remember(self.state, self.decision)
+        perception.record_history(self.state, self.decision)
         looks = np.ones(self.state.s.shape, np.bool_)
-        believed = perception.perceive(
+        believed = perception.form_beliefs(
             self.state, self.given, self.p, self.q, self.neighbours(), self.decision, looks
         )
         self.decision += 1
@@ -76,5 +76,5 @@ def moment(
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
     given = step_parameters(world, effects)
     state, p = initial_state(given), given.vehicles
-    perception.draw_check(state, given, p, p.valid > 0, 0)
+    perception.draw_shoulder_check(state, given, p, p.valid > 0, 0)
     return Moment(given=given, state=state, p=p, q=given.simulations)

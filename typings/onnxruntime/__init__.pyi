@@ -1,4 +1,4 @@
-# What `overtaking.sim.networks` uses of it.
+# What `overtaking.sim.built_in_drivers` uses of it.
 from typing import Any
 
 class SessionOptions:

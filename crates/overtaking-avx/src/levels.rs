@@ -1,8 +1,8 @@
 //! The functions of each SIMD level; those of a level that is not compiled fail.
 
 use fearless_simd::x86::{Avx2, Avx512};
-use overtaking_core::stepper::Talk;
-use overtaking_core::{Inputs, Later, Output};
+use overtaking_core::run::stepped_batch::Talk;
+use overtaking_core::{Inputs, Output, ParameterSwitch};
 
 macro_rules! level {
     ($name:ident, $serve:ident, $simd:ident) => {
@@ -14,7 +14,7 @@ macro_rules! level {
         pub fn $name(
             simd: $simd,
             inputs: &Inputs<'_>,
-            later: &[Later<'_>],
+            later: &[ParameterSwitch<'_>],
             out: Output<'_>,
         ) -> Result<(), String> {
             overtaking_core::simulate(simd, inputs, later, out)
@@ -23,10 +23,10 @@ macro_rules! level {
         /// Serve another driver of a batch at this level.
         ///
         /// # Errors
-        /// Those of `overtaking_core::stepper::serve`; the level is not compiled.
+        /// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
         #[cfg($name)]
         pub fn $serve(simd: $simd, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
-            overtaking_core::stepper::serve(simd, inputs, talk)
+            overtaking_core::run::stepped_batch::stepped_batch(simd, inputs, talk)
         }
 
         /// Refuse, as this level is not compiled.
@@ -37,7 +37,7 @@ macro_rules! level {
         pub fn $name(
             _: $simd,
             _: &Inputs<'_>,
-            _: &[Later<'_>],
+            _: &[ParameterSwitch<'_>],
             _: Output<'_>,
         ) -> Result<(), String> {
             Err(crate::NOT_COMPILED.to_string())

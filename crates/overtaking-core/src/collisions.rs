@@ -3,18 +3,18 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::elementary::sincos;
-use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, put, splat};
-use crate::state::{EGO, Each, State, stage, turned_round};
-use crate::world::{Stride, World};
+use crate::math::elementary::sincos;
+use crate::math::vectors::{M, V, choose, clamp, clamp_to, max, min, put, splat};
+use crate::params::{Params, StepLength};
+use crate::state::{EGO_SLOT, PerVehicle, State, in_opposite_frame, stage};
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;
 /// Steps before and after which nothing happens.
-const EVER: f32 = 1e9;
+const NEVER: f32 = 1e9;
 
 /// Bodies that stay further apart than this do not touch, whatever is rounded [m].
-const CLEAR: f32 = 0.05;
+const ROUNDING_MARGIN: f32 = 0.05;
 
 /// Which pairs may touch before the next decision: lower slot, higher slot, in which simulations.
 pub type Pairs<S> = Vec<(usize, usize, M<S>)>;
@@ -24,7 +24,7 @@ type Vector<S> = (V<S>, V<S>);
 
 /// One vehicle of each simulation as an oriented box.
 #[derive(Clone, Copy)]
-struct Corpus<S: Simd> {
+struct OrientedBox<S: Simd> {
     s: V<S>,
     d: V<S>,
     sine: V<S>,
@@ -35,23 +35,24 @@ struct Corpus<S: Simd> {
 
 /// Which pairs may touch before the next decision.
 #[inline(always)]
-pub fn near_pairs<S: Simd, const N: usize, const TWO_WAY: bool>(
+pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     pairs: &mut Pairs<S>,
 ) {
-    let (c, p) = (w.c, &w.p);
+    let (constants, vehicles) = (params.constants, &params.vehicles);
     pairs.clear();
-    for i in 0..w.count {
-        for j in i + 1..w.count {
-            let (s, d) = state.seen_from::<TWO_WAY>(w, i, j);
+    for i in 0..params.num_slots_in_use {
+        for j in i + 1..params.num_slots_in_use {
+            let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
             let along = (s - state.s[i])
                 .abs()
-                .simd_lt(p[i].half_length + p[j].half_length + c.near_gap);
+                .simd_lt(vehicles[i].half_length + vehicles[j].half_length + constants.near_gap);
             let aside = (d - state.d[i])
                 .abs()
-                .simd_lt(p[i].half_width + p[j].half_width + c.near_side);
-            let near = along & aside & p[i].valid.simd_gt(0.0) & p[j].valid.simd_gt(0.0);
+                .simd_lt(vehicles[i].half_width + vehicles[j].half_width + constants.near_side);
+            let near =
+                along & aside & vehicles[i].valid.simd_gt(0.0) & vehicles[j].valid.simd_gt(0.0);
             if near.any_true() {
                 pairs.push((i, j, near));
             }
@@ -61,42 +62,42 @@ pub fn near_pairs<S: Simd, const N: usize, const TWO_WAY: bool>(
 
 /// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
 #[inline(always)]
-pub fn leave_road<S: Simd, const N: usize>(
+pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     step: u32,
 ) {
-    let (c, road) = (w.c, w.road);
-    for i in 0..w.count {
-        let beyond = state.d[i].simd_lt(road.boundaries[0] - c.edge_margin)
-            | state.d[i].simd_gt(road.boundaries[road.num_lanes] + c.edge_margin);
-        let lost = (beyond | state.psi[i].abs().simd_gt(c.spin_angle))
-            & w.p[i].valid.simd_gt(0.0)
+    let (constants, road) = (params.constants, params.road);
+    for i in 0..params.num_slots_in_use {
+        let beyond = state.d[i].simd_lt(road.boundaries[0] - constants.edge_margin)
+            | state.d[i].simd_gt(road.boundaries[road.num_lanes] + constants.edge_margin);
+        let lost = (beyond | state.psi[i].abs().simd_gt(constants.spin_angle))
+            & params.vehicles[i].valid.simd_gt(0.0)
             & state.crashed[i].simd_eq(0.0);
-        put(&mut state.crashed[i], lost, splat(w.simd, 1.0));
-        if i == EGO {
-            end_with_ego(state, w, lost, step);
+        put(&mut state.crashed[i], lost, splat(params.simd, 1.0));
+        if i == EGO_SLOT {
+            end_after_ego_accident(state, params, lost, step);
         }
     }
 }
 
 /// An accident of the ego ends the simulation soon.
 #[inline(always)]
-fn end_with_ego<S: Simd, const N: usize>(
+fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     crashed: M<S>,
     step: u32,
 ) {
-    let c = w.c;
+    let constants = params.constants;
     put(
-        &mut state.stage[EGO],
+        &mut state.stage[EGO_SLOT],
         crashed,
-        splat(w.simd, stage::CRASHED),
+        splat(params.simd, stage::CRASHED),
     );
     let after = splat(
-        w.simd,
-        step as f32 + (c.after_collision / c.step).round_ties_even(),
+        params.simd,
+        step as f32 + (constants.after_collision / constants.step).round_ties_even(),
     );
     let sooner = min(state.end_step, after);
     put(&mut state.end_step, crashed, sooner);
@@ -104,140 +105,189 @@ fn end_with_ego<S: Simd, const N: usize>(
 
 /// Exchange momentum in every near pair that touched during the last step.
 #[inline(always)]
-pub fn collide<S: Simd, const N: usize>(
+pub fn resolve_contacts<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     pairs: &[(usize, usize, M<S>)],
-    before: &(Each<S, N>, Each<S, N>),
+    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
-    stride: &Stride,
+    stride: &StepLength,
 ) {
-    let was_sound = state.crashed[EGO].simd_eq(0.0);
+    let was_sound = state.crashed[EGO_SLOT].simd_eq(0.0);
     for (i, j, near) in pairs.iter().copied() {
-        w.simd.vectorize(
+        params.simd.vectorize(
             #[inline(always)]
-            || collide_pair(state, w, near, before, (step, stride), (i, j)),
+            || resolve_pair(state, params, near, before, (step, stride), (i, j)),
         );
     }
-    let hit = was_sound & state.crashed[EGO].simd_gt(0.0);
-    end_with_ego(state, w, hit, step);
+    let hit = was_sound & state.crashed[EGO_SLOT].simd_gt(0.0);
+    end_after_ego_accident(state, params, hit, step);
 }
 
 #[inline(always)]
-fn collide_pair<S: Simd, const N: usize>(
+fn resolve_pair<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     near: M<S>,
-    before: &(Each<S, N>, Each<S, N>),
-    (step, stride): (u32, &Stride),
+    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
+    (step, stride): (u32, &StepLength),
     (i, j): (usize, usize),
 ) {
-    let (c, p) = (w.c, &w.p);
-    let turn = turn_of(w, i, j);
-    let (a, b) = (corpus(state, w, i, None), corpus(state, w, j, turn));
-    let was = placed(w, turn, before.0[j], before.1[j]);
+    let (constants, vehicles) = (params.constants, &params.vehicles);
+    let turn = pair_frame(params, i, j);
+    let (a, b) = (
+        oriented_box(state, params, i, None),
+        oriented_box(state, params, j, turn),
+    );
+    let was = in_first_frame(params, turn, before.0[j], before.1[j]);
     let then = (was.0 - before.0[i], was.1 - before.1[i]);
     let now = (b.s - a.s, b.d - a.d);
-    let near = near & !stay_apart(&a, &b, then, now);
+    let near = near & !stay_clear(&a, &b, then, now);
     if !near.any_true() {
         return;
     }
-    let overlap = first_contact(&a, &b, then, now);
-    let near = near & is_within(overlap.0, overlap.1);
+    let overlap = swept_overlap(&a, &b, then, now);
+    let near = near & is_within_step(overlap.0, overlap.1);
     if !near.any_true() {
         return;
     }
     let share = 1.0 - clamp_to(overlap.0, 0.0, 1.0);
-    let a = earlier(state, w, i, before, (share, share * stride.length), None);
-    let b = earlier(state, w, j, before, (share, share * stride.length), turn);
-    let (enter, leave, along, across) = first_contact(&a, &b, then, now);
-    let within = is_within(enter, leave);
+    let a = box_at(
+        state,
+        params,
+        i,
+        before,
+        (share, share * stride.length),
+        None,
+    );
+    let b = box_at(
+        state,
+        params,
+        j,
+        before,
+        (share, share * stride.length),
+        turn,
+    );
+    let (enter, leave, along, across) = swept_overlap(&a, &b, then, now);
+    let within = is_within_step(enter, leave);
     let enter = clamp_to(enter, 0.0, 1.0);
     // Levers of any other instant than the one that the pair goes on from would make spin.
     let turned = share * stride.length;
-    let a = earlier(state, w, i, before, (1.0 - enter, turned), None);
-    let b = earlier(state, w, j, before, (1.0 - enter, turned), turn);
+    let a = box_at(state, params, i, before, (1.0 - enter, turned), None);
+    let b = box_at(state, params, j, before, (1.0 - enter, turned), turn);
     let (arm_a, arm_b) = contact_arms(&a, &b);
-    let velocity_a = velocity(state, i, arm_a, None);
-    let velocity_b = velocity(state, j, arm_b, turn);
+    let velocity_a = point_velocity(state, i, arm_a, None);
+    let velocity_b = point_velocity(state, j, arm_b, turn);
     let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
-    let instant = step as f32 * c.step + enter * stride.length;
-    let runs = instant.simd_lt(state.end_step * c.step);
+    let instant = step as f32 * constants.step + enter * stride.length;
+    let runs = instant.simd_lt(state.end_step * constants.step);
     let hit = near & within & approach.simd_gt(0.0) & runs;
     if !hit.any_true() {
         return;
     }
     let lever_a = arm_a.0 * across - arm_a.1 * along;
     let lever_b = arm_b.0 * across - arm_b.1 * along;
-    let softness = p[i].inverse_mass + p[j].inverse_mass;
+    let softness = vehicles[i].inverse_mass + vehicles[j].inverse_mass;
     let softness = softness
-        + lever_a * lever_a * p[i].inverse_inertia
-        + lever_b * lever_b * p[j].inverse_inertia;
-    let zero = splat(w.simd, 0.0);
-    let impulse = choose(hit, (1.0 + c.restitution) * approach / softness, zero);
+        + lever_a * lever_a * vehicles[i].inverse_inertia
+        + lever_b * lever_b * vehicles[j].inverse_inertia;
+    let zero = splat(params.simd, 0.0);
+    let impulse = choose(
+        hit,
+        (1.0 + constants.restitution) * approach / softness,
+        zero,
+    );
     let left = (1.0 - enter) * stride.length;
-    push(state, w, i, -impulse, (along, across), lever_a, (hit, left));
+    apply_impulse(
+        state,
+        params,
+        i,
+        -impulse,
+        (along, across),
+        lever_a,
+        (hit, left),
+    );
     let (theirs, lever_b) =
         turn.map_or((impulse, lever_b), |turn| (turn * impulse, turn * lever_b));
-    push(state, w, j, theirs, (along, across), lever_b, (hit, left));
+    apply_impulse(
+        state,
+        params,
+        j,
+        theirs,
+        (along, across),
+        lever_b,
+        (hit, left),
+    );
     for (own, other) in [(i, j), (j, i)] {
         let sooner =
             state.contact_partner[own].simd_lt(0.0) | instant.simd_lt(state.contact_time[own]);
         let first = hit & sooner;
-        let slot = splat(w.simd, other as f32);
+        let slot = splat(params.simd, other as f32);
         state.contact_partner[own] = choose(first, slot, state.contact_partner[own]);
         state.contact_time[own] = choose(first, instant, state.contact_time[own]);
         state.contact_impulse[own] = choose(first, impulse, state.contact_impulse[own]);
         state.contact_speed[own] = choose(first, approach, state.contact_speed[own]);
-        state.crashed[own] = choose(hit, splat(w.simd, 1.0), state.crashed[own]);
+        state.crashed[own] = choose(hit, splat(params.simd, 1.0), state.crashed[own]);
     }
 }
 
 /// How vehicle `j` is seen from vehicle `i`: 1, or -1 where its axes point the other way; none on a road of
 /// one direction.
-type Turn<S> = Option<V<S>>;
+type PairFrame<S> = Option<V<S>>;
 
 #[inline(always)]
-fn turn_of<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, j: usize) -> Turn<S> {
-    w.road
-        .ways
+fn pair_frame<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    j: usize,
+) -> PairFrame<S> {
+    params
+        .road
+        .directions
         .has_oncoming_traffic
-        .then(|| w.p[i].travel_sign * w.p[j].travel_sign)
+        .then(|| params.vehicles[i].travel_sign * params.vehicles[j].travel_sign)
 }
 
 /// A position of the second vehicle of a pair in the frame of the first.
 #[inline(always)]
-fn placed<S: Simd, const N: usize>(
-    w: &World<'_, S, N>,
-    turn: Turn<S>,
+fn in_first_frame<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    turn: PairFrame<S>,
     s: V<S>,
     d: V<S>,
 ) -> Vector<S> {
-    turn.map_or((s, d), |turn| turned_round(w, turn.simd_lt(0.0), s, d))
+    turn.map_or((s, d), |turn| {
+        in_opposite_frame(params, turn.simd_lt(0.0), s, d)
+    })
 }
 
 /// Whether boxes overlap at some time of the step.
 #[inline(always)]
-fn is_within<S: Simd>(enter: V<S>, leave: V<S>) -> M<S> {
+fn is_within_step<S: Simd>(enter: V<S>, leave: V<S>) -> M<S> {
     enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0)
 }
 
 /// Whether boxes along the road around both bodies are apart during the whole step: most near pairs
 /// are, and this is known without a division.
 #[inline(always)]
-fn stay_apart<S: Simd>(a: &Corpus<S>, b: &Corpus<S>, then: Vector<S>, now: Vector<S>) -> M<S> {
+fn stay_clear<S: Simd>(
+    a: &OrientedBox<S>,
+    b: &OrientedBox<S>,
+    then: Vector<S>,
+    now: Vector<S>,
+) -> M<S> {
     let (along_a, across_a) = extent(a);
     let (along_b, across_b) = extent(b);
     let apart = |then: V<S>, now: V<S>, reach: V<S>| {
         (then.simd_gt(reach) & now.simd_gt(reach)) | (then.simd_lt(-reach) & now.simd_lt(-reach))
     };
-    apart(then.0, now.0, along_a + along_b + CLEAR)
-        | apart(then.1, now.1, across_a + across_b + CLEAR)
+    apart(then.0, now.0, along_a + along_b + ROUNDING_MARGIN)
+        | apart(then.1, now.1, across_a + across_b + ROUNDING_MARGIN)
 }
 
 /// Half of the room that a body takes along and across the road.
 #[inline(always)]
-fn extent<S: Simd>(body: &Corpus<S>) -> Vector<S> {
+fn extent<S: Simd>(body: &OrientedBox<S>) -> Vector<S> {
     let (sine, cosine) = (body.sine.abs(), body.cosine.abs());
     (
         body.half_length * cosine + body.half_width * sine,
@@ -246,16 +296,19 @@ fn extent<S: Simd>(body: &Corpus<S>) -> Vector<S> {
 }
 
 #[inline(always)]
-fn corpus<S: Simd, const N: usize>(
+fn oriented_box<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
-    turn: Turn<S>,
-) -> Corpus<S> {
+    turn: PairFrame<S>,
+) -> OrientedBox<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
-    let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
-    let (s, d) = placed(w, turn, state.s[i], state.d[i]);
-    Corpus {
+    let (half_length, half_width) = (
+        params.vehicles[i].half_length,
+        params.vehicles[i].half_width,
+    );
+    let (s, d) = in_first_frame(params, turn, state.s[i], state.d[i]);
+    OrientedBox {
         s,
         d,
         sine: turn.map_or(sine, |turn| turn * sine),
@@ -267,33 +320,33 @@ fn corpus<S: Simd, const N: usize>(
 
 /// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
 #[inline(always)]
-fn earlier<S: Simd, const N: usize>(
+fn box_at<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
-    before: &(Each<S, N>, Each<S, N>),
+    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     (share, left): (V<S>, V<S>),
-    turn: Turn<S>,
-) -> Corpus<S> {
+    turn: PairFrame<S>,
+) -> OrientedBox<S> {
     let (sine, cosine) = sincos(state.psi[i] - left * state.r[i]);
     let s = state.s[i] - share * (state.s[i] - before.0[i]);
     let d = state.d[i] - share * (state.d[i] - before.1[i]);
-    let (s, d) = placed(w, turn, s, d);
-    Corpus {
+    let (s, d) = in_first_frame(params, turn, s, d);
+    OrientedBox {
         s,
         d,
         sine: turn.map_or(sine, |turn| turn * sine),
         cosine: turn.map_or(cosine, |turn| turn * cosine),
-        half_length: w.p[i].half_length,
-        half_width: w.p[i].half_width,
+        half_length: params.vehicles[i].half_length,
+        half_width: params.vehicles[i].half_width,
     }
 }
 
 /// Start and end of the overlap as shares of the step, and the unit normal from a to b.
 #[inline(always)]
-fn first_contact<S: Simd>(
-    a: &Corpus<S>,
-    b: &Corpus<S>,
+fn swept_overlap<S: Simd>(
+    a: &OrientedBox<S>,
+    b: &OrientedBox<S>,
     then: Vector<S>,
     now: Vector<S>,
 ) -> (V<S>, V<S>, V<S>, V<S>) {
@@ -312,7 +365,7 @@ fn first_contact<S: Simd>(
         (b.cosine, b.sine),
         (-b.sine, b.cosine),
     ];
-    let (mut enter, mut leave) = (splat(simd, -EVER), splat(simd, EVER));
+    let (mut enter, mut leave) = (splat(simd, -NEVER), splat(simd, NEVER));
     let (mut along, mut across) = (splat(simd, 0.0), splat(simd, 0.0));
     for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
         let start = then.0 * axis_s + then.1 * axis_d;
@@ -332,7 +385,7 @@ fn first_contact<S: Simd>(
 }
 
 #[inline(always)]
-fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> (Vector<S>, Vector<S>) {
+fn contact_arms<S: Simd>(a: &OrientedBox<S>, b: &OrientedBox<S>) -> (Vector<S>, Vector<S>) {
     let (ahead, aside) = (b.s - a.s, b.d - a.d);
     let near_a = nearest_point(a, ahead, aside);
     let near_b = nearest_point(b, -ahead, -aside);
@@ -344,7 +397,7 @@ fn contact_arms<S: Simd>(a: &Corpus<S>, b: &Corpus<S>) -> (Vector<S>, Vector<S>)
 }
 
 #[inline(always)]
-fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<S> {
+fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: V<S>, aside: V<S>) -> Vector<S> {
     let (sine, cosine) = (box_.sine, box_.cosine);
     let along = clamp(
         ahead * cosine + aside * sine,
@@ -364,11 +417,11 @@ fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<
 
 /// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
 #[inline(always)]
-fn velocity<S: Simd, const N: usize>(
+fn point_velocity<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
     arm: Vector<S>,
-    turn: Turn<S>,
+    turn: PairFrame<S>,
 ) -> Vector<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let along = state.vx[i] * cosine - state.vy[i] * sine;
@@ -379,20 +432,20 @@ fn velocity<S: Simd, const N: usize>(
 
 /// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
 #[inline(always)]
-fn push<S: Simd, const N: usize>(
+fn apply_impulse<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     impulse: V<S>,
     normal: Vector<S>,
     lever: V<S>,
     (hit, left): (M<S>, V<S>),
 ) {
-    let zero = splat(w.simd, 0.0);
-    let change = impulse * w.p[i].inverse_mass;
-    let (along, across) = velocity(state, i, (zero, zero), None);
+    let zero = splat(params.simd, 0.0);
+    let change = impulse * params.vehicles[i].inverse_mass;
+    let (along, across) = point_velocity(state, i, (zero, zero), None);
     let (along, across) = (along + change * normal.0, across + change * normal.1);
-    let spin = impulse * lever * w.p[i].inverse_inertia;
+    let spin = impulse * lever * params.vehicles[i].inverse_inertia;
     state.s[i] += left * (change * normal.0);
     state.d[i] += left * (change * normal.1);
     state.psi[i] += left * spin;

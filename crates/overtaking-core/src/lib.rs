@@ -5,58 +5,46 @@
 //! Arithmetic is `+ - * / sqrt` and comparisons on `f32` only; no fused multiply-add, no libm.
 
 #[macro_use]
-mod fields;
+mod params;
 #[macro_use]
 mod names;
 
-mod block;
+mod acceleration;
+mod car_following;
 mod collisions;
-mod control;
-pub mod draws;
-pub mod driven;
-mod dynamics;
-mod ego;
-pub mod elementary;
-mod engine;
-mod environment;
-mod following;
-mod gaps;
-mod giving_way;
-mod intent;
-pub mod lanes;
-mod mobil;
-mod moment;
-mod neighbours;
-pub mod observation;
+mod decision_context;
+pub mod ego_action;
+mod gap_acceptance;
+mod lane_change;
+pub mod math;
+mod neighbour_search;
+pub mod observation_table;
 mod oncoming;
-pub mod orders;
-mod output;
+mod overtake;
+mod pass_continuation;
 mod passing;
+pub mod pedal_driving;
 mod perception;
-mod philox;
-mod plight;
 pub mod pool;
-mod recording;
+mod recorder;
+mod road_conditions;
+pub mod run;
 mod state;
 mod steering;
-mod step;
-pub mod stepper;
-mod tile;
-mod trace;
-mod traffic;
-mod words;
-mod world;
+mod vehicle_dynamics;
 
-pub use engine::{Inputs, Later, available_levels, current_level, simulate, supported};
-pub use environment::{at_film, speed_columns};
-pub use lanes::LANES;
-pub use names::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
-pub use output::{MAX_PERCEPTS, Output};
-pub use tile::prefetch;
-pub use world::{MAX_STATIONS, Ways};
+pub use math::vectors::LANES;
+pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES};
+pub use params::{MAX_STATIONS, RoadDirections};
+pub use recorder::frame_tiles::prefetch;
+pub use recorder::output::{MAX_PERCEPTS, Output};
+pub use road_conditions::{friction_at_film, friction_at_speed};
+pub use run::engine::{
+    Inputs, ParameterSwitch, default_level_name, require_level, simd_levels, simulate,
+};
 
 /// Vehicle slots that the engine is compiled for.
-pub const SLOTS: [usize; 3] = [8, 16, 32];
+pub const SLOT_CAPACITIES: [usize; 3] = [8, 16, 32];
 
 /// Most vehicle slots of a simulation.
-pub const MAX_VEHICLES: usize = SLOTS[SLOTS.len() - 1];
+pub const MAX_VEHICLES: usize = SLOT_CAPACITIES[SLOT_CAPACITIES.len() - 1];

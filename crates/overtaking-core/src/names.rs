@@ -4,11 +4,11 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{LANES, Seats, V};
+use crate::math::vectors::{LANES, Seats, V};
 
-lane_fields! {
+parameter_rows! {
     /// Parameters of one vehicle slot.
-    Vehicle, VEHICLE_NAMES {
+    VehicleParams, VEHICLE_NAMES {
         valid, half_length, half_width, blocks_view, mass, inverse_mass, inverse_inertia, cg_front,
         cg_rear, inverse_wheelbase, wheelbase, cg_height, front_stiffness, rear_stiffness,
         launch_force, power, drag, rolling, max_speed, max_brake_force, front_drive, half_track,
@@ -26,9 +26,9 @@ lane_fields! {
     }
 }
 
-lane_fields! {
+parameter_rows! {
     /// Parameters of a simulation.
-    Simulation, SIMULATION_NAMES {
+    SimulationParams, SIMULATION_NAMES {
         last_step, deadline_step, fog_extinction, rain_extinction, log_contrast_sensitivity_ahead,
         log_contrast_sensitivity_behind, lamp_threshold, inverse_lit_range, detection_time,
         distance_error, speed_error, wind_along, wind_across, gust_gain, gust_phase, gust_length,
@@ -40,9 +40,9 @@ lane_fields! {
     }
 }
 
-number_fields! {
+named_constants! {
     /// Constants of the model.
-    Constants {
+    ModelConstants {
         step, decision, after_overtake, after_collision, min_effective_gap, jerk_up, jerk_down,
         brake_ramp, stop_lamp_max_time_gap, stop_lamp_full_time_gap, jerk_release, coolness,
         signalling_time_gap, corridor_margin, footprint_margin, lane_cleared_share,

@@ -3,79 +3,80 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::elementary::exp;
-use crate::lanes::{M, V, at_least, at_most, choose, min, pick, pick_each, splat};
-use crate::neighbours::{Body, Neighbours};
-use crate::perception::{LEAST_REACH, optical_depth, recall, sense, strain};
-use crate::state::{EGO, LEAD, NOBODY, State, UNKNOWN};
-use crate::traffic::Traffic;
-use crate::world::{MAX_STATIONS, World, station_indices};
+use crate::math::elementary::exp;
+use crate::math::vectors::{M, V, at_least, at_most, at_slot, choose, each_at_slot, min, splat};
+use crate::neighbour_search::{Neighbours, VisibleBody, lane_borders};
+use crate::params::{MAX_STATIONS, Params, station_indices};
+use crate::perception::{
+    MIN_SIGHT_LINE, extinction_ahead, recall_motion, sense_looming, sight_range_ratio,
+};
+use crate::state::{EGO_SLOT, LEADER, NEVER_LOOKED, NO_SLOT, State, stage};
 
 const FAR: f32 = 1e9;
 /// Keeps the time until vehicles meet finite [m/s].
-const SLOWEST: f32 = 0.1;
+const MIN_SPEED: f32 = 0.1;
 
 /// Where drivers look for oncoming vehicles, in `State::oncoming_id`: in any lane, and in their own.
-const ANY_LANE: usize = 0;
-const OWN_LANE: usize = 1;
+const IN_ANY_LANE: usize = 0;
+const IN_OWN_LANE: usize = 1;
 
 /// The nearest vehicle of the other direction ahead, and what the driver believes of it.
 #[derive(Clone, Copy)]
-pub struct Oncoming<S: Simd> {
+pub struct OncomingVehicle<S: Simd> {
     pub slot: V<S>,
     pub gap: V<S>,
-    pub detected: M<S>,
+    pub is_detected: M<S>,
     /// Whether the driver has looked for long enough to know who comes, if anybody.
-    pub sure: M<S>,
+    pub is_certain: M<S>,
     pub believed_gap: V<S>,
-    pub closing: V<S>,
+    pub closing_speed: V<S>,
     /// How far the driver sees the other lane, and what comes there [m].
-    pub sight: V<S>,
+    pub sight_distance: V<S>,
 }
 
 /// Whom a driver meets on a two-way road.
 #[derive(Clone, Copy)]
-pub struct Encounters<S: Simd> {
+pub struct OncomingTraffic<S: Simd> {
     /// Who comes in any lane: that is who limits a pass.
-    pub coming: Oncoming<S>,
+    pub nearest: OncomingVehicle<S>,
     /// Whether somebody is seen to come in the driver's lane.
-    pub faces: M<S>,
+    pub meets_in_own_lane: M<S>,
     /// When that one is believed to be met [s].
-    pub faced_in: V<S>,
+    pub time_to_meeting: V<S>,
     /// Whether somebody is passing the driver, as far as that is noticed.
-    pub passed: M<S>,
+    pub is_being_passed: M<S>,
     /// Whether the leader signals that it will pull out itself.
-    pub leader_goes: M<S>,
+    pub leader_pulls_out: M<S>,
 }
 
-impl<S: Simd> Oncoming<S> {
+impl<S: Simd> OncomingVehicle<S> {
     /// An empty road.
     pub fn nobody(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
-            slot: splat(simd, NOBODY),
+            slot: splat(simd, NO_SLOT),
             gap: zero,
-            detected: never,
-            sure: never,
+            is_detected: never,
+            is_certain: never,
             believed_gap: zero,
-            closing: zero,
-            sight: zero,
+            closing_speed: zero,
+            sight_distance: zero,
         }
     }
 }
 
-impl<S: Simd> Encounters<S> {
+impl<S: Simd> OncomingTraffic<S> {
     /// An empty road.
     pub fn nobody(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
-            coming: Oncoming::nobody(simd),
-            faces: never,
-            faced_in: zero,
-            passed: never,
-            leader_goes: never,
+            nearest: OncomingVehicle::nobody(simd),
+            meets_in_own_lane: never,
+            time_to_meeting: zero,
+            is_being_passed: never,
+            leader_pulls_out: never,
         }
     }
 }
@@ -86,229 +87,493 @@ impl<S: Simd> Encounters<S> {
 /// nothing is decided then.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-pub fn look_ahead<S: Simd, const N: usize>(
+pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    (bodies, traffic): (&[Body<S>; N], &Traffic<S, N>),
+    params: &Params<'_, S, N>,
+    (bodies, traffic): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
     asked: bool,
-    met: &mut Encounters<S>,
+    met: &mut OncomingTraffic<S>,
 ) {
-    let [coming, facing] = traffic.nearest(state, w, bodies, i);
-    let sight = sight(state, w, near, i);
-    let view = look_at(state, w, near, i, coming, sight);
-    let sure = watch(state, w, i, ANY_LANE, coming.0, &view);
+    let [coming, facing] = traffic.nearest_oncoming(state, params, bodies, i);
+    let sight = sight_distance(state, params, near, i);
+    let view = sighting(state, params, near, i, coming, sight);
+    let sure = is_certain(state, params, i, IN_ANY_LANE, coming.0, &view);
     if asked {
-        met.coming = judged(state, w, i, coming.0, sight, &view, sure, decision);
-        let lead = near.slot[LEAD];
-        let side = pick!(w.count, lead, |j| state.indicator[j]);
-        met.leader_goes = lead.simd_ge(0.0) & side.simd_gt(0.0);
+        met.nearest = believe(state, params, i, coming.0, sight, &view, sure, decision);
+        let lead = near.slot[LEADER];
+        let side = at_slot!(params.num_slots_in_use, lead, |j| state.indicator[j]);
+        met.leader_pulls_out = lead.simd_ge(0.0) & side.simd_gt(0.0);
     }
     if facing.0.simd_ge(0.0).any_true() {
         let range = state.shown[i];
-        let view = look_at(state, w, near, i, facing, range);
-        let sure = watch(state, w, i, OWN_LANE, facing.0, &view);
-        let facing = judged(state, w, i, facing.0, range, &view, sure, decision);
-        met.faces = facing.detected;
-        met.faced_in = facing.believed_gap / at_least(facing.closing, SLOWEST);
+        let view = sighting(state, params, near, i, facing, range);
+        let sure = is_certain(state, params, i, IN_OWN_LANE, facing.0, &view);
+        let facing = believe(state, params, i, facing.0, range, &view, sure, decision);
+        met.meets_in_own_lane = facing.is_detected;
+        met.time_to_meeting = facing.believed_gap / at_least(facing.closing_speed, MIN_SPEED);
     } else {
-        remember(state, w, i, OWN_LANE, facing.0);
-        met.faces = sure & !sure;
+        update_time_in_view(state, params, i, IN_OWN_LANE, facing.0);
+        met.meets_in_own_lane = sure & !sure;
     }
-    met.passed = traffic.is_passed(state, w, i);
+    met.is_being_passed = traffic.is_being_passed(state, params, i);
 }
 
 /// Whether driver `i` has looked for long enough to know who comes in some lanes; advances the time in view.
 #[inline(always)]
-fn watch<S: Simd, const N: usize>(
+fn is_certain<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     lanes: usize,
     slot: V<S>,
-    view: &Glimpse<S>,
+    view: &Sighting<S>,
 ) -> M<S> {
-    let (c, q, effort) = (w.c, &w.q, view.effort);
-    let needed = q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
-    let needed = choose(view.visible, needed, q.detection_time);
-    let seen = choose(view.visible, slot, splat(w.simd, NOBODY));
-    remember(state, w, i, lanes, seen);
+    let (constants, simulation, effort) = (
+        params.constants,
+        &params.simulations,
+        view.sight_range_ratio,
+    );
+    let needed =
+        simulation.detection_time * (1.0 + constants.detection_growth * (effort * effort * effort));
+    let needed = choose(view.is_visible, needed, simulation.detection_time);
+    let seen = choose(view.is_visible, slot, splat(params.simd, NO_SLOT));
+    update_time_in_view(state, params, i, lanes, seen);
     state.oncoming_time[i][lanes].simd_ge(needed)
 }
 
 /// Count for how long driver `i` has seen whom it sees now in some lanes.
 #[inline(always)]
-fn remember<S: Simd, const N: usize>(
+fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     lanes: usize,
     seen: V<S>,
 ) {
     let before = state.oncoming_id[i][lanes];
-    let time = state.oncoming_time[i][lanes] + w.c.decision;
-    let longer = choose(seen.simd_eq(before), time, splat(w.simd, 0.0));
-    let first = before.simd_eq(UNKNOWN);
-    state.oncoming_time[i][lanes] = choose(first, splat(w.simd, w.c.initial_time_in_view), longer);
+    let time = state.oncoming_time[i][lanes] + params.constants.decision;
+    let longer = choose(seen.simd_eq(before), time, splat(params.simd, 0.0));
+    let first = before.simd_eq(NEVER_LOOKED);
+    state.oncoming_time[i][lanes] = choose(
+        first,
+        splat(params.simd, params.constants.initial_time_in_view),
+        longer,
+    );
     state.oncoming_id[i][lanes] = seen;
 }
 
 /// Who comes behind the nearest, and what the ego would believe of it: our drivers decide by the nearest
 /// alone, another driver is told of the next one. It is noticed with the nearest, where it can be seen.
 #[inline(always)]
-pub fn look_beyond<S: Simd, const N: usize>(
+pub fn observe_second_oncoming<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     near: &Neighbours<S>,
-    first: &Oncoming<S>,
+    first: &OncomingVehicle<S>,
     decision: usize,
-) -> Oncoming<S> {
-    let met = Traffic::nearest_but(state, w, EGO, first.slot);
-    let view = look_at(state, w, near, EGO, met, first.sight);
-    let sight = first.sight;
-    judged(state, w, EGO, met.0, sight, &view, first.detected, decision)
+) -> OncomingVehicle<S> {
+    let met = OncomingSearch::nearest_except(state, params, EGO_SLOT, first.slot);
+    let view = sighting(state, params, near, EGO_SLOT, met, first.sight_distance);
+    let sight = first.sight_distance;
+    believe(
+        state,
+        params,
+        EGO_SLOT,
+        met.0,
+        sight,
+        &view,
+        first.is_detected,
+        decision,
+    )
 }
 
 /// Whether an oncomer can be seen.
-struct Glimpse<S: Simd> {
+struct Sighting<S: Simd> {
     /// Half of the lengths of both [m].
     reach: V<S>,
     gap: V<S>,
-    effort: V<S>,
-    visible: M<S>,
+    sight_range_ratio: V<S>,
+    is_visible: M<S>,
 }
 
 /// What there is to see of an oncomer, as far as a range.
 #[inline(always)]
-fn look_at<S: Simd, const N: usize>(
+fn sighting<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
     (slot, distance): (V<S>, V<S>),
     range: V<S>,
-) -> Glimpse<S> {
-    let [half, contrast, lamp] = pick_each!(w.count, slot, |j| [
-        w.p[j].half_length,
-        w.p[j].log_contrast,
-        w.p[j].inverse_head_lamp
+) -> Sighting<S> {
+    let [half, contrast, lamp] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+        params.vehicles[j].half_length,
+        params.vehicles[j].log_contrast,
+        params.vehicles[j].inverse_head_lamp
     ]);
-    let reach = half + w.p[i].half_length;
+    let reach = half + params.vehicles[i].half_length;
     let gap = distance - reach;
-    let leader_speed = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
-    let depths = optical_depth(state, w, near, leader_speed, i);
-    let effort = strain(w, gap, true, [contrast, lamp], depths);
-    let range = at_most(range, w.c.oncoming_range);
-    Glimpse {
+    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state.vx[j]);
+    let depths = extinction_ahead(state, params, near, leader_speed, i);
+    let effort = sight_range_ratio(params, gap, true, [contrast, lamp], depths);
+    let range = at_most(range, params.constants.oncoming_range);
+    Sighting {
         reach,
         gap,
-        effort,
-        visible: slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(range),
+        sight_range_ratio: effort,
+        is_visible: slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(range),
     }
 }
 
 /// Speed of approach that driver `i` expects of who comes.
 #[inline(always)]
-pub fn usual_closing<S: Simd, const N: usize>(
+pub fn expected_closing_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
 ) -> V<S> {
-    state.road_velocity(i).0 + w.q.expected_oncoming_speed
+    state.road_velocity(i).0 + params.simulations.expected_oncoming_speed
 }
 
 /// What driver `i` believes of an oncomer that it sees, and is `sure` of.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn judged<S: Simd, const N: usize>(
+fn believe<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     slot: V<S>,
     sight: V<S>,
-    view: &Glimpse<S>,
+    view: &Sighting<S>,
     sure: M<S>,
     decision: usize,
-) -> Oncoming<S> {
-    let (c, q, p) = (w.c, &w.q, &w.p[i]);
-    let [width, two_wheeler, their_vx] = pick_each!(w.count, slot, |j| [
-        w.p[j].looming_width,
-        w.p[j].two_wheeler,
+) -> OncomingVehicle<S> {
+    let (constants, simulation, vehicle) =
+        (params.constants, &params.simulations, &params.vehicles[i]);
+    let [width, two_wheeler, their_vx] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+        params.vehicles[j].looming_width,
+        params.vehicles[j].two_wheeler,
         state.vx[j]
     ]);
-    let detected = view.visible & sure;
+    let detected = view.is_visible & sure;
     let (own_speed, _) = state.road_velocity(i);
-    let urgent = view.gap.simd_lt(c.urgent_time * (own_speed + their_vx));
-    let ticks = choose(urgent, p.urgent_reaction_delay, p.reaction_delay);
-    let at = splat(w.simd, decision as f32);
+    let urgent = view
+        .gap
+        .simd_lt(constants.urgent_time * (own_speed + their_vx));
+    let ticks = choose(
+        urgent,
+        vehicle.urgent_reaction_delay,
+        vehicle.reaction_delay,
+    );
+    let at = splat(params.simd, decision as f32);
     let then = at_least(at - ticks, 0.0);
-    let (place, speed) = recall(state, w.simd, then, slot);
-    let place = place + speed * ((at - then) * c.decision);
-    let gap = (w.road.ways.length - place) - state.s[i] - view.reach;
+    let (place, speed) = recall_motion(state, params.simd, then, slot);
+    let place = place + speed * ((at - then) * constants.decision);
+    let gap = (params.road.directions.length - place) - state.s[i] - view.reach;
     let closing = own_speed + speed;
-    let (_, clear, share, sensed) = sense(state, w, i, gap, closing, width);
+    let (_, clear, share, sensed) = sense_looming(state, params, i, gap, closing, width);
     let small = choose(
         two_wheeler.simd_gt(0.0),
-        splat(w.simd, c.two_wheeler_distance_factor),
-        splat(w.simd, 1.0),
+        splat(params.simd, constants.two_wheeler_distance_factor),
+        splat(params.simd, 1.0),
     );
-    let judged = exp(q.oncoming_error * state.distance_error[i]) * small;
-    let habit = usual_closing(state, w, i);
-    let range = splat(w.simd, c.oncoming_range);
-    Oncoming {
+    let judged = exp(simulation.oncoming_error * state.distance_error[i]) * small;
+    let habit = expected_closing_speed(state, params, i);
+    let range = splat(params.simd, constants.oncoming_range);
+    OncomingVehicle {
         slot,
         gap: view.gap,
-        detected,
-        sure,
+        is_detected: detected,
+        is_certain: sure,
         believed_gap: choose(detected, gap + gap * ((judged - 1.0) * share), range),
-        closing: choose(detected, habit + clear * (sensed - habit), habit),
-        sight,
+        closing_speed: choose(detected, habit + clear * (sensed - habit), habit),
+        sight_distance: sight,
     }
 }
 
 /// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
 #[inline(always)]
-fn sight<S: Simd, const N: usize>(
+fn sight_distance<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
 ) -> V<S> {
-    let (c, road) = (w.c, w.road);
-    let (place, _) = state.on_the_road(w, i);
-    let turned = w.p[i].travel_sign.simd_lt(0.0);
-    let [along, against] = &road.ways.sight;
-    let mut by_road = splat(w.simd, 0.0);
+    let (constants, road) = (params.constants, params.road);
+    let (place, _) = state.road_position(params, i);
+    let turned = params.vehicles[i].travel_sign.simd_lt(0.0);
+    let [along, against] = &road.directions.sight;
+    let mut by_road = splat(params.simd, 0.0);
     for (table, there) in [(along, !turned), (against, turned)] {
         if there.any_true() {
-            by_road = choose(there, shown(table, place), by_road);
+            by_road = choose(there, interpolate_knots(table, place), by_road);
         }
     }
-    let lead = near.slot[LEAD];
-    let [half_width, tall] = pick_each!(w.count, lead, |j| [w.p[j].half_width, w.p[j].blocks_view]);
-    let reach = at_least(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH);
-    let edge = near.aside[LEAD] + half_width - c.eye_offset;
-    let middle = 0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.ways.num_own_lanes]);
-    let beside = middle - state.d[i] - c.eye_offset;
+    let lead = near.slot[LEADER];
+    let [half_width, tall] = each_at_slot!(params.num_slots_in_use, lead, |j| [
+        params.vehicles[j].half_width,
+        params.vehicles[j].blocks_view
+    ]);
+    let reach = at_least(
+        near.distance[LEADER] - near.half_length[LEADER],
+        MIN_SIGHT_LINE,
+    );
+    let edge = near.lateral_distance[LEADER] + half_width - constants.eye_offset;
+    let middle =
+        0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
+    let beside = middle - state.d[i] - constants.eye_offset;
     let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
     let past = choose(
         hides,
-        beside * (reach / at_least(edge, LEAST_REACH)),
-        splat(w.simd, FAR),
+        beside * (reach / at_least(edge, MIN_SIGHT_LINE)),
+        splat(params.simd, FAR),
     );
     let by_road = min(by_road, state.shown[i]);
-    min(min(by_road, past), w.q.oncoming_sight)
+    min(min(by_road, past), params.simulations.oncoming_sight)
 }
 
 /// What a table of `Ways::sight` says of places [m].
 #[inline(always)]
-fn shown<S: Simd>([stations, values, slopes]: &[[f32; MAX_STATIONS]; 3], place: V<S>) -> V<S> {
+fn interpolate_knots<S: Simd>(
+    [stations, values, slopes]: &[[f32; MAX_STATIONS]; 3],
+    place: V<S>,
+) -> V<S> {
     let mut found = splat(place.simd, 0.0);
     for k in station_indices(stations) {
         let here = values[k] + (place - stations[k]) * slopes[k];
         found = choose(place.simd_ge(stations[k]), here, found);
     }
     found
+}
+
+/// Slot of an oncomer, and the distance of the centres [m].
+type NearestOncoming<S> = (V<S>, V<S>);
+
+/// A vehicle as who comes the other way sees it.
+#[derive(Clone, Copy)]
+struct OppositeView<S: Simd> {
+    s: V<S>,
+    right_side: V<S>,
+    left_side: V<S>,
+    lane: V<S>,
+    /// Whether it is on the road, in any lane.
+    on_road: M<S>,
+}
+
+impl<S: Simd> OppositeView<S> {
+    /// Whether it is in a lane, or on a road, between edges.
+    #[inline(always)]
+    fn overlaps(&self, (low, high): (V<S>, V<S>)) -> M<S> {
+        self.left_side.simd_gt(low) & self.right_side.simd_lt(high)
+    }
+}
+
+/// What everybody on a two-way road looks for in everybody else; sets of slots have a bit for each.
+#[derive(Clone, Copy)]
+pub struct OncomingSearch<S: Simd, const N: usize> {
+    as_seen_by_oncoming: [OppositeView<S>; N],
+    /// Who drives along the road, and who against it, in any simulation.
+    directions: [u32; 2],
+    /// Who may be in the lane that those who come drive in, in any simulation.
+    off_lane_slots: u32,
+    /// Who overtakes, in which simulations and in any.
+    pub overtakes: [M<S>; N],
+    overtaking_slots: u32,
+}
+
+impl<S: Simd, const N: usize> OncomingSearch<S, N> {
+    /// An empty road.
+    pub fn nobody(simd: S) -> Self {
+        let zero = splat(simd, 0.0);
+        let never = zero.simd_lt(zero);
+        let turned = OppositeView {
+            s: zero,
+            right_side: zero,
+            left_side: zero,
+            lane: zero,
+            on_road: never,
+        };
+        Self {
+            as_seen_by_oncoming: [turned; N],
+            directions: [0; 2],
+            off_lane_slots: 0,
+            overtakes: [never; N],
+            overtaking_slots: 0,
+        }
+    }
+
+    /// Look at everybody.
+    #[inline(always)]
+    pub fn update(
+        &mut self,
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        bodies: &[VisibleBody<S>; N],
+    ) {
+        let (constants, road) = (params.constants, params.road);
+        let low = splat(params.simd, road.boundaries[0] + constants.corridor_margin);
+        let home = (
+            low,
+            splat(params.simd, road.boundaries[1] - constants.corridor_margin),
+        );
+        let edge = road.boundaries[road.num_lanes] - constants.corridor_margin;
+        let whole = (low, splat(params.simd, edge));
+        (self.directions, self.off_lane_slots, self.overtaking_slots) = ([0; 2], 0, 0);
+        for j in 0..params.num_slots_in_use {
+            let other = &params.vehicles[j];
+            let valid = other.valid.simd_gt(0.0);
+            let d = road.directions.edge_sum - state.d[j];
+            let turned = OppositeView {
+                s: road.directions.length - state.s[j],
+                right_side: d - other.half_width,
+                left_side: d + other.half_width,
+                lane: (road.num_lanes - 1) as f32 - state.lane[j],
+                on_road: valid,
+            };
+            let strays =
+                turned.overlaps(home) | (bodies[j].visibly_changes_lane & turned.lane.simd_eq(0.0));
+            let along = other.travel_sign.simd_gt(0.0);
+            self.directions[0] |= u32::from((valid & along).any_true()) << j;
+            self.directions[1] |= u32::from((valid & !along).any_true()) << j;
+            self.off_lane_slots |= u32::from((valid & strays).any_true()) << j;
+            self.overtakes[j] = is_overtaking(state, j);
+            self.overtaking_slots |= u32::from(self.overtakes[j].any_true()) << j;
+            self.as_seen_by_oncoming[j] = OppositeView {
+                on_road: valid & turned.overlaps(whole),
+                ..turned
+            };
+        }
+    }
+
+    /// The nearest oncomer of vehicle `i` in any lane, and in its own. One that is visibly on its way into the own
+    /// lane is there.
+    #[inline(always)]
+    pub fn nearest_oncoming(
+        &self,
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        bodies: &[VisibleBody<S>; N],
+        i: usize,
+    ) -> [NearestOncoming<S>; 2] {
+        let nobody = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
+        let [mut coming, mut facing] = [nobody; 2];
+        let [along, against] = self.directions;
+        let mut opposed = 0;
+        for (own, other) in [(along, against), (against, along)] {
+            if own >> i & 1 == 1 {
+                opposed |= other;
+            }
+        }
+        for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
+            let other = &self.as_seen_by_oncoming[j];
+            let ahead = other.s - state.s[i];
+            let there = params.vehicles[j]
+                .travel_sign
+                .simd_ne(params.vehicles[i].travel_sign)
+                & ahead.simd_ge(0.0);
+            let nearer = there & other.on_road & ahead.simd_lt(coming.1);
+            coming.0 = choose(nearer, splat(params.simd, j as i32 as f32), coming.0);
+            coming.1 = choose(nearer, ahead, coming.1);
+        }
+        // Who keeps to its lane meets those alone who have left theirs.
+        let at_home = state.lane[i].simd_eq(0.0).all_true();
+        let opposed = if at_home {
+            opposed & self.off_lane_slots
+        } else {
+            opposed
+        };
+        if opposed == 0 {
+            return [where_vehicle_exists(params, i, coming), facing];
+        }
+        let (low, high) = lane_borders(params, state.lane[i], 0.0);
+        let (low, high) = (
+            low + params.constants.corridor_margin,
+            high - params.constants.corridor_margin,
+        );
+        for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
+            let other = &self.as_seen_by_oncoming[j];
+            let ahead = other.s - state.s[i];
+            let there = params.vehicles[j].valid.simd_gt(0.0)
+                & params.vehicles[j]
+                    .travel_sign
+                    .simd_ne(params.vehicles[i].travel_sign)
+                & ahead.simd_ge(0.0);
+            let comes = bodies[j].visibly_changes_lane & other.lane.simd_eq(state.lane[i]);
+            let nearer = there & (comes | other.overlaps((low, high))) & ahead.simd_lt(facing.1);
+            facing.0 = choose(nearer, splat(params.simd, j as i32 as f32), facing.0);
+            facing.1 = choose(nearer, ahead, facing.1);
+        }
+        [
+            where_vehicle_exists(params, i, coming),
+            where_vehicle_exists(params, i, facing),
+        ]
+    }
+
+    /// The nearest oncomer of vehicle `i` in any lane, but for who is in a slot.
+    #[inline(always)]
+    pub fn nearest_except(
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        i: usize,
+        slot: V<S>,
+    ) -> NearestOncoming<S> {
+        let bodies = core::array::from_fn(|j| {
+            if j < params.num_slots_in_use {
+                VisibleBody::new(state, params, j)
+            } else {
+                VisibleBody::nothing(params.simd)
+            }
+        });
+        let mut traffic = Self::nobody(params.simd);
+        traffic.update(state, params, &bodies);
+        for j in 0..params.num_slots_in_use {
+            traffic.as_seen_by_oncoming[j].on_road &= slot.simd_ne(j as i32 as f32);
+        }
+        let [coming, _] = traffic.nearest_oncoming(state, params, &bodies, i);
+        coming
+    }
+
+    /// Whether somebody is passing vehicle `i`, as its driver notices it.
+    #[inline(always)]
+    pub fn is_being_passed(
+        &self,
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        i: usize,
+    ) -> M<S> {
+        let vehicle = &params.vehicles[i];
+        let mut passed = self.overtakes[i] & !self.overtakes[i];
+        for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
+            let other = &params.vehicles[j];
+            let apart = (state.s[i] - state.s[j]).abs() - (vehicle.half_length + other.half_length);
+            let same = vehicle.travel_sign.simd_eq(other.travel_sign) & self.overtakes[j];
+            let beside = apart.simd_lt(params.constants.passed_awareness_margin) & same;
+            passed |= beside & state.lane[j].simd_gt(state.lane[i]);
+        }
+        passed & state.crashed[i].simd_eq(0.0)
+    }
+}
+
+/// Whom vehicle `i` meets, where there is a vehicle `i`.
+#[inline(always)]
+fn where_vehicle_exists<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    (slot, distance): NearestOncoming<S>,
+) -> NearestOncoming<S> {
+    let valid = params.vehicles[i].valid.simd_gt(0.0);
+    (
+        choose(valid, slot, splat(params.simd, NO_SLOT)),
+        choose(valid, distance, splat(params.simd, FAR)),
+    )
+}
+
+/// Whether vehicle `i` is overtaking, or on its way back from there.
+#[inline(always)]
+pub fn is_overtaking<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
+    let away = state.stage[i].simd_ne(stage::FOLLOW) & state.stage[i].simd_ne(stage::DONE);
+    away & state.crashed[i].simd_eq(0.0)
 }

@@ -3,32 +3,32 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::lanes::{LANES, M, Seats, V, choose, min, splat};
-use crate::world::World;
+use crate::math::vectors::{LANES, M, Seats, V, choose, min, splat};
+use crate::params::Params;
 
 /// Decisions whose kinematics are remembered.
-pub const HISTORY: usize = 64;
+pub const HISTORY_LENGTH: usize = 64;
 /// Room for them: one line of the cache more, so that the same decision of sixteen simulations does not fall
 /// into the same few sets of the cache.
-pub const ROOM: usize = HISTORY + 8;
+pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
 /// Neighbours of a vehicle by lane and direction.
-pub const LEAD: usize = 0;
+pub const LEADER: usize = 0;
 /// Behind in the own lane.
-pub const REAR: usize = 1;
+pub const FOLLOWER: usize = 1;
 /// Ahead in the next lane to the fast side.
-pub const FAST_LEAD: usize = 2;
+pub const LEFT_LEADER: usize = 2;
 /// Behind in the next lane to the fast side.
-pub const FAST_REAR: usize = 3;
+pub const LEFT_FOLLOWER: usize = 3;
 /// Ahead in the next lane to the slow side.
-pub const SLOW_LEAD: usize = 4;
+pub const RIGHT_LEADER: usize = 4;
 /// Behind in the next lane to the slow side.
-pub const SLOW_REAR: usize = 5;
+pub const RIGHT_FOLLOWER: usize = 5;
 /// Number of roles.
-pub const ROLES: usize = 6;
+pub const NUM_ROLES: usize = 6;
 /// Slot number of nobody.
-pub const NOBODY: f32 = -1.0;
+pub const NO_SLOT: f32 = -1.0;
 /// In `State::seen_id` before the first decision: nothing was looked at yet.
-pub const UNKNOWN: f32 = -2.0;
+pub const NEVER_LOOKED: f32 = -2.0;
 /// Before the first decision no lane change holds anyone back [s].
 const LONG_AGO: f32 = 10.0;
 /// On friction nothing depends yet.
@@ -36,13 +36,13 @@ const ANY_FRICTION: f32 = 0.8;
 const ANY_SPEED: f32 = 1e9;
 const ANY_SIGHT: f32 = 1e9;
 /// In `State::most_accel` where no lower limit comes [m/s^2].
-pub const ANY_ACCEL: f32 = 1e9;
+pub const NO_ACCEL_LIMIT: f32 = 1e9;
 
 /// Slot of the ego.
-pub const EGO: usize = 0;
+pub const EGO_SLOT: usize = 0;
 
 /// A number of every vehicle of every simulation of a block.
-pub type Each<S, const N: usize> = [V<S>; N];
+pub type PerVehicle<S, const N: usize> = [V<S>; N];
 
 /// Stages of an overtake, as `overtaking.model.trajectories.Stage`.
 pub mod stage {
@@ -56,15 +56,15 @@ pub mod stage {
 }
 
 /// Memory for the history; what is in it before it is written means nothing.
-pub struct History<const N: usize>(pub Box<Moments<N>>);
+pub struct History<const N: usize>(pub Box<HistoryRows<N>>);
 
 /// Position and speed along the road by vehicle, simulation and decision: what a driver recalls next lies beside
 /// what it recalls now.
-pub type Moments<const N: usize> = [[[[f32; 2]; ROOM]; LANES]; N];
+pub type HistoryRows<const N: usize> = [[[[f32; 2]; HISTORY_STRIDE]; LANES]; N];
 
 impl<const N: usize> Default for History<N> {
     fn default() -> Self {
-        Self(Box::new([[[[0.0; 2]; ROOM]; LANES]; N]))
+        Self(Box::new([[[[0.0; 2]; HISTORY_STRIDE]; LANES]; N]))
     }
 }
 
@@ -75,7 +75,7 @@ macro_rules! state_fields {
         pub struct State<'a, S: Simd, const N: usize> {
             $($(#[$doc])* pub $field: $kind,)*
             /// Where everybody was, and how fast.
-            pub history: &'a mut Moments<N>,
+            pub history: &'a mut HistoryRows<N>,
         }
 
         impl<S: Simd, const N: usize> Seats for State<'_, S, N> {
@@ -90,84 +90,84 @@ macro_rules! state_fields {
 }
 
 state_fields! {
-    s: Each<S, N>,
-    d: Each<S, N>,
-    psi: Each<S, N>,
-    vx: Each<S, N>,
-    vy: Each<S, N>,
-    r: Each<S, N>,
-    wheel: Each<S, N>,
-    trim: Each<S, N>,
-    accel: Each<S, N>,
-    a_lon: Each<S, N>,
-    a_lat: Each<S, N>,
-    yaw_accel: Each<S, N>,
-    crashed: Each<S, N>,
+    s: PerVehicle<S, N>,
+    d: PerVehicle<S, N>,
+    psi: PerVehicle<S, N>,
+    vx: PerVehicle<S, N>,
+    vy: PerVehicle<S, N>,
+    r: PerVehicle<S, N>,
+    wheel: PerVehicle<S, N>,
+    trim: PerVehicle<S, N>,
+    accel: PerVehicle<S, N>,
+    a_lon: PerVehicle<S, N>,
+    a_lat: PerVehicle<S, N>,
+    yaw_accel: PerVehicle<S, N>,
+    crashed: PerVehicle<S, N>,
     path: [[V<S>; 6]; N],
-    path_time: Each<S, N>,
-    path_duration: Each<S, N>,
-    lane: Each<S, N>,
-    since_change: Each<S, N>,
-    indicator: Each<S, N>,
-    wanted: Each<S, N>,
-    wanted_time: Each<S, N>,
-    checks: Each<S, N>,
-    gust: Each<S, N>,
-    distance_error: Each<S, N>,
-    speed_error: Each<S, N>,
-    wander: Each<S, N>,
-    mu_fast: Each<S, N>,
-    mu_slow: Each<S, N>,
-    wind_force: Each<S, N>,
-    wind_moment: Each<S, N>,
-    tail_wind: Each<S, N>,
-    seen_id: [[V<S>; ROLES]; N],
-    seen_time: [[V<S>; ROLES]; N],
-    contact_partner: Each<S, N>,
-    contact_time: Each<S, N>,
-    contact_impulse: Each<S, N>,
-    contact_speed: Each<S, N>,
-    stage: Each<S, N>,
-    target: Each<S, N>,
-    waited: Each<S, N>,
-    signalled: Each<S, N>,
-    stage_time: Each<S, N>,
+    path_time: PerVehicle<S, N>,
+    path_duration: PerVehicle<S, N>,
+    lane: PerVehicle<S, N>,
+    since_change: PerVehicle<S, N>,
+    indicator: PerVehicle<S, N>,
+    wanted: PerVehicle<S, N>,
+    wanted_time: PerVehicle<S, N>,
+    checks: PerVehicle<S, N>,
+    gust: PerVehicle<S, N>,
+    distance_error: PerVehicle<S, N>,
+    speed_error: PerVehicle<S, N>,
+    wander: PerVehicle<S, N>,
+    mu_fast: PerVehicle<S, N>,
+    mu_slow: PerVehicle<S, N>,
+    wind_force: PerVehicle<S, N>,
+    wind_moment: PerVehicle<S, N>,
+    tail_wind: PerVehicle<S, N>,
+    seen_id: [[V<S>; NUM_ROLES]; N],
+    seen_time: [[V<S>; NUM_ROLES]; N],
+    contact_partner: PerVehicle<S, N>,
+    contact_time: PerVehicle<S, N>,
+    contact_impulse: PerVehicle<S, N>,
+    contact_speed: PerVehicle<S, N>,
+    stage: PerVehicle<S, N>,
+    target: PerVehicle<S, N>,
+    waited: PerVehicle<S, N>,
+    signalled: PerVehicle<S, N>,
+    stage_time: PerVehicle<S, N>,
     attempted: V<S>,
     end_step: V<S>,
     num_percepts: V<S>,
     oncoming_id: [[V<S>; 2]; N],
     oncoming_time: [[V<S>; 2]; N],
-    aside: Each<S, N>,
-    flashes: Each<S, N>,
-    yields: Each<S, N>,
-    hurries: Each<S, N>,
-    curve: Each<S, N>,
-    curve_ahead: Each<S, N>,
-    stretch: Each<S, N>,
-    slope: Each<S, N>,
-    bend_speed: Each<S, N>,
+    aside: PerVehicle<S, N>,
+    flashes: PerVehicle<S, N>,
+    yields: PerVehicle<S, N>,
+    hurries: PerVehicle<S, N>,
+    curve: PerVehicle<S, N>,
+    curve_ahead: PerVehicle<S, N>,
+    stretch: PerVehicle<S, N>,
+    slope: PerVehicle<S, N>,
+    bend_speed: PerVehicle<S, N>,
     /// What limits allow, and what drivers want by them, alone and while they pass; on roads that vary.
-    allowed_speed: Each<S, N>,
-    wanted_speed: Each<S, N>,
-    wanted_pass_speed: Each<S, N>,
-    most_accel: Each<S, N>,
-    shown: Each<S, N>,
+    allowed_speed: PerVehicle<S, N>,
+    wanted_speed: PerVehicle<S, N>,
+    wanted_pass_speed: PerVehicle<S, N>,
+    most_accel: PerVehicle<S, N>,
+    shown: PerVehicle<S, N>,
     /// Sine and cosine of `psi`.
-    sine: Each<S, N>,
-    cosine: Each<S, N>,
+    sine: PerVehicle<S, N>,
+    cosine: PerVehicle<S, N>,
     /// How far the front wheels turn from the slip angle at most: on this friction, until the next decision.
-    reach: Each<S, N>,
+    reach: PerVehicle<S, N>,
 }
 
 /// A place in the frame of the other direction, where the mask holds.
 #[inline(always)]
-pub fn turned_round<S: Simd, const N: usize>(
-    w: &World<'_, S, N>,
+pub fn in_opposite_frame<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
     turned: M<S>,
     s: V<S>,
     d: V<S>,
 ) -> (V<S>, V<S>) {
-    let ways = &w.road.ways;
+    let ways = &params.road.directions;
     (
         choose(turned, ways.length - s, s),
         choose(turned, ways.edge_sum - d, d),
@@ -177,18 +177,18 @@ pub fn turned_round<S: Simd, const N: usize>(
 impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     /// The state at the first frame.
     #[inline(always)]
-    pub fn new(w: &World<'_, S, N>, history: &'a mut Moments<N>) -> Self {
-        let zero = splat(w.simd, 0.0);
-        let each = |value: f32| [splat(w.simd, value); N];
+    pub fn at_start(params: &Params<'_, S, N>, history: &'a mut HistoryRows<N>) -> Self {
+        let zero = splat(params.simd, 0.0);
+        let each = |value: f32| [splat(params.simd, value); N];
         let mut path = [[zero; 6]; N];
-        for (row, p) in path.iter_mut().zip(&w.p) {
+        for (row, p) in path.iter_mut().zip(&params.vehicles) {
             row[0] = p.start_d;
         }
         Self {
-            s: w.p.map(|p| p.start_s),
-            d: w.p.map(|p| p.start_d),
+            s: params.vehicles.map(|p| p.start_s),
+            d: params.vehicles.map(|p| p.start_d),
             psi: each(0.0),
-            vx: w.p.map(|p| p.start_speed),
+            vx: params.vehicles.map(|p| p.start_speed),
             vy: each(0.0),
             r: each(0.0),
             wheel: each(0.0),
@@ -201,7 +201,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             path,
             path_time: each(1.0),
             path_duration: each(1.0),
-            lane: w.p.map(|p| p.start_lane),
+            lane: params.vehicles.map(|p| p.start_lane),
             since_change: each(LONG_AGO),
             indicator: each(0.0),
             wanted: each(0.0),
@@ -216,21 +216,21 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             wind_force: each(0.0),
             wind_moment: each(0.0),
             tail_wind: each(0.0),
-            seen_id: [[splat(w.simd, -2.0); ROLES]; N],
-            seen_time: [[zero; ROLES]; N],
-            contact_partner: each(NOBODY),
+            seen_id: [[splat(params.simd, -2.0); NUM_ROLES]; N],
+            seen_time: [[zero; NUM_ROLES]; N],
+            contact_partner: each(NO_SLOT),
             contact_time: each(0.0),
             contact_impulse: each(0.0),
             contact_speed: each(0.0),
             stage: each(stage::FOLLOW),
-            target: each(NOBODY),
+            target: each(NO_SLOT),
             waited: each(0.0),
             signalled: each(0.0),
             stage_time: each(0.0),
             attempted: zero,
-            end_step: w.q.last_step,
+            end_step: params.simulations.last_step,
             num_percepts: zero,
-            oncoming_id: [[splat(w.simd, UNKNOWN); 2]; N],
+            oncoming_id: [[splat(params.simd, NEVER_LOOKED); 2]; N],
             oncoming_time: [[zero; 2]; N],
             aside: each(0.0),
             flashes: each(0.0),
@@ -244,7 +244,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             allowed_speed: each(ANY_SPEED),
             wanted_speed: each(ANY_SPEED),
             wanted_pass_speed: each(ANY_SPEED),
-            most_accel: each(ANY_ACCEL),
+            most_accel: each(NO_ACCEL_LIMIT),
             shown: each(ANY_SIGHT),
             sine: each(0.0),
             cosine: each(1.0),
@@ -254,7 +254,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     }
 
     /// Move a vehicle of one simulation, as if it had always been there and as fast; everybody remembers it so.
-    pub fn displace(&mut self, slot: usize, lane: usize, ahead: f32, faster: f32) {
+    pub fn displace_vehicle(&mut self, slot: usize, lane: usize, ahead: f32, faster: f32) {
         if ahead == 0.0 && faster == 0.0 {
             return;
         }
@@ -270,9 +270,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     ///
     /// `TWO_WAY` is for loops over pairs, which roads of one direction go through without a question for each.
     #[inline(always)]
-    pub fn seen_from<const TWO_WAY: bool>(
+    pub fn position_of<const TWO_WAY: bool>(
         &self,
-        w: &World<'_, S, N>,
+        params: &Params<'_, S, N>,
         i: usize,
         j: usize,
     ) -> (V<S>, V<S>) {
@@ -280,54 +280,56 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         if !TWO_WAY {
             return (s, d);
         }
-        let turned = w.p[j].travel_sign.simd_ne(w.p[i].travel_sign);
-        turned_round(w, turned, s, d)
+        let turned = params.vehicles[j]
+            .travel_sign
+            .simd_ne(params.vehicles[i].travel_sign);
+        in_opposite_frame(params, turned, s, d)
     }
 
     /// Where vehicle `i` is in the frame of the road.
     #[inline(always)]
-    pub fn on_the_road(&self, w: &World<'_, S, N>, i: usize) -> (V<S>, V<S>) {
+    pub fn road_position(&self, params: &Params<'_, S, N>, i: usize) -> (V<S>, V<S>) {
         let (s, d) = (self.s[i], self.d[i]);
-        if !w.road.ways.has_oncoming_traffic {
+        if !params.road.directions.has_oncoming_traffic {
             return (s, d);
         }
-        turned_round(w, w.p[i].travel_sign.simd_lt(0.0), s, d)
+        in_opposite_frame(params, params.vehicles[i].travel_sign.simd_lt(0.0), s, d)
     }
 
     /// Speed that driver `i` wants where it is.
     #[inline(always)]
-    pub fn desired_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies_along_road() {
+    pub fn desired_speed(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+        if params.road.varies_along_road() {
             self.wanted_speed[i]
         } else {
-            w.p[i].desired_speed
+            params.vehicles[i].desired_speed
         }
     }
 
     /// The same while it passes.
     #[inline(always)]
-    pub fn pass_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies_along_road() {
+    pub fn passing_speed(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+        if params.road.varies_along_road() {
             self.wanted_pass_speed[i]
         } else {
-            w.p[i].passing_speed
+            params.vehicles[i].passing_speed
         }
     }
 
     /// The limit that driver `i` heeds where it is.
     #[inline(always)]
-    pub fn limit(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
-        if w.road.varies_along_road() {
+    pub fn speed_limit(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+        if params.road.varies_along_road() {
             self.allowed_speed[i]
         } else {
-            w.p[i].speed_limit
+            params.vehicles[i].speed_limit
         }
     }
 
     /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
     #[inline(always)]
-    pub fn eased(&self, w: &World<'_, S, N>, i: usize, accel: V<S>) -> V<S> {
-        if w.road.varies_along_road() {
+    pub fn limit_accel(&self, params: &Params<'_, S, N>, i: usize, accel: V<S>) -> V<S> {
+        if params.road.varies_along_road() {
             min(accel, self.most_accel[i])
         } else {
             accel

@@ -3,21 +3,21 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::elementary::{atan, sincos};
-use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
-use crate::state::{EGO, State};
-use crate::world::{Stride, World};
+use crate::math::elementary::{atan, sincos};
+use crate::math::vectors::{M, V, at_least, choose, clamp, clamp_to, min, splat};
+use crate::params::{Params, StepLength};
+use crate::state::{EGO_SLOT, State};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
-pub fn begin_path<S: Simd, const N: usize>(
+pub fn start_path<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     i: usize,
     moved: M<S>,
     centre: V<S>,
     duration: V<S>,
 ) {
-    let (place, speed) = path_at(state, i, 0.0);
+    let (place, speed) = path_position(state, i, 0.0);
     let accel = path_accel(state, i, splat(duration.simd, 0.0));
     let t = duration;
     let rest = centre - place - speed * t - 0.5 * accel * (t * t);
@@ -42,7 +42,7 @@ pub fn begin_path<S: Simd, const N: usize>(
 
 /// Position and velocity of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
-pub fn path_at<S: Simd, const N: usize>(
+pub fn path_position<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
     ahead: f32,
@@ -64,48 +64,49 @@ fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead:
 
 /// Answer the side wind after a lag; at the first frame it is held already.
 #[inline(always)]
-pub fn hold_against_wind<S: Simd, const N: usize>(
+pub fn update_wind_trim<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     step: u32,
 ) {
-    let p = &w.p[i];
-    let pushed = state.wind_force[i] * p.inverse_mass;
-    let angle = p.understeer * pushed + state.wind_moment[i] * p.moment_angle;
-    let target = -choose(p.two_wheeler.simd_gt(0.0), pushed, angle);
+    let vehicle = &params.vehicles[i];
+    let pushed = state.wind_force[i] * vehicle.inverse_mass;
+    let angle = vehicle.understeer * pushed + state.wind_moment[i] * vehicle.moment_angle;
+    let target = -choose(vehicle.two_wheeler.simd_gt(0.0), pushed, angle);
     if step == 0 {
         state.trim[i] = target;
     }
-    state.trim[i] = state.trim[i] + (target - state.trim[i]) * w.rates.trimming;
+    state.trim[i] = state.trim[i] + (target - state.trim[i]) * params.derived.wind_trim_share;
 }
 
 /// How far the front wheels may turn from the slip angle on the friction of this decision.
 #[inline(always)]
-pub fn reach<S: Simd, const N: usize>(
+pub fn slip_reach<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
 ) -> V<S> {
-    w.c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / w.p[i].front_stiffness
+    params.constants.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i])
+        / params.vehicles[i].front_stiffness
 }
 
 /// Drive vehicle `i` steadily along the bend at the first frame, as who came into it before.
 #[inline(always)]
-pub fn hold_bend<S: Simd, const N: usize>(
+pub fn settle_into_bend<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
 ) {
-    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
-    let rides = p.two_wheeler.simd_gt(0.0);
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+    let rides = vehicle.two_wheeler.simd_gt(0.0);
     let rate = state.curve[i] * v;
     let accel = rate * v;
-    let slips = p.cg_rear * rate - v * (accel / (c.gravity * p.rear_stiffness));
-    let angle = state.curve[i] * (p.wheelbase + p.understeer * (v * v));
+    let slips = vehicle.cg_rear * rate - v * (accel / (constants.gravity * vehicle.rear_stiffness));
+    let angle = state.curve[i] * (vehicle.wheelbase + vehicle.understeer * (v * v));
     state.wheel[i] = choose(rides, accel, angle);
-    state.vy[i] = choose(rides, splat(w.simd, 0.0), slips);
-    state.psi[i] = -atan(state.vy[i] / at_least(v, c.slip_speed));
+    state.vy[i] = choose(rides, splat(params.simd, 0.0), slips);
+    state.psi[i] = -atan(state.vy[i] / at_least(v, constants.slip_speed));
     (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);
     (state.r[i], state.a_lat[i]) = (rate, accel);
 }
@@ -114,42 +115,46 @@ pub fn hold_bend<S: Simd, const N: usize>(
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
-    stride: &Stride,
+    stride: &StepLength,
 ) -> V<S> {
-    let wanted = asked::<S, N, VARIES>(state, w, i, stride.half);
-    turn(state, w, i, wanted, stride)
+    let wanted = requested_steering::<S, N, VARIES>(state, params, i, stride.half);
+    turn_wheels(state, params, i, wanted, stride)
 }
 
 /// The same for the ego, where another driver has ordered an angle of the front wheels.
 #[inline(always)]
-pub fn steer_as_ordered<S: Simd, const N: usize, const VARIES: bool>(
+pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     ordered: V<S>,
-    stride: &Stride,
+    stride: &StepLength,
 ) -> V<S> {
-    let (_, lean) = asked::<S, N, VARIES>(state, w, EGO, stride.half);
-    let limit = w.c.steering_limit;
+    let (_, lean) = requested_steering::<S, N, VARIES>(state, params, EGO_SLOT, stride.half);
+    let limit = params.constants.steering_limit;
     let angle = clamp_to(ordered, -limit, limit);
-    turn(state, w, EGO, (angle, lean), stride)
+    turn_wheels(state, params, EGO_SLOT, (angle, lean), stride)
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, as asked, with a lag.
 #[inline(always)]
-fn turn<S: Simd, const N: usize>(
+fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     (angle, lean): (V<S>, V<S>),
-    stride: &Stride,
+    stride: &StepLength,
 ) -> V<S> {
     let wheel = state.wheel[i];
-    let turn = clamp_to((angle - wheel) * stride.steering, -stride.most, stride.most);
+    let turn = clamp_to(
+        (angle - wheel) * stride.steering,
+        -stride.max_wheel_turn,
+        stride.max_wheel_turn,
+    );
     let lean = (lean - wheel) * stride.leaning;
-    let moved = choose(w.p[i].two_wheeler.simd_gt(0.0), lean, turn);
-    let (is_sound, zero) = (state.crashed[i].simd_eq(0.0), splat(w.simd, 0.0));
+    let moved = choose(params.vehicles[i].two_wheeler.simd_gt(0.0), lean, turn);
+    let (is_sound, zero) = (state.crashed[i].simd_eq(0.0), splat(params.simd, 0.0));
     state.wheel[i] = choose(is_sound, wheel + moved, zero);
     state.path_time[i] += stride.length;
     choose(is_sound, wheel + 0.5 * moved, zero)
@@ -157,18 +162,18 @@ fn turn<S: Simd, const N: usize>(
 
 /// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
 #[inline(always)]
-fn asked<S: Simd, const N: usize, const VARIES: bool>(
+fn requested_steering<S: Simd, const N: usize, const VARIES: bool>(
     state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
+    params: &Params<'_, S, N>,
     i: usize,
     ahead: f32,
 ) -> (V<S>, V<S>) {
-    let (c, p) = (w.c, &w.p[i]);
-    let (place, speed) = path_at(state, i, ahead);
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (place, speed) = path_position(state, i, ahead);
     let late = choose(
-        p.two_wheeler.simd_gt(0.0),
-        splat(w.simd, c.two_wheeler_lag),
-        c.steering_lag + p.side_lag * state.vx[i],
+        vehicle.two_wheeler.simd_gt(0.0),
+        splat(params.simd, constants.two_wheeler_lag),
+        constants.steering_lag + vehicle.side_lag * state.vx[i],
     );
     let accel = path_accel(state, i, ahead + late);
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
@@ -179,23 +184,27 @@ fn asked<S: Simd, const N: usize, const VARIES: bool>(
     let vx = state.vx[i] + ahead * a_lon;
     let vy = state.vy[i] + ahead * (a_lat - state.vx[i] * state.r[i]);
     let r = state.r[i] + ahead * state.yaw_accel[i];
-    let wanted = accel + c.velocity_gain * (speed - sideways);
-    let aim = place + c.lane_deviation * state.wander[i] - d;
-    let wanted = wanted + c.position_gain * aim;
-    let mut wanted = clamp(wanted, -w.q.max_lateral_accel, w.q.max_lateral_accel);
+    let wanted = accel + constants.velocity_gain * (speed - sideways);
+    let aim = place + constants.lane_deviation * state.wander[i] - d;
+    let wanted = wanted + constants.position_gain * aim;
+    let mut wanted = clamp(
+        wanted,
+        -params.simulations.max_lateral_accel,
+        params.simulations.max_lateral_accel,
+    );
     if VARIES {
         wanted += state.curve_ahead[i] * (vx * vx);
     }
-    let inverse_speed = 1.0 / at_least(vx, c.slip_speed);
-    let felt = wanted + c.yaw_gain * (wanted - vx * r);
-    let angle =
-        felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim[i];
-    let slip = (vy + p.cg_front * r) * inverse_speed;
+    let inverse_speed = 1.0 / at_least(vx, constants.slip_speed);
+    let felt = wanted + constants.yaw_gain * (wanted - vx * r);
+    let angle = felt * (vehicle.wheelbase * (inverse_speed * inverse_speed) + vehicle.understeer)
+        + state.trim[i];
+    let slip = (vy + vehicle.cg_front * r) * inverse_speed;
     let reach = state.reach[i];
     let angle = clamp_to(
         clamp(angle, slip - reach, slip + reach),
-        -c.steering_limit,
-        c.steering_limit,
+        -constants.steering_limit,
+        constants.steering_limit,
     );
     (angle, wanted + state.trim[i])
 }

@@ -2,8 +2,8 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, i32x16};
-use overtaking_core::elementary::log;
-use overtaking_core::{at_film as friction_at_film, dispatch, speed_columns as friction_at_speed};
+use overtaking_core::math::elementary::log;
+use overtaking_core::{dispatch, friction_at_film, friction_at_speed};
 
 use crate::frame_block::{FrameBlock, for_each_frame_block};
 use crate::recording::{

@@ -8,7 +8,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
-use overtaking_core::elementary::sincos;
+use overtaking_core::math::elementary::sincos;
 use overtaking_core::prefetch;
 
 use crate::recording::{METRES_PER_MM, PackedRecording};

@@ -47,7 +47,7 @@ pub use span_scans::{
 
 /// The engine's vectors; each lane holds one frame here.
 mod vectors {
-    pub use overtaking_core::lanes::{
+    pub use overtaking_core::math::vectors::{
         LANES as SIMD_LANES, M as Mask, V as F32, at_least, at_most, choose as select, max, min,
         put as assign_where, splat,
     };

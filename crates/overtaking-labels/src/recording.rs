@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use overtaking_core::Constants;
+use overtaking_core::ModelConstants;
 
 use crate::vectors::SIMD_LANES;
 
@@ -196,7 +196,7 @@ macro_rules! declare_visibility_inputs {
             /// Farthest distance that drivers pay attention to [m].
             pub attention_range: f32,
             /// Constants of the model.
-            pub constants: &'a Constants,
+            pub constants: &'a ModelConstants,
         }
     };
 }

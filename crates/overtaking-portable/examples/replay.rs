@@ -8,8 +8,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 
 use overtaking_core::{
-    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, Ways, supported,
-    with_outputs,
+    Inputs, ModelConstants, Output, ParameterSwitch, RoadDirections, SIMULATION_NAMES,
+    VEHICLE_NAMES, require_level, with_outputs,
 };
 use overtaking_portable::simulate_at;
 
@@ -81,8 +81,12 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     ] = header.map(|number| number as usize);
     let [seed] = row(file, u64::from_le_bytes)?;
     let index = numbers(file, simulations, u64::from_le_bytes)?;
-    let mut constants = Constants::default();
-    constants.set(&numbers(file, Constants::NAMES.len(), f32::from_le_bytes)?);
+    let mut constants = ModelConstants::default();
+    constants.set(&numbers(
+        file,
+        ModelConstants::NAMES.len(),
+        f32::from_le_bytes,
+    )?);
     constants.friction_new = table(file)?;
     constants.friction_worn = table(file)?;
     constants.friction_speeds = floats(file)?;
@@ -90,7 +94,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     let (boundaries, film_path) = (floats(file)?, floats(file)?);
     let ([overtaking_sign], pose) = (floats(file)?, floats(file)?);
     let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = floats(file)?;
-    let ways = Ways {
+    let ways = RoadDirections {
         num_own_lanes: num_own_lanes as usize,
         has_oncoming_traffic: has_oncoming_traffic > 0.0,
         length,
@@ -118,34 +122,36 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     let inputs = Inputs {
         vehicle: &vehicle,
         simulation: &simulation,
-        index: &index,
-        slots,
+        scenario_index: &index,
+        num_slots: slots,
         constants: &constants,
         num_lanes,
         boundaries,
         film_path,
         overtaking_sign,
         pose,
-        ways,
+        directions: ways,
         course_table: &[],
         seed,
         steps_per_frame: steps_per_frame as u32,
-        script: None,
+        action_log: None,
     };
-    let later = afterwards.as_ref().map(|(vehicle, simulation)| Later {
-        vehicle,
-        simulation,
-        index: &index,
-        judgement_errors: None,
-        switch: switch as u32,
-    });
+    let later = afterwards
+        .as_ref()
+        .map(|(vehicle, simulation)| ParameterSwitch {
+            vehicle,
+            simulation,
+            scenario_index: &index,
+            judgement_errors: None,
+            step: switch as u32,
+        });
     let run = |out: Output<'_>| -> Outcome<_> {
         let mut hashes = vec![0; 4 * simulations];
         let out = Output {
             trace_hash: &mut hashes,
             ..out
         };
-        simulate_at(supported(level)?, &inputs, later.as_slice(), out)?;
+        simulate_at(require_level(level)?, &inputs, later.as_slice(), out)?;
         Ok(hashes)
     };
     with_outputs! { allocated! { inputs, frames, run } }

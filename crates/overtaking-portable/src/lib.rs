@@ -2,8 +2,8 @@
 //! SIMD level; see `overtaking-avx`.
 
 use fearless_simd::Level;
-use overtaking_core::stepper::Talk;
-use overtaking_core::{Inputs, Later, Output};
+use overtaking_core::run::stepped_batch::Talk;
+use overtaking_core::{Inputs, Output, ParameterSwitch};
 
 /// Call what is compiled for a SIMD level of this CPU: the functions for AVX-512, for AVX2, and for others.
 macro_rules! at_level {
@@ -43,7 +43,7 @@ pub fn is_compiled(name: &str) -> bool {
 pub fn simulate_at(
     level: Level,
     inputs: &Inputs<'_>,
-    later: &[Later<'_>],
+    later: &[ParameterSwitch<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
     at_level!(
@@ -58,13 +58,13 @@ pub fn simulate_at(
 /// Serve another driver of a batch at a SIMD level of this CPU.
 ///
 /// # Errors
-/// Those of `overtaking_core::stepper::serve`; the level is not compiled.
+/// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
 pub fn serve_at(level: Level, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
     at_level!(
         level,
         overtaking_avx::serve_avx512,
         overtaking_avx::serve_avx2,
-        overtaking_core::stepper::serve,
+        overtaking_core::run::stepped_batch::stepped_batch,
         (inputs, talk)
     )
 }

@@ -1,7 +1,7 @@
 //! Draws and elementary functions of many numbers.
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
-use overtaking_core::draws::{self as core, Block, Others};
+use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -23,7 +23,7 @@ pub fn words<'py>(
     level: Option<&str>,
 ) -> PyResult<Words<'py>> {
     expect_length("stream", stream.len(), index.len())?;
-    let block = Block {
+    let block = DrawBlock {
         seed,
         index: index.as_slice()?,
         stream: stream.as_slice()?,
@@ -32,7 +32,7 @@ pub fn words<'py>(
     expect_room(4 * size_of_val(block.index))?;
     let mut found: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = found.each_mut().map(Vec::as_mut_slice);
-    let done = py.detach(|| core::words(&block, level, out));
+    let done = py.detach(|| core::random_words(&block, level, out));
     done.map_err(PyValueError::new_err)?;
     Ok(found.map(|row| PyArray1::from_vec(py, row)))
 }
@@ -46,7 +46,7 @@ pub fn exponentials(
     level: Option<&str>,
 ) -> PyResult<()> {
     let values = values.as_slice_mut()?;
-    let done = py.detach(|| core::exponentials(level, values));
+    let done = py.detach(|| core::exp_in_place(level, values));
     done.map_err(PyValueError::new_err)
 }
 
@@ -59,7 +59,7 @@ pub fn logarithms(
     level: Option<&str>,
 ) -> PyResult<()> {
     let values = values.as_slice_mut()?;
-    let done = py.detach(|| core::logarithms(level, values));
+    let done = py.detach(|| core::log_in_place(level, values));
     done.map_err(PyValueError::new_err)
 }
 
@@ -69,33 +69,33 @@ pub fn uniforms<'py>(
     py: Python<'py>,
     words: PyReadonlyArray1<'py, u32>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-    let found = core::uniforms(words.as_slice()?);
+    let found = core::uniform_numbers(words.as_slice()?);
     Ok(PyArray1::from_vec(py, found))
 }
 
 /// Put the larger of each number and another in its place; the other is one, or one for each.
 #[pyfunction]
 pub fn larger(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
-    with_others(values.as_slice_mut()?, others, core::larger)
+    with_others(values.as_slice_mut()?, others, core::maximum_in_place)
 }
 
 /// Put the smaller of each number and another in its place; the other is one, or one for each.
 #[pyfunction]
 pub fn smaller(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
-    with_others(values.as_slice_mut()?, others, core::smaller)
+    with_others(values.as_slice_mut()?, others, core::minimum_in_place)
 }
 
 fn with_others(
     values: &mut [f32],
     others: &Bound<'_, PyAny>,
-    work: impl Fn(&mut [f32], &Others<'_>),
+    work: impl Fn(&mut [f32], &Operand<'_>),
 ) -> PyResult<()> {
     if let Ok(each) = others.cast::<PyArray1<f32>>() {
         expect_length("others", each.len(), values.len())?;
         let each = each.try_readonly()?;
-        work(values, &Others::Each(each.as_slice()?));
+        work(values, &Operand::Each(each.as_slice()?));
     } else {
-        work(values, &Others::One(others.extract()?));
+        work(values, &Operand::One(others.extract()?));
     }
     Ok(())
 }
@@ -111,6 +111,6 @@ pub fn normal_pairs(
 ) -> PyResult<()> {
     expect_length("v", v.len(), u.len())?;
     let (u, v) = (u.as_slice_mut()?, v.as_slice_mut()?);
-    let done = py.detach(|| core::normal_pairs(level, u, v));
+    let done = py.detach(|| core::normal_pairs_in_place(level, u, v));
     done.map_err(PyValueError::new_err)
 }

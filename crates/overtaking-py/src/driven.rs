@@ -1,7 +1,7 @@
 //! Binding of `overtaking_core::driven`: a table of vehicles, changed in place.
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
-use overtaking_core::driven::{Controls, Deed, MOVING};
+use overtaking_core::pedal_driving::{Deed, PedalControls, TABLE_FIELDS};
 use overtaking_core::{Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -43,21 +43,21 @@ impl Driven<'_> {
         let inputs = Inputs {
             vehicle,
             simulation,
-            index: self.index.as_slice()?,
-            slots: self.slots,
+            scenario_index: self.index.as_slice()?,
+            num_slots: self.slots,
             constants: &constants,
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
             film_path: self.road.film_path,
             overtaking_sign: self.road.overtaking_sign,
             pose: self.road.pose,
-            ways: self.road.ways(),
+            directions: self.road.ways(),
             course_table: &self.road.course_table,
             seed: self.seed,
             steps_per_frame: 1,
-            script: None,
+            action_log: None,
         };
-        overtaking_core::driven::act(&inputs, deed, level, table.as_slice_mut()?)
+        overtaking_core::pedal_driving::act(&inputs, deed, level, table.as_slice_mut()?)
             .map_err(PyValueError::new_err)
     }
 }
@@ -88,10 +88,10 @@ pub fn drive(
     expect_length("controls", controls.len(), 3 * driven.slots)?;
     let mut rows = controls.as_slice()?.chunks_exact(driven.slots.max(1));
     let mut row = || rows.next().unwrap_or_default();
-    let controls = Controls {
+    let controls = PedalControls {
         throttle: row(),
         brake: row(),
-        angle: row(),
+        wheel_angle: row(),
         wheel_rate,
     };
     driven.act(Deed::Drive(controls, steps), level, table)
@@ -100,5 +100,5 @@ pub fn drive(
 /// Names of the rows of the table of what moves, in order.
 #[pyfunction]
 pub fn moving_fields() -> Vec<&'static str> {
-    MOVING.to_vec()
+    TABLE_FIELDS.to_vec()
 }

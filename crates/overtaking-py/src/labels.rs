@@ -4,7 +4,7 @@ use numpy::{
     PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
     PyUntypedArrayMethods,
 };
-use overtaking_core::supported;
+use overtaking_core::require_level;
 use overtaking_labels::{
     ENCOUNTER_NAMES, EVENT_NAMES, EgoSignals, EncounterPair, EventThresholds, FRAME_NAMES,
     LawNumbers, LimitQuery, MOMENT_NAMES, NO_VEHICLE, NUM_ROLES, NeighbourSignals, SPAN_NAMES,
@@ -35,7 +35,7 @@ macro_rules! visibility_arrays {
             fn inputs<'a>(
                 &'a self,
                 num_simulations: usize,
-                constants: &'a overtaking_core::Constants,
+                constants: &'a overtaking_core::ModelConstants,
             ) -> PyResult<VisibilityInputs<'a>> {
                 $(expect_length(stringify!($field), self.$field.len(), $count * num_simulations)?;)*
                 Ok(VisibilityInputs {
@@ -122,7 +122,7 @@ pub fn ego_signals_and_events(
 ) -> PyResult<()> {
     let (recording, level) = (
         recording.packed()?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = recording.num_frames.len();
     let constants = constants.constants()?;
@@ -158,7 +158,7 @@ pub fn neighbour_signals(
 ) -> PyResult<()> {
     let (recording, level) = (
         recording.packed()?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = recording.num_frames.len();
     let cells = count * recording.max_frames;
@@ -185,7 +185,7 @@ pub fn target_signals(
 ) -> PyResult<()> {
     let (recording, level) = (
         recording.packed()?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let (signals, target_slot) = (signals.views(&recording)?, target_slot.as_slice()?);
     let count = recording.num_frames.len();
@@ -225,7 +225,7 @@ pub fn frames_alongside<'py>(
 ) -> PyResult<AlongsideArrays<'py>> {
     let (recording, level) = (
         recording.packed()?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let signals = signals.views_without_neighbours(&recording)?;
     let (target_slot, span) = (target_slot.as_slice()?, span.as_slice()?);
@@ -276,7 +276,7 @@ pub fn scan_spans(
 ) -> PyResult<()> {
     let (recording, level) = (
         recording.packed()?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let (signals, count) = (signals.views(&recording)?, recording.num_frames.len());
     let SpanOutputArrays {
@@ -341,7 +341,7 @@ pub fn limit_margins(
 ) -> PyResult<()> {
     let (signal, level) = (
         rows_of_two(&signal)?,
-        supported(level).map_err(PyValueError::new_err)?,
+        require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = signal.len();
     expect_length("span", span.len(), 2 * count)?;
@@ -386,7 +386,7 @@ pub fn encounter_measures(
     mut out: PyReadwriteArray2<'_, f32>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let level = supported(level).map_err(PyValueError::new_err)?;
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     let [simulations, num_slots, frames] = recording.shape()?;
     let count = slot.len();
     expect_length(

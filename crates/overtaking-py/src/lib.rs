@@ -13,11 +13,11 @@ mod spread;
 mod stepper;
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
-use overtaking_core::orders::{Kind, PARTS, Script};
+use overtaking_core::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
 use overtaking_core::pool::process_pool;
 use overtaking_core::{
-    Constants, Inputs, Later, MAX_PERCEPTS, MAX_STATIONS, MAX_VEHICLES, Output, SIMULATION_NAMES,
-    VEHICLE_NAMES, Ways, supported, with_outputs,
+    Inputs, MAX_PERCEPTS, MAX_STATIONS, MAX_VEHICLES, ModelConstants, Output, ParameterSwitch,
+    RoadDirections, SIMULATION_NAMES, VEHICLE_NAMES, require_level, with_outputs,
 };
 use overtaking_portable::{is_compiled, simulate_at};
 use pyo3::exceptions::PyValueError;
@@ -46,8 +46,8 @@ struct Road {
 }
 
 impl Road {
-    fn ways(&self) -> Ways {
-        Ways {
+    fn ways(&self) -> RoadDirections {
+        RoadDirections {
             num_own_lanes: self.num_own_lanes.clamp(1, 8),
             has_oncoming_traffic: self.has_oncoming_traffic,
             length: self.length,
@@ -70,9 +70,9 @@ struct Numbers {
 }
 
 impl Numbers {
-    fn constants(&self) -> PyResult<Constants> {
-        expect_length("constants", self.values.len(), Constants::NAMES.len())?;
-        let mut constants = Constants::default();
+    fn constants(&self) -> PyResult<ModelConstants> {
+        expect_length("constants", self.values.len(), ModelConstants::NAMES.len())?;
+        let mut constants = ModelConstants::default();
         constants.set(&self.values);
         constants.friction_new = self.friction_new;
         constants.friction_worn = self.friction_worn;
@@ -159,19 +159,19 @@ fn simulate(
     let later: Vec<_> = later
         .iter()
         .map(|(vehicle, simulation, index, errors, switch)| {
-            Ok(Later {
+            Ok(ParameterSwitch {
                 vehicle: vehicle.as_slice()?,
                 simulation: simulation.as_slice()?,
-                index: index.as_slice()?,
+                scenario_index: index.as_slice()?,
                 judgement_errors: errors.as_ref().map(|one| one.as_slice()).transpose()?,
-                switch: *switch,
+                step: *switch,
             })
         })
         .collect::<PyResult<_>>()?;
     for later in &later {
         expect_length("later vehicle", later.vehicle.len(), vehicle.len())?;
         expect_length("later simulation", later.simulation.len(), simulation.len())?;
-        expect_length("later index", later.index.len(), index.len())?;
+        expect_length("later index", later.scenario_index.len(), index.len())?;
         let errors = later.judgement_errors.map_or(2 * batch, <[f32]>::len);
         expect_length("later errors", errors, 2 * batch)?;
     }
@@ -179,21 +179,21 @@ fn simulate(
     let inputs = Inputs {
         vehicle,
         simulation,
-        index,
-        slots,
+        scenario_index: index,
+        num_slots: slots,
         constants: &constants,
         num_lanes: road.num_lanes.clamp(1, 8),
         boundaries: road.boundaries,
         film_path: road.film_path,
         overtaking_sign: road.overtaking_sign,
         pose: road.pose,
-        ways: road.ways(),
+        directions: road.ways(),
         course_table: &road.course_table,
         seed,
         steps_per_frame,
-        script: script.transpose()?,
+        action_log: script.transpose()?,
     };
-    let level = supported(level).map_err(PyValueError::new_err)?;
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     let room = batch * SIMULATION_BYTES;
     let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &later, out));
     let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
@@ -204,18 +204,18 @@ fn simulate(
 fn script<'a>(
     (kind, values): &'a (String, PyReadonlyArray3<'_, i32>),
     batch: usize,
-) -> PyResult<Script<'a>> {
+) -> PyResult<ActionLog<'a>> {
     let [simulations, decisions, parts] = *values.shape() else {
         unreachable!("an array of three axes has three lengths");
     };
-    let kind =
-        Kind::named(kind).ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
+    let kind = ActionKind::from_name(kind)
+        .ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
     expect_length("actions", simulations, batch)?;
-    expect_length("parts", parts, PARTS)?;
+    expect_length("parts", parts, MAX_ACTION_PARTS)?;
     if decisions == 0 {
         return Err(PyValueError::new_err("actions: expected one decision"));
     }
-    Ok(Script {
+    Ok(ActionLog {
         kind,
         values: values.as_slice()?,
         decisions,
@@ -237,13 +237,13 @@ fn simulation_fields() -> Vec<&'static str> {
 /// Names of the constants, in order.
 #[pyfunction]
 fn constant_fields() -> Vec<&'static str> {
-    Constants::NAMES.to_vec()
+    ModelConstants::NAMES.to_vec()
 }
 
 /// Every SIMD level, and whether it is compiled and this CPU can run it.
 #[pyfunction]
 fn simd_levels() -> Vec<(&'static str, bool)> {
-    overtaking_core::available_levels()
+    overtaking_core::simd_levels()
         .into_iter()
         .map(|(name, is_known)| (name, is_known && is_compiled(name)))
         .collect()
@@ -252,7 +252,7 @@ fn simd_levels() -> Vec<(&'static str, bool)> {
 /// The SIMD level that is used when none is asked for.
 #[pyfunction]
 fn simd_level() -> &'static str {
-    overtaking_core::current_level()
+    overtaking_core::default_level_name()
 }
 
 /// Threads of the pool that simulations are spread over.

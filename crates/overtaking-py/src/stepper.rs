@@ -9,15 +9,15 @@ use std::thread::{Builder, JoinHandle};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
-use overtaking_core::observation::{
+use overtaking_core::ego_action::{ActionKind, MAX_ACTION_PARTS};
+use overtaking_core::observation_table::{
     EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, OBSERVATION_SIZE, ObservationSource,
     PASSING_COLUMN_NAMES,
 };
-use overtaking_core::orders::{Kind, PARTS};
 use overtaking_core::pool::process_pool;
-use overtaking_core::stepper::{Answer, Fresh, Request, Talk};
+use overtaking_core::run::stepped_batch::{Fresh, Observed, Request, Talk};
 use overtaking_core::{
-    Constants, Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES, supported,
+    Inputs, MAX_VEHICLES, ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, require_level,
 };
 use overtaking_portable::serve_at;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -54,7 +54,7 @@ struct Kept {
     seed: u64,
     steps_per_frame: u32,
     road: Road,
-    constants: Constants,
+    constants: ModelConstants,
 }
 
 impl Batch<'_> {
@@ -94,19 +94,19 @@ impl Kept {
         Inputs {
             vehicle: &self.vehicle,
             simulation: &self.simulation,
-            index: &self.index,
-            slots: self.slots,
+            scenario_index: &self.index,
+            num_slots: self.slots,
             constants: &self.constants,
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
             film_path: self.road.film_path,
             overtaking_sign: self.road.overtaking_sign,
             pose: self.road.pose,
-            ways: self.road.ways(),
+            directions: self.road.ways(),
             course_table: &self.road.course_table,
             seed: self.seed,
             steps_per_frame: self.steps_per_frame,
-            script: None,
+            action_log: None,
         }
     }
 }
@@ -124,13 +124,13 @@ pub struct Stepper {
 /// The line to the thread that simulates it.
 struct Line {
     requests: Sender<Request>,
-    answers: Receiver<Answer>,
+    answers: Receiver<Observed>,
     thread: JoinHandle<()>,
 }
 
 /// Observations of the egos, (simulation, field), which simulations run, and how many decisions of the
 /// request each simulation has carried out.
-type Observed<'py> = (
+type ObservedArrays<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<u32>>,
@@ -147,10 +147,11 @@ impl Stepper {
         level: Option<&str>,
     ) -> PyResult<Self> {
         let known = |name| {
-            Kind::named(name).ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
+            ActionKind::from_name(name)
+                .ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
         };
         let kind = kind.map(known).transpose()?;
-        let level = supported(level).map_err(PyValueError::new_err)?;
+        let level = require_level(level).map_err(PyValueError::new_err)?;
         let count = batch.index.len();
         // The parameters are copied, and each simulation has states, a history and a row of each answer.
         expect_room(count.saturating_mul(STEPPED_BYTES))?;
@@ -190,7 +191,7 @@ impl Stepper {
     }
 
     /// What is observed at first.
-    fn begin<'py>(&self, py: Python<'py>) -> PyResult<Observed<'py>> {
+    fn begin<'py>(&self, py: Python<'py>) -> PyResult<ObservedArrays<'py>> {
         self.ask(py, self.batch, None)
     }
 
@@ -200,8 +201,8 @@ impl Stepper {
         py: Python<'py>,
         values: PyReadonlyArray2<'py, i32>,
         decisions: u32,
-    ) -> PyResult<Observed<'py>> {
-        expect_length("values", values.len(), self.batch * PARTS)?;
+    ) -> PyResult<ObservedArrays<'py>> {
+        expect_length("values", values.len(), self.batch * MAX_ACTION_PARTS)?;
         let values = values.as_slice()?.to_vec();
         self.ask(py, self.batch, Some(Request::Go { values, decisions }))
     }
@@ -212,7 +213,7 @@ impl Stepper {
         py: Python<'py>,
         rows: PyReadonlyArray1<'py, i64>,
         batch: Batch<'py>,
-    ) -> PyResult<Observed<'py>> {
+    ) -> PyResult<ObservedArrays<'py>> {
         let rows: Vec<_> = rows.as_slice()?.iter().map(|row| *row as usize).collect();
         let kept = batch.kept()?;
         expect_length("rows", rows.len(), kept.index.len())?;
@@ -239,7 +240,7 @@ impl Stepper {
         py: Python<'py>,
         rows: usize,
         request: Option<Request>,
-    ) -> PyResult<Observed<'py>> {
+    ) -> PyResult<ObservedArrays<'py>> {
         if self.process != id() {
             return Err(PyRuntimeError::new_err(
                 "simulations that are driven: expected calls from the process that began them, got one \

@@ -39,7 +39,7 @@ from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
-from overtaking.sim.driving import Driver
+from overtaking.sim.external_driver import Driver
 
 if TYPE_CHECKING:
     from overtaking.analysis.database.query import Answer

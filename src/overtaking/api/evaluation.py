@@ -34,10 +34,10 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles
-from overtaking.sim import driving, policies
-from overtaking.sim.driving import Driver
-from overtaking.sim.observation import DriverFunction
-from overtaking.sim.sensor import Sensor
+from overtaking.sim import built_in_drivers, external_driver
+from overtaking.sim.ego_observation import DriverFunction
+from overtaking.sim.external_driver import Driver
+from overtaking.sim.sensors import Sensor
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
@@ -49,8 +49,10 @@ HUMAN, STAY = "human", "stay"
 
 BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
     HUMAN: None,
-    STAY: Driver(function=policies.stay, observation="human", action="decision", name=STAY),
-    "rules": Driver(function=policies.rules, observation="human", action="decision", name="rules"),
+    STAY: Driver(function=built_in_drivers.stay, observation="human", action="decision", name=STAY),
+    "rules": Driver(
+        function=built_in_drivers.rules, observation="human", action="decision", name="rules"
+    ),
 }
 """Drivers of the package by name. None marks the human model, which the engine itself computes.
 
@@ -264,7 +266,7 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
         name=short_name,
         source=driver.display_name,
         simulate=partial(_simulate_with_driver, driver=driver),
-        digest=driver.digest,
+        digest=driver.sha256,
         observe="sensor" if isinstance(driver.observation, Sensor) else driver.observation,
         action=driver.action,
     )
@@ -272,7 +274,7 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
 
 def _simulate_with_driver(scenario: Scenario, driver: Driver) -> Trajectories:
     """Simulate a batch of scenarios on the engine, with the driver in every ego."""
-    return driving.drive(scenario, driver, simulator_module("engine").run)
+    return external_driver.drive(scenario, driver, simulator_module("engine").run)
 
 
 def load_driver(
@@ -285,8 +287,8 @@ def load_driver(
             callable; or the path of an ONNX file with a neural network.
         observation: Input of the driver: `human` for the perception of a human, `truth` for the
             exact state, or a TOML file with the numbers of a sensor (ranges, errors, latency).
-        action: Output of the driver, a name in `sim.controls.CONTROLS` such as `accel_lane`
-            (acceleration and lane) or `decision` (lane changes only).
+        action: Output of the driver, a name in `sim.action_spaces.ACTION_SPACES` such as
+            `accel_lane` (acceleration and lane) or `decision` (lane changes only).
         action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200.
         option: Option of the command line that gave `name`, for error messages.
 
@@ -297,7 +299,7 @@ def load_driver(
     is_sensor_file = observation.endswith(".toml")
     driver = Driver(
         function=load_driver_function(name, option),
-        observation=Sensor.read(observation) if is_sensor_file else observation,
+        observation=Sensor.from_file(observation) if is_sensor_file else observation,
         action=action,
         action_repeat=action_repeat,
         name=name,
@@ -309,9 +311,9 @@ def load_driver(
 def _check_num_parts(driver: Driver) -> None:
     """Refuse a network with more or fewer output values per simulation than its action has.
 
-    Functions do not state their number of values; `sim.driving` checks their answers.
+    Functions do not state their number of values; `sim.external_driver` checks their answers.
     """
-    parts = driver.control.parts
+    parts = driver.action_space.parts
     num_parts = getattr(driver.function, "num_parts", len(parts))
     if num_parts != len(parts):
         raise ConfigError(
@@ -340,7 +342,7 @@ def load_driver_function(
         MissingExtraError: The name is an ONNX file, and the extra `onnx` is not installed.
     """
     if name.endswith(".onnx"):
-        from overtaking.sim.networks import OnnxDriver
+        from overtaking.sim.built_in_drivers import OnnxDriver
 
         return OnnxDriver(Path(name))
     module_or_file, _, attribute = name.rpartition(":")

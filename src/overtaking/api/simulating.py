@@ -45,11 +45,11 @@ from overtaking.model.trajectories import BYTES_PER_STATE, Trajectories
 from overtaking.model.weather import Weather
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
-from overtaking.sim import driving
-from overtaking.sim.branch import branch as branch_batch
-from overtaking.sim.branch import changed
-from overtaking.sim.driving import OBSERVATION_SOURCES, Driver
-from overtaking.sim.sensor import Sensor
+from overtaking.sim import external_driver
+from overtaking.sim.branching import apply_intervention
+from overtaking.sim.branching import branch as branch_batch
+from overtaking.sim.external_driver import OBSERVATION_SOURCES, Driver
+from overtaking.sim.sensors import Sensor
 from overtaking.world.constants import STEP_MS
 
 BYTES_PER_LABELLED_FRAME = 64
@@ -175,7 +175,7 @@ def branch(
     # argument `weather` is checked in the same way.
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
-        check_batch(changed(scenario, intervention), "branch")
+        check_batch(apply_intervention(scenario, intervention), "branch")
     return branch_batch(
         source, frame, decision=decision, weather=weather, interventions=interventions, run=run
     )
@@ -310,7 +310,7 @@ def drive(
                 next_step="state it, because results depend on it",
             )
         driver = Driver(function=driver, **explicit_settings)
-    return driving.drive(scenario, driver, run, simulator)
+    return external_driver.drive(scenario, driver, run, simulator)
 
 
 def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
@@ -322,7 +322,9 @@ def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
     """
     base = get_simulator(simulator)
     run = simulator_module(simulator, MODEL_SIMULATORS).run
-    simulate_with_driver = partial(driving.drive, driver=driver, run=run, simulator=simulator)
+    simulate_with_driver = partial(
+        external_driver.drive, driver=driver, run=run, simulator=simulator
+    )
     # A driver may keep a state between calls, so one process calls it, for one batch at a time.
     # `shares_world` means: like a server that all processes share, it cannot run in several.
     return dataclasses.replace(base, simulate=simulate_with_driver, threads=1, shares_world=True)
@@ -337,7 +339,7 @@ def driver_record(driver: Driver) -> PolicyRecord:
     return PolicyRecord(
         name=driver.display_name,
         version=driver.version,
-        digest=driver.digest,
+        digest=driver.sha256,
         observe=dataclasses.asdict(sensor) if isinstance(sensor, Sensor) else sensor,
         action=driver.action,
         hold=driver.action_repeat,

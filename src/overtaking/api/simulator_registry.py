@@ -23,7 +23,7 @@ from overtaking.model.driver_interface import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.scenarios.specification import Specification
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
 from overtaking.world.step_parameters import step_parameters
 
 ProfileSource = str | Path | Mapping[str, Any] | Specification

@@ -25,8 +25,8 @@ from overtaking.model.scenario import Intervention, Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
-from overtaking.sim.branch import branch, changed
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
+from overtaking.sim.branching import apply_intervention, branch
 
 BY = "engine"
 """The simulator in the manifest."""
@@ -177,7 +177,7 @@ def drawn(
             got=f"recordings in the format {identity.profile}",
             next_step="generate one; recorded traffic cannot answer a change",
         )
-    change = None if redrawn is None else partial(changed, change=redrawn)
+    change = None if redrawn is None else partial(apply_intervention, change=redrawn)
     numbers = np.array([index], np.uint64)
     return ScenarioSource(
         load_specification(identity.spec, overrides), identity.road, identity.seed

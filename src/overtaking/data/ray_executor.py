@@ -19,7 +19,7 @@ from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError,
 from overtaking.data.location import Location
 from overtaking.data.manifest import ShardRecord
 from overtaking.data.work import HasShard, OnDone, Work
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
 
 MAX_RETRIES = 10
 """Further attempts at a shard after its worker has died."""

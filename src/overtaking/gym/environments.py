@@ -42,8 +42,8 @@ from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles
 from overtaking.scenarios.sampler import MAX_SEED
-from overtaking.sim.controls import CONTROLS
-from overtaking.sim.driving import MAX_ACTION_REPEAT, OBSERVATION_SOURCES
+from overtaking.sim.action_spaces import ACTION_SPACES
+from overtaking.sim.external_driver import MAX_ACTION_REPEAT, OBSERVATION_SOURCES
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 MAX_ENVS = 1_000_000
@@ -154,7 +154,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     ) -> None:
         """Check the arguments; `reset` draws the first scenarios."""
         check_choice(observation, OBSERVATION_SOURCES, what="observation", where="gym")
-        check_choice(action, CONTROLS, what="action", where="gym")
+        check_choice(action, ACTION_SPACES, what="action", where="gym")
         num_envs = check_whole_number(num_envs, 1, MAX_ENVS, what="num_envs", where="gym")
         action_repeat = check_whole_number(
             action_repeat, 1, MAX_ACTION_REPEAT, what="action_repeat", where="gym"

@@ -36,10 +36,9 @@ from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios import sampler, specification
 from overtaking.sim import engine
-from overtaking.sim.controls import CONTROLS
-from overtaking.sim.driving import rounded
-from overtaking.sim.observation import EgoObservation
-from overtaking.sim.stepping import Renewable
+from overtaking.sim.action_spaces import ACTION_SPACES, to_action_integers
+from overtaking.sim.ego_observation import EgoObservation
+from overtaking.sim.stepping import EngineStepper
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
 from overtaking.world.step_parameters import (
     SIMULATION_FIELDS,
@@ -261,8 +260,8 @@ class EpisodeBatch:
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)
         self.num_clipped = np.zeros(num_envs, np.int64)
-        self._stepper = Renewable(params, self._kind, is_true=settings.observes_truth)
-        observed = self._stepper.begin()
+        self._stepper = EngineStepper(params, self._kind, is_true=settings.observes_truth)
+        observed = self._stepper.observe_start()
         self.observations, self.is_running = observed.table, observed.runs
 
     def __getstate__(self) -> dict[str, Any]:
@@ -295,7 +294,7 @@ class EpisodeBatch:
         Args:
             action: Actions of the kind `settings.action`, shape (env, part), within their limits.
         """
-        control, action_repeat = CONTROLS[self._settings.action], self._settings.action_repeat
+        control, action_repeat = ACTION_SPACES[self._settings.action], self._settings.action_repeat
         self.num_step_decisions = np.zeros(self._settings.num_envs, np.int64)
         if control.plan is None:
             self._carry_out(action, action_repeat)
@@ -322,7 +321,7 @@ class EpisodeBatch:
         for row, ref in zip(rows, refs, strict=True):
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
-        observed = self._stepper.renew(rows, params)
+        observed = self._stepper.restart(rows, params)
         self.observations[rows], self.is_running[rows] = observed.table, observed.runs
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index
@@ -362,7 +361,7 @@ class EpisodeBatch:
     @property
     def _kind(self) -> str:
         """Kind of action that the engine carries out, a key of `ACTION_KINDS`."""
-        return CONTROLS[self._settings.action].kind
+        return ACTION_SPACES[self._settings.action].kind
 
     @property
     def _parts(self) -> tuple[Any, ...]:
@@ -392,7 +391,7 @@ class EpisodeBatch:
         """
         # Integers, in steps of each part's resolution, shape (env, MAX_ACTION_PARTS); 0 for parts
         # that this kind of action lacks.
-        values = rounded(action, self.is_running, self._parts)
+        values = to_action_integers(action, self.is_running, self._parts)
         observed = self._stepper.step(values, num_decisions)
         rows = np.flatnonzero(observed.num_decisions)
         for decision in range(num_decisions):
@@ -426,11 +425,11 @@ class EpisodeBatch:
         actions = Actions(values=values, kind=self._kind)
         return engine.run(join_scenarios(refs), params, actions=actions)
 
-    def _replay_actions(self) -> Renewable:
+    def _replay_actions(self) -> EngineStepper:
         """A new stepper in which every episode has its present state."""
         params = join_parameters(sort_refs(self._refs))
-        stepper = Renewable(params, self._kind, is_true=self._settings.observes_truth)
-        stepper.begin()
+        stepper = EngineStepper(params, self._kind, is_true=self._settings.observes_truth)
+        stepper.observe_start()
         # The stepper advances all rows together, but their episodes have different ages. So each
         # row starts its episode again when as many decisions remain as the episode has had, and all
         # reach their present states at the same time. Before, the row runs with actions of zero,
@@ -441,7 +440,7 @@ class EpisodeBatch:
         for decision in range(duration + 1):
             if len(rows := np.flatnonzero((start == decision) & (start > 0))):
                 refs = sort_refs([self._refs[row] for row in rows])
-                stepper.renew(rows, join_parameters(refs))
+                stepper.restart(rows, join_parameters(refs))
             if decision < duration:
                 values = np.zeros((self._settings.num_envs, MAX_ACTION_PARTS), np.int32)
                 rows = np.flatnonzero(start <= decision)

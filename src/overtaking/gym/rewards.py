@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.distances import lawful_gap
-from overtaking.sim.observation import EgoObservation
+from overtaking.sim.ego_observation import EgoObservation
 
 CRASH_COST: Final = 100.0
 """Cost of an accident, as lost time [s]. Chosen: more than any overtake can gain."""

@@ -24,9 +24,8 @@ from overtaking.model.driver_interface import (
     Move,
 )
 from overtaking.model.trajectories import Stage
-from overtaking.sim.controls import CONTROLS
-from overtaking.sim.driving import limited
-from overtaking.sim.observation import EgoObservation
+from overtaking.sim.action_spaces import ACTION_SPACES, clip_to_limits
+from overtaking.sim.ego_observation import EgoObservation
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +164,7 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     """
     if action == "decision":
         return spaces.Discrete(len(Move))
-    parts = CONTROLS[action].parts
+    parts = ACTION_SPACES[action].parts
     low, high = ([getattr(part, name) for part in parts] for name in ("low", "high"))
     return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
@@ -193,7 +192,7 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
     Raises:
         ConfigError: The actions have another shape, or are not finite.
     """
-    parts = CONTROLS[action].parts
+    parts = ACTION_SPACES[action].parts
     values = np.asarray(actions, np.float64)
     if values.shape == (num_envs,) and len(parts) == 1:
         values = values[:, None]
@@ -207,4 +206,4 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
             next_step="correct the agent",
         )
     # `limited` clips and compares; differences below half a part's resolution count as rounding.
-    return ClippedActions(*limited(values, parts))
+    return ClippedActions(*clip_to_limits(values, parts))

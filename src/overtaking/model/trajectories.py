@@ -147,8 +147,8 @@ class States(Batch):
     steered front wheels. `lane` and `lights` declare no column, because tables compute columns of
     other forms from them.
 
-    To add a state, add a field here, and its formula in `sim.reference.recording` and in the file
-    `words.rs` of the engine. Memory, hash, tables and pages follow, in the order of the fields.
+    To add a state, add a field here, and its formula in `sim.reference.recorder` and in the file
+    `recorder.rs` of the engine. Memory, hash, tables and pages follow, in the order of the fields.
     """
 
     AXES = ("simulation", "vehicle", "time")

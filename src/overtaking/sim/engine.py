@@ -25,7 +25,7 @@ from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 
 _WIDE, _BYTE = np.int32, np.uint8
-_BELIEFS = {
+_BELIEF_TYPES = {
     name: _BYTE if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
     if field.dtype and field.axes == Percepts.AXES
@@ -70,7 +70,9 @@ def run(
         buffers: As in `simulate`.
     """
     room = -(-given.num_frames // _core.LANES) * _core.LANES
-    outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
+    outputs = _allocate_outputs(
+        scenario.num_simulations, scenario.num_slots, room, buffers or Buffers()
+    )
     forced = simd_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
     afterwards = [
@@ -98,7 +100,7 @@ def run(
         actions=None if actions is None else (actions.kind, actions.values),
         level=forced,
     )
-    return dataclasses.replace(_trajectories(scenario, outputs), actions=actions)
+    return dataclasses.replace(_to_trajectories(scenario, outputs), actions=actions)
 
 
 def _flat(judged: F32 | None) -> F32 | None:
@@ -125,7 +127,9 @@ def road_values(given: StepParameters) -> dict[str, Any]:
     }
 
 
-def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
+def _allocate_outputs(
+    batch: int, slots: int, frames: int, buffers: Buffers
+) -> dict[str, NDArray[Any]]:
     array = buffers.array
     shape = (batch, slots, frames)
     states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
@@ -142,16 +146,16 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
         f"percept_{name}": array(f"percept_{name}", rows, _BYTE) for name in ("valid", "kind")
     }
     outputs["percept_time"] = array("percept_time", rows, _WIDE)
-    for name, dtype in _BELIEFS.items():
+    for name, dtype in _BELIEF_TYPES.items():
         outputs[f"percept_{name}"] = array(f"percept_{name}", (*rows, 3), dtype)
     outputs["trace_hash"] = array("trace_hash", (batch, 4), np.uint32)
     return outputs
 
 
-def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
+def _to_trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
     # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
     longest = int(out["num_frames"].max(initial=1))
-    states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_DTYPES})
+    states = States(**{name: _read_only(out[name][:, :, :longest]) for name in STATE_DTYPES})
     running = np.arange(longest) < out["num_frames"][:, None, None]
     there = scenario.vehicles.valid[:, :, None] & running
     return Trajectories(
@@ -171,13 +175,13 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
             kind=out["percept_kind"],
             time=out["percept_time"],
             is_detected=out["percept_is_detected"].view(bool),
-            **{name: out[f"percept_{name}"] for name in _BELIEFS if name != "is_detected"},
+            **{name: out[f"percept_{name}"] for name in _BELIEF_TYPES if name != "is_detected"},
         ),
         trace_hash=out["trace_hash"],
     )
 
 
-def _kept(states: NDArray[Any]) -> NDArray[Any]:
+def _read_only(states: NDArray[Any]) -> NDArray[Any]:
     """Recorded states, read-only: the zeros behind them are not cleared again."""
     states.setflags(write=False)
     return states

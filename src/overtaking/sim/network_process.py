@@ -15,7 +15,7 @@ import onnxruntime
 
 from overtaking.core.process_limits import limit_process
 from overtaking.model.driver_interface import MAX_ACTION_PARTS
-from overtaking.sim.networks import READY
+from overtaking.sim.built_in_drivers import READY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

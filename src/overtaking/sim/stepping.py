@@ -1,17 +1,27 @@
 """A batch that another driver takes from decision to decision, on either engine."""
 
-from typing import Any, Protocol
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.native import simd_level
+from overtaking.model.driver_interface import MAX_ACTION_PARTS, split_observation
 from overtaking.sim.engine import road_values
-from overtaking.sim.reference.stepper import SteppedObservation
-from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
+from overtaking.sim.reference.simulation import ReferenceStepper as ReferenceStepper
+from overtaking.sim.reference.simulation import SteppedObservation
 from overtaking.world.constants import engine_constants
-from overtaking.world.step_parameters import StepParameters
+from overtaking.world.step_parameters import StepParameters, step_parameters
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.core.arrays import F32
+    from overtaking.model.driver_interface import Actions
+    from overtaking.model.scenario import Scenario
 
 
 class Stepper(Protocol):
@@ -20,7 +30,7 @@ class Stepper(Protocol):
     The last observation of a simulation is the one at its end, even if an order was to hold longer.
     """
 
-    def begin(self) -> SteppedObservation:
+    def observe_start(self) -> SteppedObservation:
         """The observations at the start."""
         ...
 
@@ -34,7 +44,61 @@ class Stepper(Protocol):
         ...
 
 
-def stepper(
+class EngineStepper:
+    """The compiled stepper, in whose rows new simulations can begin while others go on.
+
+    Args:
+        given: Parameters of a batch.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
+            decides.
+        is_true: Whether the truth is observed, not what the ego believes.
+        level: As in `stepper`.
+    """
+
+    def __init__(
+        self, given: StepParameters, kind: str | None, *, is_true: bool, level: str | None = None
+    ) -> None:
+        """Stand before the first decision."""
+        self._batch = _core.Stepper(_values(given), kind, is_true, simd_level(level))
+
+    def observe_start(self) -> SteppedObservation:
+        """As `Stepper.begin`."""
+        return SteppedObservation(*self._batch.begin())
+
+    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+        """As `Stepper.step`."""
+        return SteppedObservation(*self._batch.step(values, decisions))
+
+    def restart(self, rows: NDArray[np.int64], parameters: StepParameters) -> SteppedObservation:
+        """Begin new simulations in some rows.
+
+        Args:
+            rows: The rows in which they begin, each once.
+            parameters: Their parameters: on the same road, with the same seed and number of slots.
+
+        Returns:
+            The observations at their start, shape (row, `OBSERVATION_SIZE`).
+        """
+        return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeliefTrace:
+    """Beliefs of the egos of a batch at each decision, 20 a second; NaN once a simulation is over.
+
+    Attributes:
+        ego: Columns of the egos, shape (decision, simulation, `EGO_COLUMNS`).
+        believed: Columns of their neighbours as the egos believe them to be, shape (decision,
+            simulation, `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
+        true: True columns of the neighbours, in the same shape.
+    """
+
+    ego: F32
+    believed: F32
+    true: F32
+
+
+def new_stepper(
     given: StepParameters,
     kind: str | None,
     *,
@@ -57,45 +121,7 @@ def stepper(
     """
     if simulator == "reference":
         return ReferenceStepper(given, kind, is_true=is_true)
-    return Renewable(given, kind, is_true=is_true, level=level)
-
-
-class Renewable:
-    """The compiled stepper, in whose rows new simulations can begin while others go on.
-
-    Args:
-        given: Parameters of a batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
-            decides.
-        is_true: Whether the truth is observed, not what the ego believes.
-        level: As in `stepper`.
-    """
-
-    def __init__(
-        self, given: StepParameters, kind: str | None, *, is_true: bool, level: str | None = None
-    ) -> None:
-        """Stand before the first decision."""
-        self._batch = _core.Stepper(_values(given), kind, is_true, simd_level(level))
-
-    def begin(self) -> SteppedObservation:
-        """As `Stepper.begin`."""
-        return SteppedObservation(*self._batch.begin())
-
-    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
-        """As `Stepper.step`."""
-        return SteppedObservation(*self._batch.step(values, decisions))
-
-    def renew(self, rows: NDArray[np.int64], parameters: StepParameters) -> SteppedObservation:
-        """Begin new simulations in some rows.
-
-        Args:
-            rows: The rows in which they begin, each once.
-            parameters: Their parameters: on the same road, with the same seed and number of slots.
-
-        Returns:
-            The observations at their start, shape (row, `OBSERVATION_SIZE`).
-        """
-        return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
+    return EngineStepper(given, kind, is_true=is_true, level=level)
 
 
 def _values(given: StepParameters) -> dict[str, Any]:
@@ -110,3 +136,40 @@ def _values(given: StepParameters) -> dict[str, Any]:
         "road": road_values(given),
         "constants": engine_constants(given.constants),
     }
+
+
+def trace_beliefs(
+    scenario: Scenario, actions: Actions | None = None, simulator: str = "engine"
+) -> BeliefTrace:
+    """Simulate again, and return the beliefs of the egos at every decision.
+
+    Args:
+        scenario: A batch of scenarios.
+        actions: What another driver did with the ego; None for the model's own.
+        simulator: `engine` or `reference`; their beliefs are the same.
+    """
+    ego, believed = _trace(scenario, actions, simulator, is_true=False)
+    _, true = _trace(scenario, actions, simulator, is_true=True)
+    return BeliefTrace(ego=ego, believed=believed, true=true)
+
+
+def _trace(
+    scenario: Scenario, actions: Actions | None, simulator: str, *, is_true: bool
+) -> tuple[F32, F32]:
+    """Columns of the egos and of their neighbours."""
+    kind = None if actions is None else actions.kind
+    steps = new_stepper(step_parameters(scenario), kind, is_true=is_true, simulator=simulator)
+    nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
+    tables: list[F32] = []
+    table, runs, _ = steps.observe_start()
+    while runs.any():
+        tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
+        orders = nothing if actions is None else _actions_at(actions, len(tables) - 1)
+        table, runs, _ = steps.step(orders, 1)
+    ego, neighbours, _ = split_observation(np.stack(tables))
+    return ego, neighbours
+
+
+def _actions_at(actions: Actions, decision: int) -> np.ndarray:
+    """The orders of a decision; those of the last one where there are no more."""
+    return np.ascontiguousarray(actions.values[:, min(decision, actions.values.shape[1] - 1)])

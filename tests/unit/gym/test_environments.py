@@ -26,7 +26,7 @@ from overtaking.model.driver_interface import OBSERVATION_SIZE
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.trajectories import Stage
 from overtaking.show.video.film import Film
-from overtaking.sim.controls import CONTROLS
+from overtaking.sim.action_spaces import ACTION_SPACES
 
 SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 6.0}
 PROFILE = "pinto2023-physical"
@@ -57,7 +57,7 @@ def episodes(env: envs.OvertakingVectorEnv, steps: int, seed: int = 5) -> list[d
 
 
 @pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # Our actions have units.
-@pytest.mark.parametrize("action", CONTROLS)
+@pytest.mark.parametrize("action", ACTION_SPACES)
 def test_gymnasium_accepts_it(action):
     env = gymnasium.make(
         f"overtaking/{PROFILE}-v0",

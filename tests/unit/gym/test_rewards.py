@@ -14,7 +14,7 @@ from overtaking.gym.rewards import BREACH_COST, CRASH_COST
 from overtaking.model.driver_interface import OBSERVATION_SIZE, EgoColumns
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.trajectories import Stage
-from overtaking.sim.observation import EgoObservation
+from overtaking.sim.ego_observation import EgoObservation
 from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters
 
 from .test_environments import made, wish

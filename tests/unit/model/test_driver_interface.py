@@ -12,7 +12,7 @@ from overtaking.model.driver_interface import (
     OBSERVATION_SIZE,
     PASSING_COLUMNS,
 )
-from overtaking.sim.observation import EgoObservation
+from overtaking.sim.ego_observation import EgoObservation
 from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters
 
 

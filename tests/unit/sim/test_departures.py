@@ -17,7 +17,7 @@ EDGES = (-10.5, 0.0)
 
 def after_leaving(m: Moment, step: int = 100) -> Moment:
     borders = np.array(EDGES, np.float32)
-    collisions.leave_road(m.state, m.given.constants, m.p, borders, step)
+    collisions.wreck_off_road_vehicles(m.state, m.given.constants, m.p, borders, step)
     return m
 
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from tests.support.minds import moment
 from tests.support.worlds import Vehicle, body_of
 
-from overtaking.sim.reference.passing import reckoned_accel, time_to_gain, top_speed
+from overtaking.sim.reference.passing import expected_accel, passing_speed, time_to_gain
 
 GRAVITY, AIR_DENSITY, USABLE_POWER = 9.81, 1.2, 0.9
 
@@ -39,12 +39,12 @@ def test_drivers_reckon_with_what_their_engine_has_at_the_speed_of_passing(kind,
     m = moment([Vehicle(kind=kind, driver={"accel": 9.0})])
     given, own = m.given.constants, m.p.at_slots(0)
     speed, top = (np.array([one], np.float32) for one in (begin, end))
-    accel = reckoned_accel(given, own, speed, top)
+    accel = expected_accel(given, own, speed, top)
     taken = (end - begin) / float(accel[0])
     assert taken == pytest.approx(time_to_reach(kind, begin, end), rel=0.05)
     # Who likes less than that uses less.
     m = moment([Vehicle(kind=kind, driver={"accel": 0.2})])
-    liked = reckoned_accel(given, m.p.at_slots(0), speed, top)
+    liked = expected_accel(given, m.p.at_slots(0), speed, top)
     assert float(liked[0]) == pytest.approx(given.accelerate_gain * 0.2, rel=1e-6)
 
 
@@ -52,7 +52,7 @@ def test_the_same_way_takes_longer_past_who_is_faster():
     m = moment([Vehicle(kind="M", driver={"accel": 2.0})])
     leader = np.arange(10.0, 36.0, 5.0, dtype=np.float32)
     own = m.p.at_slots(0)
-    accel = reckoned_accel(m.given.constants, own, leader, leader + np.float32(10.0))
+    accel = expected_accel(m.given.constants, own, leader, leader + np.float32(10.0))
     needed = time_to_gain(np.float32(60.0), 0.0 * leader, np.full_like(leader, 10.0), accel)
     assert (np.diff(needed) >= 0.0).all()
     assert needed[-1] > 1.2 * needed[0]
@@ -63,7 +63,7 @@ def test_who_heeds_the_limit_heeds_it_as_much_while_passing():
     leader = np.arange(8.0, 40.0, 4.0, dtype=np.float32)
     limit, surplus = np.float32(25.0), np.float32(10.0)
     careless, half, heedful = (
-        top_speed(
+        passing_speed(
             m.p.at_slots(0)._replace(speed_limit=limit, speed_limit_compliance=np.float32(share)),
             surplus,
             leader,

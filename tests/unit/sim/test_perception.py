@@ -10,8 +10,8 @@ import pytest
 from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, wide_road
 
-from overtaking.sim.reference.perception import looks_around
-from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR
+from overtaking.sim.reference.perception import checks_mirrors_now
+from overtaking.sim.reference.state import FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER
 from overtaking.world.constants import EnabledEffects
 
 UNSEEN = 1000.0
@@ -30,7 +30,7 @@ def one_ahead(distance: float, *, speed: float = 30.0, ahead: float = 20.0, **op
 def seen(m: Moment, decisions: int = 1) -> bool:
     for _ in range(decisions - 1):
         m.look()
-    return bool(m.look().detected[LEAD, 0, 0])
+    return bool(m.look().is_detected[LEADER, 0, 0])
 
 
 def range_of_sight(effects: EnabledEffects, weather: dict[str, float], **options) -> float:
@@ -49,17 +49,17 @@ ONLY_RANGE = dataclasses.replace(CLEAR_MINDED, range=True)
 def test_a_clear_mind_believes_what_is():
     m = one_ahead(80.0)
     believed = m.look()
-    assert bool(believed.detected[LEAD, 0, 0])
-    assert float(believed.gap[LEAD, 0, 0]) == pytest.approx(80.0, abs=1e-4)
-    assert float(believed.closing[LEAD, 0, 0]) == pytest.approx(10.0, abs=1e-4)
+    assert bool(believed.is_detected[LEADER, 0, 0])
+    assert float(believed.gap[LEADER, 0, 0]) == pytest.approx(80.0, abs=1e-4)
+    assert float(believed.closing_speed[LEADER, 0, 0]) == pytest.approx(10.0, abs=1e-4)
 
 
 def test_who_is_not_noticed_is_far_away_and_does_not_approach():
     m = one_ahead(400.0, effects=ONLY_RANGE)
     believed = m.look()
-    assert not bool(believed.detected[LEAD, 0, 0])
-    assert float(believed.gap[LEAD, 0, 0]) == UNSEEN
-    assert float(believed.closing[LEAD, 0, 0]) == 0.0
+    assert not bool(believed.is_detected[LEADER, 0, 0])
+    assert float(believed.gap[LEADER, 0, 0]) == UNSEEN
+    assert float(believed.closing_speed[LEADER, 0, 0]) == 0.0
 
 
 def test_attention_ends_at_300_m_ahead_and_at_150_m_in_the_mirror():
@@ -67,7 +67,7 @@ def test_attention_ends_at_300_m_ahead_and_at_150_m_in_the_mirror():
     for gap, noticed in ((149.0, True), (151.0, False)):
         cars = [Vehicle(s=500.0), Vehicle(s=500.0 - CAR - gap)]
         m = moment(cars, effects=ONLY_RANGE)
-        assert bool(m.look().detected[REAR, 0, 0]) is noticed
+        assert bool(m.look().is_detected[FOLLOWER, 0, 0]) is noticed
 
 
 @pytest.mark.parametrize(("fog", "mor"), [(90.0, 85.0), (100.0, 50.0)])
@@ -81,7 +81,7 @@ def test_in_fog_by_day_an_unlit_car_is_seen_as_far_as_koschmieder_says(fog: floa
     reach = math.log(0.8 / 0.05) / beta
     for share, noticed in ((0.98, True), (1.02, False)):
         m.state.s[1] = share * reach + CAR
-        assert bool(m.look().detected[LEAD, 0, 0]) is noticed
+        assert bool(m.look().is_detected[LEADER, 0, 0]) is noticed
 
 
 @pytest.mark.ci
@@ -150,8 +150,8 @@ def test_a_driver_acts_on_what_was_a_reaction_time_ago_carried_on(reaction: floa
     gaps, closings = [], []
     for _ in range(ticks + 2):
         believed = m.look()
-        gaps.append(float(believed.gap[LEAD, 0, 0]))
-        closings.append(float(believed.closing[LEAD, 0, 0]))
+        gaps.append(float(believed.gap[LEADER, 0, 0]))
+        closings.append(float(believed.closing_speed[LEADER, 0, 0]))
         m.pass_time()
     np.testing.assert_allclose(gaps[:ticks], 60.0, atol=1e-3)
     np.testing.assert_allclose(closings[:ticks], 0.0, atol=1e-4)
@@ -171,12 +171,12 @@ def test_a_lorry_hides_the_car_before_it_from_a_follower_but_not_from_beside():
         Vehicle(s=60.0, lane=2),
     ]
     believed = moment(cars, effects=occluded).look()
-    assert bool(believed.detected[LEAD, 0, 0])
+    assert bool(believed.is_detected[LEADER, 0, 0])
     # The line of sight to 3.5 m aside at 200 m passes 0.3 m beside the lorry's axis: hidden.
-    assert not bool(believed.detected[FAST_LEAD, 0, 0])
-    assert bool(moment(cars, effects=CLEAR_MINDED).look().detected[FAST_LEAD, 0, 0])
+    assert not bool(believed.is_detected[LEFT_LEADER, 0, 0])
+    assert bool(moment(cars, effects=CLEAR_MINDED).look().is_detected[LEFT_LEADER, 0, 0])
     cars[1] = Vehicle(kind="M", s=20.0, lane=0)  # One looks over a car.
-    assert bool(moment(cars, effects=occluded).look().detected[FAST_LEAD, 0, 0])
+    assert bool(moment(cars, effects=occluded).look().is_detected[LEFT_LEADER, 0, 0])
 
 
 @pytest.mark.parametrize("checks", [0.0, 1.0])
@@ -186,9 +186,9 @@ def test_only_who_checks_it_sees_into_the_blind_spot(checks: float):
         Vehicle(s=97.0, lane=1),
     ]
     believed = moment(beside).look()
-    assert bool(believed.detected[FAST_REAR, 0, 0]) is bool(checks)
+    assert bool(believed.is_detected[LEFT_FOLLOWER, 0, 0]) is bool(checks)
     behind = [beside[0], Vehicle(s=100.0 - CAR - 6.0, lane=1)]
-    assert bool(moment(behind).look().detected[FAST_REAR, 0, 0])  # The mirror shows that.
+    assert bool(moment(behind).look().is_detected[LEFT_FOLLOWER, 0, 0])  # The mirror shows that.
 
 
 # Distance at which the closing of a vehicle looms by 0.003 rad/s, sqrt(w dv / 0.003).
@@ -205,8 +205,8 @@ def test_an_approach_is_felt_from_the_distance_of_looming_on(
     for share in (0.86, 0.94, 1.03):
         m = one_ahead(share * metres, speed=30.0, ahead=30.0 - closing, kind=kind, effects=looming)
         believed = m.look()
-        assert bool(believed.detected[LEAD, 0, 0])
-        felt.append(float(believed.closing[LEAD, 0, 0]))
+        assert bool(believed.is_detected[LEADER, 0, 0])
+        felt.append(float(believed.closing_speed[LEADER, 0, 0]))
     near, between, far = felt
     assert near == pytest.approx(closing, rel=1e-5)
     assert between == pytest.approx((0.94**-2 - 1.0) / 0.3 * closing, rel=0.15)
@@ -217,7 +217,7 @@ def test_distances_are_misjudged_by_a_lognormal_factor():
     m = one_ahead(80.0, effects=dataclasses.replace(CLEAR_MINDED, distance_error=True))
     for z in (-2.0, 0.0, 1.5):
         m.state.distance_error = np.full_like(m.state.s, z)
-        gap = float(m.look().gap[LEAD, 0, 0])
+        gap = float(m.look().gap[LEADER, 0, 0])
         # A coefficient of variation of 0.10 by day.
         assert gap == pytest.approx(80.0 * math.exp(0.10 * z), rel=1e-5)
 
@@ -252,7 +252,7 @@ def test_the_braking_of_those_ahead_is_seen_but_not_their_accelerating(
     for _ in range(10):
         m.look()
         m.state.vx[1] += np.float32(0.05 * change)
-    seen = m.look().accel[FAST_LEAD if lane else LEAD, 0, 0]
+    seen = m.look().accel[LEFT_LEADER if lane else LEADER, 0, 0]
     assert float(seen) == pytest.approx(expected, rel=1e-4)
 
 
@@ -262,7 +262,7 @@ def test_errors_of_distance_fade_as_contact_comes_near():
         m = one_ahead(gap, speed=20.0 + closing, ahead=20.0, effects=effects)
         m.state.distance_error = np.ones_like(m.state.s)
         expected = gap * (1.0 + share * (math.exp(0.10) - 1.0))
-        assert float(m.look().gap[LEAD, 0, 0]) == pytest.approx(expected, rel=1e-4)
+        assert float(m.look().gap[LEADER, 0, 0]) == pytest.approx(expected, rel=1e-4)
 
 
 def test_after_a_lane_change_a_known_neighbour_stays_known():
@@ -274,8 +274,8 @@ def test_after_a_lane_change_a_known_neighbour_stays_known():
     m.look()
     m.state.lane[0] += 1.0
     believed = m.look()
-    assert bool(believed.detected[LEAD, 0, 0])
-    assert bool(believed.detected[REAR, 0, 0])
+    assert bool(believed.is_detected[LEADER, 0, 0])
+    assert bool(believed.is_detected[FOLLOWER, 0, 0])
 
 
 def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
@@ -286,16 +286,16 @@ def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
         road=wide_road(),
         weather={"night": 1.0},
     )
-    assert bool(m.look().detected[FAST_REAR, 0, 0])
+    assert bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])
     m.state.s[1] = 1.0
     believed = m.look()
-    assert bool(believed.detected[FAST_LEAD, 0, 0])
+    assert bool(believed.is_detected[LEFT_LEADER, 0, 0])
     # The one far behind was never nearest before: it takes its time to be noticed.
-    assert not bool(believed.detected[FAST_REAR, 0, 0])
+    assert not bool(believed.is_detected[LEFT_FOLLOWER, 0, 0])
 
 
 def looks(m: Moment, decision: int) -> np.ndarray:
-    return looks_around(m.state, m.given, m.p, decision)
+    return checks_mirrors_now(m.state, m.given, m.p, decision)
 
 
 def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():
@@ -330,6 +330,6 @@ def test_who_comes_near_from_the_side_is_noticed_without_a_look_over_the_shoulde
         [Vehicle(s=100.0, driver={"checks_blind_spot": 0.0}), Vehicle(s=97.0, lane=1)],
         road=wide_road(),
     )
-    assert not bool(m.look().detected[FAST_REAR, 0, 0])
+    assert not bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])
     m.state.d[0] += m.state.d[1, 0] - m.state.d[0, 0] - np.float32(2.5)  # 0.7 m between them.
-    assert bool(m.look().detected[FAST_REAR, 0, 0])
+    assert bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])

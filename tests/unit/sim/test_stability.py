@@ -9,7 +9,7 @@ import pytest
 from tests.support.bench import bench
 from tests.support.worlds import Vehicle
 
-from overtaking.sim.reference import dynamics
+from overtaking.sim.reference import vehicle_dynamics
 
 THRESHOLD = 0.06
 SPEED = 30.0
@@ -21,7 +21,7 @@ def moment(r: float, wheel: float = 0.0, friction: float = 0.9) -> float:
     c = b.c.replace(stability_threshold=THRESHOLD)
     b.state.r[:] = r
     angle = np.full_like(b.state.s, wheel)
-    found = float(dynamics._stability_control(b.state, c, b.p, b.state.vx, angle)[0, 0])
+    found = float(vehicle_dynamics._stability_control(b.state, c, b.p, b.state.vx, angle)[0, 0])
     wheel_force = friction * 9.81 * float(b.p.mass[0, 0]) / 4.0
     return found / (wheel_force * float(b.p.half_track[0, 0]))
 

@@ -37,7 +37,7 @@ def quintic(start: tuple[float, float, float], end: float, duration: float) -> n
 
 def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     b.state.path_time = np.full_like(b.state.path_time, time)
-    place, speed = (float(part[0, 0]) for part in steering.path_now(b.state))
+    place, speed = (float(part[0, 0]) for part in steering.path_position(b.state))
     return place, speed, float(steering.path_accel(b.state)[0, 0])
 
 
@@ -53,9 +53,9 @@ def test_a_path_is_the_quintic_through_where_the_last_one_was_left(
     b.state.path[:] = 0.0
     everyone = np.ones_like(b.state.s, bool)
     zero = np.zeros_like(b.state.s)
-    steering.begin_path(b.state, everyone, zero + np.float32(end), zero + np.float32(duration))
+    steering.start_path(b.state, everyone, zero + np.float32(end), zero + np.float32(duration))
     left = follow_path(b, turn * duration)
-    steering.begin_path(b.state, everyone, zero + np.float32(back), zero + np.float32(second))
+    steering.start_path(b.state, everyone, zero + np.float32(back), zero + np.float32(second))
     np.testing.assert_allclose(follow_path(b, 0.0), left, atol=1e-5)  # Nothing jumps.
     expected = np.polynomial.Polynomial(quintic(left, back, second))
     place, speed, accel = follow_path(b, at * second)
@@ -70,7 +70,7 @@ def test_a_path_stays_at_its_end():
     b = bench(Vehicle())
     b.state.path[:] = 0.0
     zero = np.zeros_like(b.state.s)
-    steering.begin_path(b.state, zero == 0, zero + 3.5, zero + 4.0)
+    steering.start_path(b.state, zero == 0, zero + 3.5, zero + 4.0)
     assert follow_path(b, 4.0) == pytest.approx((3.5, 0.0, 0.0), abs=1e-5)
     assert follow_path(b, 400.0) == pytest.approx((3.5, 0.0, 0.0), abs=1e-5)
 
@@ -81,7 +81,7 @@ def test_the_peaks_of_a_lane_change_are_those_of_the_literature(duration: float)
     b = bench(Vehicle())
     b.state.path[:] = 0.0
     zero = np.zeros_like(b.state.s)
-    steering.begin_path(b.state, zero == 0, zero + LANE_WIDTH, zero + duration)
+    steering.start_path(b.state, zero == 0, zero + LANE_WIDTH, zero + duration)
     rows = np.array([follow_path(b, t) for t in np.linspace(0.0, duration, 401)])
     assert rows[:, 1].max() == pytest.approx(1.875 * LANE_WIDTH / duration, rel=1e-3)
     assert rows[:, 2].max() == pytest.approx(5.77 * LANE_WIDTH / duration**2, rel=2e-3)
@@ -92,7 +92,7 @@ def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
     rows = {name: [] for name in RECORDED}
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.hold_against_wind(b.state, b.c, b.p, k)
+        steering.update_wind_trim(b.state, b.c, b.p, k)
         ran = b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))
         for name, values in rows.items():
             values.append(ran[name])
@@ -118,7 +118,7 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]))
     centre = b.state.d.copy()
     zero = np.zeros_like(centre)
-    steering.begin_path(b.state, zero == 0, centre + LANE_WIDTH, zero + np.float32(duration))
+    steering.start_path(b.state, zero == 0, centre + LANE_WIDTH, zero + np.float32(duration))
     ran = drive(b, 16.0)
     place = ran["d"] - float(centre[0, 0])
     # Wheels and tyres answer late, and the driver asks for the path as much earlier.
@@ -161,7 +161,7 @@ def drive_after_start(b: Bench, duration: float) -> np.ndarray:
     places = []
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.hold_against_wind(b.state, b.c, b.p, k + 1)
+        steering.update_wind_trim(b.state, b.c, b.p, k + 1)
         places.append(b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))["d"])
     return np.array(places)
 

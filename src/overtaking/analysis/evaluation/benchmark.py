@@ -17,7 +17,7 @@ from overtaking.core.files import read_toml
 from overtaking.core.representation import CompactRepr
 from overtaking.scenarios import profiles
 from overtaking.scenarios.specification_values import suggestion
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -16,7 +16,7 @@ from overtaking.analysis.validation.overtakes import STRATA, strata
 from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.labels.label import label
 from overtaking.scenarios.sampler import ScenarioSource
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -33,7 +33,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.random_draws import RandomStream, SampleBlock
 from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import top_speeds
-from overtaking.sim.branch import changed
+from overtaking.sim.branching import apply_intervention
 from overtaking.world.constants import model_constants
 from overtaking.world.step_parameters import step_parameters
 
@@ -128,7 +128,7 @@ def proposals(
     scenario = many.scenario.replace(start_s=moved, start_speed=driven, drivers=drivers)
     for one in scene.world.interventions:  # Who was made another person is no other one.
         if one.frame <= frame and one.traits:
-            scenario = changed(scenario, Intervention(slot=one.slot, traits=one.traits))
+            scenario = apply_intervention(scenario, Intervention(slot=one.slot, traits=one.traits))
     return Futures(scenario=scenario, index=many.index, judged=judged)
 
 

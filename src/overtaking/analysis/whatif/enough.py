@@ -24,7 +24,7 @@ from overtaking.model.scenario import ForcedDecision, Intervention, Scenario
 from overtaking.model.vehicles import EGO_SLOT, TRAIT_RANGES
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim import engine
-from overtaking.sim.branch import branch, changed
+from overtaking.sim.branching import apply_intervention, branch
 from overtaking.world.road_parameters import has_two_directions
 
 ACCIDENTS = (OvertakeClass.UNSUCCESS_COL, OvertakeClass.UNSUCCESS_DEP)
@@ -290,7 +290,9 @@ def _classes(scene: Scene, one: Quantity, policy: str) -> tuple[Values, NDArray[
     """The changes that were made, and the class with each."""
     if one.change is None:
         return _later_classes(scene, policy)
-    made = [changed(scene.scenario, one.change(scene.scenario, value)) for value in one.steps]
+    made = [
+        apply_intervention(scene.scenario, one.change(scene.scenario, value)) for value in one.steps
+    ]
     labels = label(engine.simulate(concatenate(made))).labels
     return one.steps, labels.classes[:, labels.policies.index(policy)]
 

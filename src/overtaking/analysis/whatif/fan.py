@@ -20,7 +20,7 @@ from overtaking.labels.law import policy as policy_named
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.verdicts import OvertakeClass
-from overtaking.sim.branch import branch
+from overtaking.sim.branching import branch
 
 CONDITIONS = ("truth", "belief")
 """What the futures share: the others as they are, or what the ego believes of them."""

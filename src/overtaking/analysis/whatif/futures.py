@@ -8,7 +8,12 @@ from overtaking.core.arrays import F32, U64
 from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.sim import engine
-from overtaking.sim.branch import as_changed, changed, run_versions, versions
+from overtaking.sim.branching import (
+    apply_intervention,
+    simulate_versions,
+    versions_by_frame,
+    with_final_conditions,
+)
 
 _APART = np.uint64(1 << 40)
 """Distance of the numbers by which two futures of a simulation are drawn."""
@@ -39,7 +44,7 @@ def copies(world: BranchOrigin, frame: int, count: int) -> Futures:
     """
     scenario = world.scenario
     for one in world.interventions:
-        scenario = changed(scenario, one) if one.frame <= frame else scenario
+        scenario = apply_intervention(scenario, one) if one.frame <= frame else scenario
     many = scenario.select(np.zeros(count, np.int64))
     return Futures(
         scenario=many, index=many.scenario_index + _APART * np.arange(count, dtype=np.uint64)
@@ -56,12 +61,14 @@ def started(world: BranchOrigin, frame: int, many: Futures) -> Trajectories:
     """
     before = world.scenario.select(np.zeros(len(many.index), np.int64))
     stays = (Intervention(decision=ForcedDecision.STAY), *world.interventions)
-    stages = [one for one in versions(before, stays) if one.frame < frame]
+    stages = [one for one in versions_by_frame(before, stays) if one.frame < frame]
     later = (one for one in world.interventions if one.frame > frame)
     starts = (Intervention(frame=frame, decision=ForcedDecision.PULL_OUT), *later)
     stages += [
         replace(one, index=many.index, judged=many.judged)
-        for one in versions(many.scenario, starts)
+        for one in versions_by_frame(many.scenario, starts)
     ]
     # Places at the start are those before; what follows is judged by the people of the future.
-    return as_changed(run_versions(before, stages, engine.run), before, stages, world.interventions)
+    return with_final_conditions(
+        simulate_versions(before, stages, engine.run), before, stages, world.interventions
+    )

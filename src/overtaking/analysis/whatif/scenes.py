@@ -12,7 +12,7 @@ from overtaking.model.scenario import BranchOrigin, Intervention, Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import OvertakeClass
-from overtaking.sim.branch import branch
+from overtaking.sim.branching import branch
 
 SIMULATED_BY = ("engine", "reference")
 """The simulators whose simulations can go on in another way."""

@@ -22,7 +22,7 @@ from overtaking.show.server.whatif import DECISIONS, branch, futures
 from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.show.view.pack import pack
 from overtaking.show.view.page import report_values, words
-from overtaking.sim.beliefs import beliefs
+from overtaking.sim.stepping import trace_beliefs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -128,7 +128,7 @@ class Library:
         if run.unknown:
             raise _refused("beliefs", "a simulated driver", "a recording without percepts")
         with self._work:
-            return beliefs_at_every_decision(run, beliefs(run.scenario, run.actions))
+            return beliefs_at_every_decision(run, trace_beliefs(run.scenario, run.actions))
 
     def branch(self, number: int, asked: Branch) -> dict[str, Any]:
         """One simulation that goes on otherwise."""

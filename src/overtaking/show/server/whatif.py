@@ -20,7 +20,7 @@ from overtaking.show.contrast import contrast
 from overtaking.show.futures import CONDITION_TEXTS, fan_title, values_of_fan
 from overtaking.show.view.pack import pack
 from overtaking.show.wording import words
-from overtaking.sim import branch as branching
+from overtaking.sim import branching as branching
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

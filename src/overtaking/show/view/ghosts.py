@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.trajectories import Trajectories
-    from overtaking.sim.beliefs import Beliefs
+    from overtaking.sim.stepping import BeliefTrace
 
 _IMAGINED_SIZE_M = (4.5, 1.8)
 """Length and width of a drawn vehicle that exists only in the driver's belief."""
@@ -60,7 +60,7 @@ def recorded_beliefs(trajectories: Trajectories) -> list[dict[str, Any]]:
     return list(_recorded_beliefs(trajectories))
 
 
-def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dict[str, Any]:
+def beliefs_at_every_decision(trajectories: Trajectories, trace: BeliefTrace) -> dict[str, Any]:
     """Where the ego believes its neighbours to be, at every decision.
 
     Args:
@@ -82,7 +82,7 @@ def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dic
 
 
 def _neighbour_columns(
-    trajectories: Trajectories, trace: Beliefs, role: str, frames: NDArray[np.int64]
+    trajectories: Trajectories, trace: BeliefTrace, role: str, frames: NDArray[np.int64]
 ) -> dict[str, Any] | None:
     """Where the driver believes one neighbour to be, at every decision.
 

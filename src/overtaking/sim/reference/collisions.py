@@ -8,19 +8,20 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.state import Fields, State
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import ModelConstants
 from overtaking.world.road_parameters import RoadParameters
+from overtaking.world.step_parameters import VehicleParameters
 
 _TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
-_EVER = np.float32(1e9)  # Steps before and after which nothing happens.
+_NEVER = np.float32(1e9)  # Steps before and after which nothing happens.
 
 Pairs = dict[tuple[int, int], Mask]
 """Slots of two vehicles, and in which simulations they may touch."""
 
 
 @dataclass(slots=True, kw_only=True)
-class Box:
+class OrientedBox:
     """One vehicle of each simulation as an oriented box; arrays of shape (simulation,)."""
 
     s: F32
@@ -32,37 +33,39 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class PairFrame:
     """How the second vehicle of a pair is seen from the first; arrays of shape (simulation,).
 
     Attributes:
         turn: 1, or -1 for vehicles of opposite directions: axes of the second point the other way.
-        far_end: Sum of their positions along the road where they meet [m].
-        across: Sum of their positions across it where they meet [m].
+        road_length: Sum of their positions along the road where they meet [m].
+        edge_sum: Sum of their positions across it where they meet [m].
     """
 
     turn: F32
-    far_end: np.float32
-    across: np.float32
+    road_length: np.float32
+    edge_sum: np.float32
 
-    def place(self, s: F32, d: F32) -> tuple[F32, F32]:
+    def in_first_frame(self, s: F32, d: F32) -> tuple[F32, F32]:
         """A position of the second vehicle in the frame of the first [m]."""
         turned = self.turn < 0
-        return np.where(turned, self.far_end - s, s), np.where(turned, self.across - d, d)
+        return np.where(turned, self.road_length - s, s), np.where(turned, self.edge_sum - d, d)
 
 
-def frame_of(road: RoadParameters, p: Fields, i: int, j: int | slice) -> Frame:
+def pair_frame(road: RoadParameters, p: VehicleParameters, i: int, j: int | slice) -> PairFrame:
     """How vehicle `j` is seen from vehicle `i`."""
     turn = p.travel_sign[i] * p.travel_sign[j]
-    return Frame(turn=turn, far_end=road.length, across=road.edge_sum)
+    return PairFrame(turn=turn, road_length=road.length, edge_sum=road.edge_sum)
 
 
-def near_pairs(state: State, c: ModelConstants, road: RoadParameters, p: Fields) -> Pairs:
+def pairs_that_may_touch(
+    state: State, c: ModelConstants, road: RoadParameters, p: VehicleParameters
+) -> Pairs:
     """The pairs that may touch before the next decision, in order, and where they may."""
     found: Pairs = {}
     for i in range(len(p.valid)):
         rest = slice(i + 1, None)
-        s, d = frame_of(road, p, i, rest).place(state.s[rest], state.d[rest])
+        s, d = pair_frame(road, p, i, rest).in_first_frame(state.s[rest], state.d[rest])
         along = np.abs(s - state.s[i]) < p.half_length[i] + p.half_length[rest] + c.near_gap
         aside = np.abs(d - state.d[i]) < p.half_width[i] + p.half_width[rest] + c.near_side
         near = along & aside & (p.valid[i] > 0) & (p.valid[rest] > 0)
@@ -70,7 +73,9 @@ def near_pairs(state: State, c: ModelConstants, road: RoadParameters, p: Fields)
     return found
 
 
-def leave_road(state: State, c: ModelConstants, p: Fields, borders: F32, step: int) -> None:
+def wreck_off_road_vehicles(
+    state: State, c: ModelConstants, p: VehicleParameters, borders: F32, step: int
+) -> None:
     """Vehicles that have left the lanes, or stand across them, become wrecks that slide to rest.
 
     Args:
@@ -83,21 +88,21 @@ def leave_road(state: State, c: ModelConstants, p: Fields, borders: F32, step: i
     beyond = (state.d < borders[0] - c.edge_margin) | (state.d > borders[1] + c.edge_margin)
     lost = (beyond | (np.abs(state.psi) > c.spin_angle)) & (p.valid > 0) & (state.crashed == 0)
     state.crashed = np.where(lost, np.float32(1.0), state.crashed)
-    end_with_ego(state, c, lost[EGO_SLOT], step)
+    end_after_ego_accident(state, c, lost[EGO_SLOT], step)
 
 
-def end_with_ego(state: State, c: ModelConstants, crashed: Mask, step: int) -> None:
+def end_after_ego_accident(state: State, c: ModelConstants, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
     state.stage[EGO_SLOT] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[EGO_SLOT])
     after = np.float32(step) + np.rint(c.after_collision / c.step)
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 
 
-def collide(
+def resolve_contacts(
     state: State,
     c: ModelConstants,
     road: RoadParameters,
-    p: Fields,
+    p: VehicleParameters,
     pairs: Pairs,
     before: tuple[F32, F32],
     step: int,
@@ -119,65 +124,65 @@ def collide(
     """
     was_sound = state.crashed[EGO_SLOT] == 0
     for (i, j), near in pairs.items():
-        frame = frame_of(road, p, i, j)
-        _collide_pair(state, c, p, near, before, (step, length), (i, j), frame)
-    end_with_ego(state, c, was_sound & (state.crashed[EGO_SLOT] > 0), step)
+        frame = pair_frame(road, p, i, j)
+        _resolve_pair(state, c, p, near, before, (step, length), (i, j), frame)
+    end_after_ego_accident(state, c, was_sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 @dataclass(slots=True, kw_only=True)
-class Hit:
+class Impact:
     """A contact of two vehicles in the frame of the first; arrays of shape (simulation,).
 
     Attributes:
         mask: Where there is one.
-        along, across: Unit normal from the first to the second.
+        normal_s, normal_d: Unit normal from the first to the second.
         lever_a, lever_b: Levers of the impulse about both centres [m].
-        approach: Speed of approach along the normal [m/s].
-        instant: When they touched [s].
-        left: Rest of the step [s].
+        closing_speed: Speed of approach along the normal [m/s].
+        time: When they touched [s].
+        remaining_time: Rest of the step [s].
     """
 
     mask: Mask
-    along: F32
-    across: F32
+    normal_s: F32
+    normal_d: F32
     lever_a: F32
     lever_b: F32
-    approach: F32
-    instant: F32
-    left: F32
+    closing_speed: F32
+    time: F32
+    remaining_time: F32
 
 
-def _collide_pair(
+def _resolve_pair(
     state: State,
     c: ModelConstants,
-    p: Fields,
+    p: VehicleParameters,
     near: Mask,
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
     pair: tuple[int, int],
-    frame: Frame,
+    frame: PairFrame,
 ) -> None:
     i, j = pair
-    hit = _contact(state, c, p, near, before, during, pair, frame)
+    hit = _find_impact(state, c, p, near, before, during, pair, frame)
     if hit is None:
         return
     impulse = _impulse(c, p, hit, i, j)
-    _push(state, p, hit, i, -impulse, hit.lever_a)
-    _push(state, p, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
+    _apply_impulse(state, p, hit, i, -impulse, hit.lever_a)
+    _apply_impulse(state, p, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
     for own, other in ((i, j), (j, i)):
-        _write_down(state, hit, impulse, own, other)
+        _record_contact(state, hit, impulse, own, other)
 
 
-def _contact(
+def _find_impact(
     state: State,
     c: ModelConstants,
-    p: Fields,
+    p: VehicleParameters,
     near: Mask,
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
     pair: tuple[int, int],
-    frame: Frame,
-) -> Hit | None:
+    frame: PairFrame,
+) -> Impact | None:
     """Whether, when, where and how fast a pair touched during the step; none once it is over.
 
     None if the pair came near in no simulation, which saves most of the reference's time.
@@ -187,44 +192,46 @@ def _contact(
     """
     (step, length), (i, j) = during, pair
     one = np.float32(1.0)
-    was_s, was_d = frame.place(before[0][j], before[1][j])
-    is_s, is_d = frame.place(state.s[j], state.d[j])
+    was_s, was_d = frame.in_first_frame(before[0][j], before[1][j])
+    is_s, is_d = frame.in_first_frame(state.s[j], state.d[j])
     then = (was_s - before[0][i], was_d - before[1][i])
     now = (is_s - state.s[i], is_d - state.d[i])
     zero = np.zeros_like(now[0])
-    unturned = Frame(turn=np.ones_like(zero), far_end=frame.far_end, across=frame.across)
+    unturned = PairFrame(
+        turn=np.ones_like(zero), road_length=frame.road_length, edge_sum=frame.edge_sum
+    )
     frames = (i, unturned), (j, frame)
-    a, b = (_box(state, p, before, k, zero, zero, own) for k, own in frames)
-    overlap = first_contact(a, b, then, now)
+    a, b = (_box_at(state, p, before, k, zero, zero, own) for k, own in frames)
+    overlap = swept_overlap(a, b, then, now)
     near = near & _is_within(overlap)
     if not near.any():
         return None
     share = one - clamp(overlap[0], np.float32(0.0), one)
-    a, b = (_box(state, p, before, k, share, share * length, own) for k, own in frames)
-    overlap = first_contact(a, b, then, now)
+    a, b = (_box_at(state, p, before, k, share, share * length, own) for k, own in frames)
+    overlap = swept_overlap(a, b, then, now)
     enter, _, along, across = overlap
     enter = clamp(enter, np.float32(0.0), one)
     # Levers of any other instant than the one that the pair goes on from would make spin.
-    a, b = (_box(state, p, before, k, one - enter, share * length, own) for k, own in frames)
+    a, b = (_box_at(state, p, before, k, one - enter, share * length, own) for k, own in frames)
     arm_a, arm_b = _contact_arms(a, b)
-    velocity_a = _velocity(state, i, arm_a, unturned.turn)
-    velocity_b = _velocity(state, j, arm_b, frame.turn)
+    velocity_a = _point_velocity(state, i, arm_a, unturned.turn)
+    velocity_b = _point_velocity(state, j, arm_b, frame.turn)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
     instant = np.float32(step) * c.step + enter * length
     runs = instant < state.end_step * c.step
-    return Hit(
+    return Impact(
         mask=near & _is_within(overlap) & (approach > 0) & runs,
-        along=along,
-        across=across,
+        normal_s=along,
+        normal_d=across,
         lever_a=arm_a[0] * across - arm_a[1] * along,
         lever_b=arm_b[0] * across - arm_b[1] * along,
-        approach=approach,
-        instant=instant,
-        left=(one - enter) * length,
+        closing_speed=approach,
+        time=instant,
+        remaining_time=(one - enter) * length,
     )
 
 
-def _impulse(c: ModelConstants, p: Fields, hit: Hit, i: int, j: int) -> F32:
+def _impulse(c: ModelConstants, p: VehicleParameters, hit: Impact, i: int, j: int) -> F32:
     """Impulse along the normal of two rigid bodies without friction between them [N s].
 
     Source:
@@ -237,39 +244,39 @@ def _impulse(c: ModelConstants, p: Fields, hit: Hit, i: int, j: int) -> F32:
         + hit.lever_a * hit.lever_a * p.inverse_inertia[i]
         + hit.lever_b * hit.lever_b * p.inverse_inertia[j]
     )
-    impulse = (np.float32(1.0) + c.restitution) * hit.approach / softness
+    impulse = (np.float32(1.0) + c.restitution) * hit.closing_speed / softness
     return np.where(hit.mask, impulse, np.float32(0.0))
 
 
-def _write_down(state: State, hit: Hit, impulse: F32, own: int, other: int) -> None:
+def _record_contact(state: State, hit: Impact, impulse: F32, own: int, other: int) -> None:
     """Keep the first contact of a vehicle, and make it a wreck.
 
     Pairs are looked at by slot, so of two contacts in one step the earlier may come second.
     """
-    sooner = (state.contact_partner[own] < 0) | (hit.instant < state.contact_time[own])
+    sooner = (state.contact_partner[own] < 0) | (hit.time < state.contact_time[own])
     first = hit.mask & sooner
     state.contact_partner[own] = np.where(first, np.float32(other), state.contact_partner[own])
-    state.contact_time[own] = np.where(first, hit.instant, state.contact_time[own])
+    state.contact_time[own] = np.where(first, hit.time, state.contact_time[own])
     state.contact_impulse[own] = np.where(first, impulse, state.contact_impulse[own])
-    state.contact_speed[own] = np.where(first, hit.approach, state.contact_speed[own])
+    state.contact_speed[own] = np.where(first, hit.closing_speed, state.contact_speed[own])
     state.crashed[own] = np.where(hit.mask, np.float32(1.0), state.crashed[own])
 
 
-def _box(
+def _box_at(
     state: State,
-    p: Fields,
+    p: VehicleParameters,
     before: tuple[F32, F32],
     i: int,
     share: F32,
     left: F32,
-    frame: Frame,
-) -> Box:
+    frame: PairFrame,
+) -> OrientedBox:
     """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
     sine, cosine = sincos(state.psi[i] - left * state.r[i])
     s = state.s[i] - share * (state.s[i] - before[0][i])
     d = state.d[i] - share * (state.d[i] - before[1][i])
-    s, d = frame.place(s, d)
-    return Box(
+    s, d = frame.in_first_frame(s, d)
+    return OrientedBox(
         s=s,
         d=d,
         sine=frame.turn * sine,
@@ -285,8 +292,8 @@ def _is_within(overlap: tuple[F32, F32, F32, F32]) -> Mask:
     return (enter <= leave) & (enter <= np.float32(1.0)) & (leave >= np.float32(0.0))
 
 
-def first_contact(
-    a: Box, b: Box, then: tuple[F32, F32], now: tuple[F32, F32]
+def swept_overlap(
+    a: OrientedBox, b: OrientedBox, then: tuple[F32, F32], now: tuple[F32, F32]
 ) -> tuple[F32, F32, F32, F32]:
     """When two boxes in relative motion begin and cease to overlap, and the contact normal.
 
@@ -307,9 +314,9 @@ def first_contact(
         Ericson, Real-Time Collision Detection (2005), sections 4.4 and 5.5.8.
     """
     axes = ((a.cosine, a.sine), (-a.sine, a.cosine), (b.cosine, b.sine), (-b.sine, b.cosine))
-    enter, leave = np.full_like(a.s, -_EVER), np.full_like(a.s, _EVER)
+    enter, leave = np.full_like(a.s, -_NEVER), np.full_like(a.s, _NEVER)
     along, across = np.zeros_like(a.s), np.zeros_like(a.s)
-    for (axis_s, axis_d), limit in zip(axes, _reaches(a, b), strict=True):
+    for (axis_s, axis_d), limit in zip(axes, _overlap_distances(a, b), strict=True):
         start = then[0] * axis_s + then[1] * axis_d
         change = now[0] * axis_s + now[1] * axis_d - start
         change = np.where(np.abs(change) < _TINY, _TINY, change)
@@ -325,7 +332,7 @@ def first_contact(
     return enter, leave, along, across
 
 
-def _reaches(a: Box, b: Box) -> tuple[F32, F32, F32, F32]:
+def _overlap_distances(a: OrientedBox, b: OrientedBox) -> tuple[F32, F32, F32, F32]:
     """Distance of the centres along each axis of both boxes below which projections overlap [m]."""
     turn_cosine = np.abs(a.cosine * b.cosine + a.sine * b.sine)
     turn_sine = np.abs(a.sine * b.cosine - a.cosine * b.sine)
@@ -337,7 +344,7 @@ def _reaches(a: Box, b: Box) -> tuple[F32, F32, F32, F32]:
     )
 
 
-def _contact_arms(a: Box, b: Box) -> tuple[tuple[F32, F32], tuple[F32, F32]]:
+def _contact_arms(a: OrientedBox, b: OrientedBox) -> tuple[tuple[F32, F32], tuple[F32, F32]]:
     """Contact point relative to both centres, midway between the points nearest to the other."""
     ahead, aside = b.s - a.s, b.d - a.d
     near_a = _nearest_point(a, ahead, aside)
@@ -347,13 +354,13 @@ def _contact_arms(a: Box, b: Box) -> tuple[tuple[F32, F32], tuple[F32, F32]]:
     return point, (point[0] - ahead, point[1] - aside)
 
 
-def _nearest_point(box: Box, ahead: F32, aside: F32) -> tuple[F32, F32]:
+def _nearest_point(box: OrientedBox, ahead: F32, aside: F32) -> tuple[F32, F32]:
     along = clamp(ahead * box.cosine + aside * box.sine, -box.half_length, box.half_length)
     across = clamp(aside * box.cosine - ahead * box.sine, -box.half_width, box.half_width)
     return along * box.cosine - across * box.sine, along * box.sine + across * box.cosine
 
 
-def _velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F32, F32]:
+def _point_velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F32, F32]:
     """Velocity of a point of a vehicle, along and across, in a frame that is turned or not."""
     sine, cosine = sincos(state.psi[i])
     along = turn * (state.vx[i] * cosine - state.vy[i] * sine) - state.r[i] * arm[1]
@@ -361,16 +368,18 @@ def _velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F3
     return along, across
 
 
-def _push(state: State, p: Fields, hit: Hit, i: int, impulse: F32, lever: F32) -> None:
+def _apply_impulse(
+    state: State, p: VehicleParameters, hit: Impact, i: int, impulse: F32, lever: F32
+) -> None:
     """Change the motion of a vehicle by an impulse, and its position over the rest of the step."""
     zero = np.zeros_like(lever)
     change = impulse * p.inverse_mass[i]
-    along, across = _velocity(state, i, (zero, zero), np.ones_like(lever))
-    along, across = along + change * hit.along, across + change * hit.across
+    along, across = _point_velocity(state, i, (zero, zero), np.ones_like(lever))
+    along, across = along + change * hit.normal_s, across + change * hit.normal_d
     spin = impulse * lever * p.inverse_inertia[i]
-    state.s[i] = state.s[i] + hit.left * (change * hit.along)
-    state.d[i] = state.d[i] + hit.left * (change * hit.across)
-    state.psi[i] = state.psi[i] + hit.left * spin
+    state.s[i] = state.s[i] + hit.remaining_time * (change * hit.normal_s)
+    state.d[i] = state.d[i] + hit.remaining_time * (change * hit.normal_d)
+    state.psi[i] = state.psi[i] + hit.remaining_time * spin
     state.r[i] = state.r[i] + spin
     sine, cosine = sincos(state.psi[i])
     state.vx[i] = np.where(hit.mask, along * cosine + across * sine, state.vx[i])

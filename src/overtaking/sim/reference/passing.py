@@ -9,25 +9,23 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
-from overtaking.sim.reference.neighbours import Neighbours
-from overtaking.sim.reference.oncoming import Oncoming
+from overtaking.sim.reference.decision_context import Neighbours, OncomingVehicle
 from overtaking.sim.reference.state import (
-    LEAD,
-    Fields,
+    LEADER,
+    SlotSelection,
     State,
-    Who,
-    on_the_road,
-    pick,
+    road_position,
     road_velocity,
+    value_at_slot,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-SLOWEST = np.float32(0.5)
+MIN_CLOSING_SPEED = np.float32(0.5)
 """Least surplus of speed to be past with, and of approach [m/s]."""
 
 _FAR = np.float32(1e9)
-_LEAST_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
+_MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _TWO = np.float32(2.0)
@@ -42,7 +40,7 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
         top: How much faster one gets at most [m/s].
         accel: Acceleration [m/s^2].
     """
-    a, most = maximum(accel, _LEAST_ACCEL), maximum(top, SLOWEST)
+    a, most = maximum(accel, _MIN_ACCEL), maximum(top, MIN_CLOSING_SPEED)
     v = minimum(maximum(faster, _ZERO), most)
     ramp = (most - v) / a
     covered = _HALF * (v + most) * ramp
@@ -50,7 +48,7 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
     return np.where(way < covered, within, ramp + (way - covered) / most)
 
 
-def reckoned_accel(c: ModelConstants, own: Fields, speed: F32, top: F32) -> F32:
+def expected_accel(c: ModelConstants, own: VehicleParameters, speed: F32, top: F32) -> F32:
     """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
 
     It is the acceleration that they like to use, limited to what the engine can give halfway. The
@@ -69,7 +67,7 @@ def reckoned_accel(c: ModelConstants, own: Fields, speed: F32, top: F32) -> F32:
     return minimum(c.accelerate_gain * own.accel, left)
 
 
-def top_speed(own: Fields, surplus: np.float32, leader: F32) -> F32:
+def passing_speed(own: VehicleParameters, surplus: np.float32, leader: F32) -> F32:
     """The speed that is passed at: well above that of the other, if the vehicle can [m/s].
 
     Who heeds the limit on a free road heeds it as much while passing, and takes longer.
@@ -84,16 +82,16 @@ def top_speed(own: Fields, surplus: np.float32, leader: F32) -> F32:
     return minimum(heeded, own.max_speed)
 
 
-def speed_of_pass(state: State, given: StepParameters, p: Fields) -> F32:
+def current_passing_speed(state: State, given: StepParameters, p: VehicleParameters) -> F32:
     """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
     c = given.constants
     along, _ = road_velocity(state)
-    top = top_speed(p, c.passing_speed_surplus, pick(along, state.target))
+    top = passing_speed(p, c.passing_speed_surplus, value_at_slot(along, state.target))
     return minimum(np.where(state.hurries > 0, c.urgent_speed_factor * top, top), p.max_speed)
 
 
 def time_to_pass(
-    c: ModelConstants, own: Fields, way: F32, speed: F32, faster: F32, other: F32
+    c: ModelConstants, own: VehicleParameters, way: F32, speed: F32, faster: F32, other: F32
 ) -> F32:
     """How long drivers reckon to take to gain a way on another [s].
 
@@ -105,11 +103,11 @@ def time_to_pass(
         faster: How much faster that is than the other [m/s].
         other: Speed of the other [m/s].
     """
-    top = top_speed(own, c.passing_speed_surplus, other)
-    return time_to_gain(way, faster, top - other, reckoned_accel(c, own, speed, top))
+    top = passing_speed(own, c.passing_speed_surplus, other)
+    return time_to_gain(way, faster, top - other, expected_accel(c, own, speed, top))
 
 
-def seen_ahead(own: Fields, gap: F32, sight: F32) -> F32:
+def assumed_oncoming_gap(own: VehicleParameters, gap: F32, sight: F32) -> F32:
     """The way up to who comes, or may come from where the road is not seen [m].
 
     Few reckon with somebody at the very end of what they see: who does come then comes in sight
@@ -123,51 +121,54 @@ def seen_ahead(own: Fields, gap: F32, sight: F32) -> F32:
     return minimum(gap, own.assumed_sight_factor * sight)
 
 
-def room_left(c: ModelConstants, p: Fields, slot: F32) -> F32:
+def tall_vehicle_gap_factor(c: ModelConstants, p: VehicleParameters, slot: F32) -> F32:
     """How much more room drivers leave to the vehicle in a slot than to a car [1].
 
     Source:
         The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
     """
-    return np.where(pick(p.blocks_view, slot) > 0, c.tall_vehicle_gap_factor, np.float32(1.0))
+    return np.where(
+        value_at_slot(p.blocks_view, slot) > 0, c.tall_vehicle_gap_factor, np.float32(1.0)
+    )
 
 
 @dataclass(slots=True, kw_only=True)
-class Outlook:
-    """What drivers know of the other lane before they pull out; arrays of the shape of `Who`.
+class PassingOpportunity:
+    """What drivers know about the opposing lane before they pull out, shape of the slots.
 
     Attributes:
-        gap: Believed gap to the leader [m].
-        leader: Believed speed of the leader [m/s].
-        length: Length of the leader [m].
-        room: Gap ahead of the leader [m].
-        seen: How far the other lane is seen to be free [m].
-        closing: Believed speed of approach of who comes, or may come [m/s].
-        sure: Whether the driver has looked for long enough.
-        solid: Whether the line is not to be crossed.
-        room_left: How much more room is left to the leader at the return than to a car [1].
+        leader_gap: Believed gap to the leader [m].
+        leader_speed: Believed speed of the leader [m/s].
+        leader_length: Length of the leader [m].
+        gap_ahead_of_leader: Gap between the leader and the next vehicle ahead of it [m].
+        assumed_oncoming_gap: Distance at which the driver assumes an oncoming vehicle [m].
+        oncoming_closing_speed: Believed or expected closing speed of that vehicle [m/s].
+        is_certain: Whether the driver has looked long enough to know if a vehicle is coming.
+        line_is_solid: Whether a solid line separates the directions here or ahead.
+        tall_vehicle_gap_factor: Factor on the gap that is left to a leader that blocks the view
+            [1].
     """
 
-    gap: F32
-    leader: F32
-    length: F32
-    room: F32
-    seen: F32
-    closing: F32
-    sure: Mask
-    solid: Mask
-    room_left: F32
+    leader_gap: F32
+    leader_speed: F32
+    leader_length: F32
+    gap_ahead_of_leader: F32
+    assumed_oncoming_gap: F32
+    oncoming_closing_speed: F32
+    is_certain: Mask
+    line_is_solid: Mask
+    tall_vehicle_gap_factor: F32
 
 
-def outlook(
+def passing_opportunity(
     state: State,
     given: StepParameters,
-    p: Fields,
+    p: VehicleParameters,
     near: Neighbours,
-    coming: Oncoming,
-    who: Who,
+    coming: OncomingVehicle,
+    who: SlotSelection,
     leader: tuple[F32, F32],
-) -> Outlook:
+) -> PassingOpportunity:
     """What drivers know of the other lane.
 
     Args:
@@ -180,26 +181,28 @@ def outlook(
         leader: Gap at which they believe their leaders to be [m], and speed of those [m/s].
     """
     gap, speed = leader
-    slot = near.slot[LEAD, who]
-    return Outlook(
-        gap=gap,
-        leader=speed,
-        length=_TWO * near.half_length[LEAD, who],
-        room=room_ahead(state, p, slot, who),
-        seen=seen_ahead(p.at_slots(who), coming.believed_gap[who], coming.sight[who]),
-        closing=coming.closing[who],
-        sure=coming.sure[who],
-        solid=is_solid(state, given, p, who, given.constants.line_lookahead),
-        room_left=room_left(given.constants, p, slot),
+    slot = near.slot[LEADER, who]
+    return PassingOpportunity(
+        leader_gap=gap,
+        leader_speed=speed,
+        leader_length=_TWO * near.half_length[LEADER, who],
+        gap_ahead_of_leader=gap_ahead_of(state, p, slot, who),
+        assumed_oncoming_gap=assumed_oncoming_gap(
+            p.at_slots(who), coming.believed_gap[who], coming.sight_distance[who]
+        ),
+        oncoming_closing_speed=coming.closing_speed[who],
+        is_certain=coming.is_certain[who],
+        line_is_solid=line_is_solid(state, given, p, who, given.constants.line_lookahead),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(given.constants, p, slot),
     )
 
 
-def may_meet(
+def accepts_oncoming_gap(
     given: StepParameters,
-    own: Fields,
+    own: VehicleParameters,
     speed: F32,
     impatience: F32,
-    ahead: Outlook,
+    ahead: PassingOpportunity,
 ) -> Mask:
     """Whether the other lane is believed to be free for long enough.
 
@@ -215,25 +218,25 @@ def may_meet(
         impatience: What waiting has left of their demands, 1 at first [1].
         ahead: What they know of the other lane.
     """
-    c, leader = given.constants, ahead.leader
-    bodies = ahead.length + _TWO * own.half_length
-    returns = own.return_time_gap * impatience * ahead.room_left * leader
-    way = ahead.gap + bodies + returns
-    top = top_speed(own, c.passing_speed_surplus, leader)
+    c, leader = given.constants, ahead.leader_speed
+    bodies = ahead.leader_length + _TWO * own.half_length
+    returns = own.return_time_gap * impatience * ahead.tall_vehicle_gap_factor * leader
+    way = ahead.leader_gap + bodies + returns
+    top = passing_speed(own, c.passing_speed_surplus, leader)
     gaining = time_to_pass(c, own, way, speed, speed - leader, leader)
     need = own.passing_time_factor * (gaining + own.lane_change_duration)
-    closing = ahead.closing + _HALF * maximum(top - speed, _ZERO)
+    closing = ahead.oncoming_closing_speed + _HALF * maximum(top - speed, _ZERO)
     spare = own.time_reserve_share * maximum(impatience, c.min_time_reserve_share)
-    enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
+    enough = ahead.assumed_oncoming_gap > need * (np.float32(1.0) + spare) * closing
     least = _TWO * own.half_length + c.min_return_gap + returns
-    room = ahead.room > least + c.return_time_gap_share * own.time_gap * leader
-    return enough & ahead.sure & room & ~(ahead.solid & (own.heeds_solid_lines > 0))
+    room = ahead.gap_ahead_of_leader > least + c.return_time_gap_share * own.time_gap * leader
+    return enough & ahead.is_certain & room & ~(ahead.line_is_solid & (own.heeds_solid_lines > 0))
 
 
-def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
+def gap_ahead_of(state: State, p: VehicleParameters, slot: F32, who: SlotSelection) -> F32:
     """Gap that drivers find between the vehicle in a slot and the one ahead of it [m]."""
-    place = pick(state.s, slot)
-    front = place + pick(p.half_length, slot)
+    place = value_at_slot(state.s, slot)
+    front = place + value_at_slot(p.half_length, slot)
     room = np.full_like(front, _FAR)
     numbers = np.arange(len(state.s), dtype=np.float32)[:, None][who]
     for j in range(len(state.s)):
@@ -243,8 +246,12 @@ def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
     return room
 
 
-def is_solid(
-    state: State, given: StepParameters, p: Fields, who: Who, ahead: F32 | np.float32
+def line_is_solid(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    who: SlotSelection,
+    ahead: F32 | np.float32,
 ) -> Mask:
     """Whether the line is not to be crossed where drivers are, or at a way ahead of them.
 
@@ -256,7 +263,7 @@ def is_solid(
         ahead: The way [m].
     """
     stations, along, against = given.road.solid_line
-    here, direction = on_the_road(state, given, p)[0][who], p.travel_sign[who]
+    here, direction = road_position(state, given, p)[0][who], p.travel_sign[who]
     solid = np.zeros(here.shape, bool)
     for place in (here, here + direction * ahead):
         knot = np.searchsorted(stations, place, side="right") - 1

@@ -1,64 +1,58 @@
 """What each driver believes about the neighbours: seen or not, how far, how fast."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import clamp, exp, maximum, minimum
 from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.environment import lane_value
-from overtaking.sim.reference.neighbours import Neighbours, along
+from overtaking.sim.reference.decision_context import Beliefs, Neighbours
+from overtaking.sim.reference.neighbour_search import nearest_image
+from overtaking.sim.reference.road_conditions import value_of_lane
 from overtaking.sim.reference.state import (
-    HISTORY,
-    LEAD,
-    UNKNOWN,
-    Fields,
+    HISTORY_LENGTH,
+    LEADER,
+    NEVER_LOOKED,
     State,
-    pick,
     road_velocity,
+    value_at_slot,
 )
 from overtaking.world import road_surface
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 # The engine has these numbers too.
-_NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
-_FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
-_DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
-_LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
-_LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
-LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
+_NEAREST_GAP = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
 
 
-@dataclass(slots=True, kw_only=True)
-class Beliefs:
-    """What drivers act on; every array has shape (role, vehicle, simulation).
-
-    Attributes:
-        detected: Whether the neighbour was noticed.
-        gap: Believed gap, `ModelConstants.unseen_gap` where nobody was noticed [m].
-        closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
-            noticed [m/s].
-        accel: Believed acceleration of those ahead, never positive; 0 for those behind [m/s^2].
-    """
-
-    detected: Mask
-    gap: F32
-    closing: F32
-    accel: F32
+_FARTHEST_GAP = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
 
 
-def remember(state: State, decision: int) -> None:
+_MAX_OPTICAL_DEPTH = np.float32(
+    40.0
+)  # Nothing is seen through e**-40; larger exponents only overflow.
+
+
+_MIN_LOG_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
+
+
+_MIN_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
+
+
+MIN_SIGHT_LINE = np.float32(0.1)  # Keeps sight lines finite alongside [m].
+
+
+def record_history(state: State, decision: int) -> None:
     """Write down where everybody is now, to be seen after a reaction time."""
     along, _ = road_velocity(state)
-    state.history_s[decision % HISTORY] = state.s
-    state.history_v[decision % HISTORY] = along
+    state.history_s[decision % HISTORY_LENGTH] = state.s
+    state.history_v[decision % HISTORY_LENGTH] = along
 
 
-def looks_around(state: State, given: StepParameters, p: Fields, decision: int) -> Mask:
+def checks_mirrors_now(
+    state: State, given: StepParameters, p: VehicleParameters, decision: int
+) -> Mask:
     """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
 
     Everybody does at an interval, one vehicle after the other, but not at once at the start; once
@@ -83,7 +77,9 @@ def looks_around(state: State, given: StepParameters, p: Fields, decision: int) 
     return looks | ((state.lane >= np.float32(1.0)) & given.road.has_oncoming_traffic)
 
 
-def draw_check(state: State, given: StepParameters, p: Fields, drawn: Mask, decision: int) -> None:
+def draw_shoulder_check(
+    state: State, given: StepParameters, p: VehicleParameters, drawn: Mask, decision: int
+) -> None:
     """Draw whether the masked drivers look over the shoulder before their next lane change."""
     if not drawn.any():
         return
@@ -95,34 +91,38 @@ def draw_check(state: State, given: StepParameters, p: Fields, drawn: Mask, deci
     state.checks = np.where(drawn, checks, state.checks)
 
 
-def optical_depth(
-    state: State, given: StepParameters, p: Fields, q: SimulationParameters, near: Neighbours
+def extinction_ahead(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    near: Neighbours,
 ) -> tuple[F32, F32]:
     """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
     c = given.constants
     air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
-    path = lane_value(given.road.film_path, state.lane, given.road.num_lanes)
+    path = value_of_lane(given.road.film_path, state.lane, given.road.num_lanes)
     water = road_surface.lane_film(q.min_wet_film, q.film_rain_factor, path, q.texture_depth)
-    lead = near.slot[LEAD]
-    speed = pick(state.vx, lead) / c.spray_speed
+    lead = near.slot[LEADER]
+    speed = value_at_slot(state.vx, lead) / c.spray_speed
     wetness = minimum(water / c.spray_film, np.float32(1.0))
-    spray = c.spray_coefficient * wetness * (speed * speed) * pick(p.spray, lead)
-    close = (lead >= 0) & (near.gap[LEAD] < c.spray_reach)
+    spray = c.spray_coefficient * wetness * (speed * speed) * value_at_slot(p.spray, lead)
+    close = (lead >= 0) & (near.gap[LEADER] < c.spray_reach)
     return air, np.where(close, spray, np.float32(0.0))
 
 
-def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
+def is_occluded(p: VehicleParameters, near: Neighbours, role: int) -> Mask:
     """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
-    lead, other = near.slot[LEAD], near.slot[role]
-    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH)
+    lead, other = near.slot[LEADER], near.slot[role]
+    reach = maximum(near.distance[LEADER] - near.half_length[LEADER], MIN_SIGHT_LINE)
     distance = near.distance[role]
-    crossing = near.aside[role] * (reach / maximum(distance, LEAST_REACH))
-    offset = np.abs(crossing - near.aside[LEAD])
-    blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
-    return (lead >= 0) & (pick(p.blocks_view, lead) > 0) & blocked
+    crossing = near.lateral_distance[role] * (reach / maximum(distance, MIN_SIGHT_LINE))
+    offset = np.abs(crossing - near.lateral_distance[LEADER])
+    blocked = (distance > reach) & (offset < value_at_slot(p.half_width, lead)) & (other != lead)
+    return (lead >= 0) & (value_at_slot(p.blocks_view, lead) > 0) & blocked
 
 
-def strain(
+def sight_range_ratio(
     c: ModelConstants,
     q: SimulationParameters,
     gap: F32,
@@ -147,30 +147,30 @@ def strain(
     """
     air, spray = depths
     contrast, lamp = shines
-    distance = clamp(gap, _NEAREST, _FARTHEST)
+    distance = clamp(gap, _NEAREST_GAP, _FARTHEST_GAP)
     depth, sensitivity = air * distance, q.log_contrast_sensitivity_behind
     if is_front:
         depth = depth + spray * minimum(distance, c.spray_reach)
         sensitivity = q.log_contrast_sensitivity_ahead
-    by_contrast = depth / maximum(contrast + sensitivity, _LEAST_CONTRAST)
+    by_contrast = depth / maximum(contrast + sensitivity, _MIN_LOG_CONTRAST)
     by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
     by_lamp = np.sqrt(
-        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST))
+        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _MAX_OPTICAL_DEPTH))
     )
     return minimum(by_contrast, by_lamp)
 
 
-def _tail_lamp(state: State, c: ModelConstants, p: Fields, slot: F32) -> F32:
+def _inverse_rear_lamp(state: State, c: ModelConstants, p: VehicleParameters, slot: F32) -> F32:
     """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
-    lamp = pick(p.inverse_tail_lamp, slot)
-    braking = pick(state.accel, slot) < -c.stop_lamp_decel
+    lamp = value_at_slot(p.inverse_tail_lamp, slot)
+    braking = value_at_slot(state.accel, slot) < -c.stop_lamp_decel
     return np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
 
 
-def notice(
+def detect(
     state: State,
     given: StepParameters,
-    p: Fields,
+    p: VehicleParameters,
     q: SimulationParameters,
     near: Neighbours,
     role: int,
@@ -186,14 +186,20 @@ def notice(
     c = given.constants
     slot, gap = near.slot[role], near.gap[role]
     is_front = role % 2 == 0
-    lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
-    effort = strain(c, q, gap, (pick(p.log_contrast, slot), lamp), depths, is_front=is_front)
+    lamp = (
+        _inverse_rear_lamp(state, c, p, slot)
+        if is_front
+        else value_at_slot(p.inverse_head_lamp, slot)
+    )
+    effort = sight_range_ratio(
+        c, q, gap, (value_at_slot(p.log_contrast, slot), lamp), depths, is_front=is_front
+    )
     reach = p.attention_range if is_front else c.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if is_front:
-        visible = visible & ~is_hidden(p, near, role)
+        visible = visible & ~is_occluded(p, near, role)
     # Who comes as near as this is noticed without a look over the shoulder.
-    aside = np.abs(near.aside[role]) - (p.half_width + pick(p.half_width, slot))
+    aside = np.abs(near.lateral_distance[role]) - (p.half_width + value_at_slot(p.half_width, slot))
     hides = gap < (np.float32(0.0) if is_front else c.blind_spot)
     visible = visible & ~(hides & (aside > c.alongside) & (state.checks == 0))
     steadily, now = watches
@@ -201,7 +207,7 @@ def notice(
     longer = np.zeros_like(gap)
     for known, time in zip(*before, strict=True):
         longer = np.where(slot == known, maximum(longer, time), longer)
-    longer = np.where(before[0][role] == UNKNOWN, c.initial_time_in_view, longer + more)
+    longer = np.where(before[0][role] == NEVER_LOOKED, c.initial_time_in_view, longer + more)
     longer = np.where(visible, longer, np.float32(0.0))
     state.seen_time[role] = np.where(now, longer, state.seen_time[role])
     state.seen_id[role] = np.where(now, slot, state.seen_id[role])
@@ -209,14 +215,14 @@ def notice(
     return now & visible & (state.seen_time[role] >= needed)
 
 
-def recall(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
+def recall_motion(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
     """Where the vehicles in `slot` were at decisions `then`, and how fast [m, m/s]."""
-    row, who = then.astype(np.int64) % HISTORY, slot.astype(np.int64).clip(0)
+    row, who = then.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
     column = np.arange(state.s.shape[1])
     return state.history_s[row, who, column], state.history_v[row, who, column]
 
 
-def sense(
+def sense_looming(
     state: State,
     c: ModelConstants,
     q: SimulationParameters,
@@ -242,21 +248,21 @@ def sense(
         Lee 1976 (time to contact from optical expansion).
     """
     one = np.float32(1.0)
-    distance = maximum(gap, _NEAREST)
+    distance = maximum(gap, _NEAREST_GAP)
     expansion = width * np.abs(closing) / (distance * distance)
     excess = expansion - c.looming_threshold
-    span = maximum(c.looming_growth * c.looming_threshold, _LEAST_LOOMING)
+    span = maximum(c.looming_growth * c.looming_threshold, _MIN_LOOMING)
     clear = clamp(excess / span, np.float32(0.0), one)
-    fading = maximum(closing * c.error_fade_time, _NEAREST)
+    fading = maximum(closing * c.error_fade_time, _NEAREST_GAP)
     share = minimum(distance / fading, one)
     sensed = closing * (one + share * (q.speed_error * state.speed_error))
     return excess > 0, clear, share, sensed
 
 
-def perceive(
+def form_beliefs(
     state: State,
     given: StepParameters,
-    p: Fields,
+    p: VehicleParameters,
     q: SimulationParameters,
     near: Neighbours,
     decision: int,
@@ -274,7 +280,7 @@ def perceive(
     time that is left (`sense`).
     """
     c = given.constants
-    depths = optical_depth(state, given, p, q, near)
+    depths = extinction_ahead(state, given, p, q, near)
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
     before = state.seen_id.copy(), state.seen_time.copy()
@@ -282,45 +288,45 @@ def perceive(
     detected, gaps, closings, accels = [], [], [], []
     for role in range(6):
         slot = near.slot[role]
-        steadily = (role == LEAD) | (changing & (role % 2 == 0))
+        steadily = (role == LEADER) | (changing & (role % 2 == 0))
         watches = steadily, looks | steadily
-        noticed = notice(state, given, p, q, near, role, depths, before, watches)
+        noticed = detect(state, given, p, q, near, role, depths, before, watches)
         ticks = np.where(
-            _is_urgent(state, c, near, role), p.urgent_reaction_delay, p.reaction_delay
+            _is_imminent(state, c, near, role), p.urgent_reaction_delay, p.reaction_delay
         )
         then = maximum(np.float32(decision) - ticks, np.float32(0.0))
         elapsed = (np.float32(decision) - then) * c.decision
-        place, speed = recall(state, then, slot)
+        place, speed = recall_motion(state, then, slot)
         place = place + speed * elapsed
-        ahead = along(given, place - state.s if role % 2 == 0 else state.s - place)
+        ahead = nearest_image(given, place - state.s if role % 2 == 0 else state.s - place)
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        width = pick(p.looming_width, slot)
-        looms, clear, share, sensed = sense(state, c, q, gap, closing, width)
+        width = value_at_slot(p.looming_width, slot)
+        looms, clear, share, sensed = sense_looming(state, c, q, gap, closing, width)
         error = (judged - np.float32(1.0)) * share
         detected.append(noticed)
         gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
         closings.append(np.where(noticed, clear * sensed, np.float32(0.0)))
-        accels.append(_braking(state, c, near, role, then, noticed, looms))
+        accels.append(_believed_braking(state, c, near, role, then, noticed, looms))
     return Beliefs(
-        detected=np.stack(detected),
+        is_detected=np.stack(detected),
         gap=np.stack(gaps),
-        closing=np.stack(closings),
+        closing_speed=np.stack(closings),
         accel=np.stack(accels),
     )
 
 
-def _is_urgent(state: State, c: ModelConstants, near: Neighbours, role: int) -> Mask:
+def _is_imminent(state: State, c: ModelConstants, near: Neighbours, role: int) -> Mask:
     """Whether the leader, who alone is watched all the time, comes near very soon.
 
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
-    closing = state.vx - pick(state.vx, near.slot[LEAD])
-    return (role == LEAD) & (near.gap[LEAD] < c.urgent_time * closing)
+    closing = state.vx - value_at_slot(state.vx, near.slot[LEADER])
+    return (role == LEADER) & (near.gap[LEADER] < c.urgent_time * closing)
 
 
-def _braking(
+def _believed_braking(
     state: State,
     c: ModelConstants,
     near: Neighbours,
@@ -336,8 +342,8 @@ def _braking(
     if role % 2 == 1:
         return np.zeros_like(then)
     before = maximum(then - c.brake_memory, np.float32(0.0))
-    _, late = recall(state, then, near.slot[role])
-    _, early = recall(state, before, near.slot[role])
+    _, late = recall_motion(state, then, near.slot[role])
+    _, early = recall_motion(state, before, near.slot[role])
     change = minimum((late - early) / (c.brake_memory * c.decision), np.float32(0.0))
     lamps = (change < -c.stop_lamp_decel) & ~looming
     seen = np.where(lamps, minimum(change, -c.lamp_decel), change)

@@ -4,40 +4,49 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.arrays import F32
+from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import sincos
 from overtaking.model.trajectories import Stage
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-HISTORY = 64
+HISTORY_LENGTH = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""
 
-UNKNOWN = np.float32(-2.0)
+
+NEVER_LOOKED = np.float32(-2.0)
 """In `State.seen_id` before the first decision: nothing was looked at yet."""
 
-LEAD, REAR, FAST_LEAD, FAST_REAR, SLOW_LEAD, SLOW_REAR = range(6)
+
+LEADER, FOLLOWER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(6)
 """Neighbours of a vehicle: in its lane, in the next lane to the fast side, and to the slow side."""
 
-ONCOMING = 6
+
+ONCOMING_ROLE = 6
 """Who comes the other way, among the roles of a decision that is written down."""
 
-NOBODY = np.float32(-1.0)
+
+NO_SLOT = np.float32(-1.0)
 """Slot of a neighbour, a target or a partner that does not exist."""
+
 
 # Before the first decision: no lane change holds anyone back, and on friction nothing depends yet.
 _LONG_AGO = np.float32(10.0)
+
+
 _ANY_FRICTION = np.float32(0.8)
+
+
 _ANY_SPEED = np.float32(1e9)
+
+
 _ANY_SIGHT = np.float32(1e9)
 
-ANY_ACCEL = np.float32(1e9)
+
+NO_ACCEL_LIMIT = np.float32(1e9)
 """In `State.most_accel` where no lower limit comes [m/s^2]."""
 
 
-Fields = VehicleParameters
-"""Short name for the signatures of the step."""
-
-Who = int | slice
+SlotSelection = int | slice
 """Of which vehicles arrays tell: (simulation,) of one slot, (vehicle, simulation) of several."""
 
 
@@ -200,21 +209,21 @@ def initial_state(given: StepParameters) -> State:
         wind_force=zero.copy(),
         wind_moment=zero.copy(),
         tail_wind=zero.copy(),
-        seen_id=np.full((6, *zero.shape), UNKNOWN),
+        seen_id=np.full((6, *zero.shape), NEVER_LOOKED),
         seen_time=np.zeros((6, *zero.shape), np.float32),
-        contact_partner=zero + NOBODY,
+        contact_partner=zero + NO_SLOT,
         contact_time=zero.copy(),
         contact_impulse=zero.copy(),
         contact_speed=zero.copy(),
         stage=zero + np.float32(Stage.FOLLOW),
-        target=zero + NOBODY,
+        target=zero + NO_SLOT,
         waited=zero.copy(),
         signalled=zero.copy(),
         stage_time=zero.copy(),
         attempted=ego.copy(),
         end_step=q.last_step.copy(),
         num_percepts=ego.copy(),
-        oncoming_id=np.full((2, *zero.shape), UNKNOWN),
+        oncoming_id=np.full((2, *zero.shape), NEVER_LOOKED),
         oncoming_time=np.zeros((2, *zero.shape), np.float32),
         aside=zero.copy(),
         flashes=zero.copy(),
@@ -225,14 +234,14 @@ def initial_state(given: StepParameters) -> State:
         stretch=zero + np.float32(1.0),
         slope=zero.copy(),
         bend_speed=zero + _ANY_SPEED,
-        most_accel=zero + ANY_ACCEL,
+        most_accel=zero + NO_ACCEL_LIMIT,
         shown=zero + _ANY_SIGHT,
-        history_s=np.zeros((HISTORY, *zero.shape), np.float32),
-        history_v=np.zeros((HISTORY, *zero.shape), np.float32),
+        history_s=np.zeros((HISTORY_LENGTH, *zero.shape), np.float32),
+        history_v=np.zeros((HISTORY_LENGTH, *zero.shape), np.float32),
     )
 
 
-def pick(values: F32, slot: F32) -> F32:
+def value_at_slot(values: F32, slot: F32) -> F32:
     """The value of vehicle `slot` in each simulation; slot 0's without a vehicle.
 
     Args:
@@ -243,7 +252,9 @@ def pick(values: F32, slot: F32) -> F32:
     return values[index, np.arange(values.shape[1])]
 
 
-def seen_from_each(state: State, given: StepParameters, p: Fields, j: int) -> tuple[F32, F32]:
+def position_seen_by_each(
+    state: State, given: StepParameters, p: VehicleParameters, j: int
+) -> tuple[F32, F32]:
     """Where vehicle `j` is in the frame of each vehicle, (vehicle, simulation) [m].
 
     Everybody has a frame of its own direction: that of oncoming vehicles is turned by half a turn.
@@ -253,7 +264,7 @@ def seen_from_each(state: State, given: StepParameters, p: Fields, j: int) -> tu
     return along, np.where(turned, road.edge_sum - state.d[j], state.d[j])
 
 
-def on_the_road(state: State, given: StepParameters, p: Fields) -> tuple[F32, F32]:
+def road_position(state: State, given: StepParameters, p: VehicleParameters) -> tuple[F32, F32]:
     """Where each vehicle is in the frame of the road [m]."""
     road, turned = given.road, p.travel_sign < 0
     along = np.where(turned, road.length - state.s, state.s)
@@ -264,3 +275,25 @@ def road_velocity(state: State) -> tuple[F32, F32]:
     """Velocity along and across the road [m/s]."""
     sine, cosine = sincos(state.psi)
     return state.vx * cosine - state.vy * sine, state.vx * sine + state.vy * cosine
+
+
+def is_overtaking(state: State) -> Mask:
+    """Who is overtaking, or on the way back from there, (vehicle, simulation)."""
+    stage = state.stage
+    away = (stage != np.float32(Stage.FOLLOW)) & (stage != np.float32(Stage.DONE))
+    return away & (state.crashed == 0)
+
+
+def is_before_return(state: State, who: SlotSelection) -> Mask:
+    """Whether drivers are on their way past another."""
+    return is_in_stage(state, who, Stage.PULL_OUT) | is_in_stage(state, who, Stage.PASS)
+
+
+def is_in_stage(state: State, who: SlotSelection, stage: Stage) -> Mask:
+    """Whether drivers are sound and in a stage."""
+    return (state.crashed[who] == 0) & (state.stage[who] == np.float32(stage))
+
+
+def has_finished_lane_change(state: State, who: SlotSelection) -> Mask:
+    """Whether the last lane change is over."""
+    return state.path_time[who] >= state.path_duration[who]

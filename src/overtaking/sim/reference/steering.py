@@ -5,13 +5,14 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.state import Fields, State
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import VehicleParameters
 
 _NOW = np.float32(0.0)
 
 
-def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
+def start_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     """Lay a quintic from where a vehicle's path is now to the centre of another lane.
 
     Position, velocity and acceleration are continuous; the path ends at rest sideways.
@@ -19,7 +20,7 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     Source:
         Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
     """
-    (place, speed), accel = path_now(state), path_accel(state)
+    (place, speed), accel = path_position(state), path_accel(state)
     t = duration
     rest = centre - place - speed * t - np.float32(0.5) * accel * (t * t)
     lost = -(speed + accel * t)
@@ -40,7 +41,7 @@ def begin_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
     state.since_change = np.where(moved, np.float32(0.0), state.since_change)
 
 
-def path_now(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
+def path_position(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
     """Position and velocity of the lateral path now, or a time `ahead` [s]."""
     t = minimum(state.path_time + ahead, state.path_duration)
     c0, c1, c2, c3, c4, c5 = state.path
@@ -59,7 +60,7 @@ def path_accel(state: State, ahead: F32 | np.float32 = _NOW) -> F32:
     )
 
 
-def wind_trim(p: Fields, force: F32, moment: F32) -> F32:
+def wind_trim(p: VehicleParameters, force: F32, moment: F32) -> F32:
     """Wheel angle, or lean, that holds a straight course in a side wind [rad or m/s^2].
 
     The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
@@ -70,7 +71,7 @@ def wind_trim(p: Fields, force: F32, moment: F32) -> F32:
     return -np.where(p.two_wheeler > 0, pushed, angle)
 
 
-def hold_against_wind(state: State, c: ModelConstants, p: Fields, step: int) -> None:
+def update_wind_trim(state: State, c: ModelConstants, p: VehicleParameters, step: int) -> None:
     """Answer the side wind after a lag; at the first frame it is held already."""
     target = wind_trim(p, state.wind_force, state.wind_moment)
     if step == 0:
@@ -78,7 +79,7 @@ def hold_against_wind(state: State, c: ModelConstants, p: Fields, step: int) -> 
     state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
 
 
-def hold_bend(state: State, c: ModelConstants, p: Fields) -> None:
+def settle_into_bend(state: State, c: ModelConstants, p: VehicleParameters) -> None:
     """Drive steadily along the bend at the first frame, as who came into it before.
 
     The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
@@ -100,7 +101,7 @@ def hold_bend(state: State, c: ModelConstants, p: Fields) -> None:
 def steer(
     state: State,
     c: ModelConstants,
-    p: Fields,
+    p: VehicleParameters,
     side_accel: F32,
     length: np.float32,
     wheel: F32 | None = None,
@@ -122,7 +123,7 @@ def steer(
         Wheel angle, or lean, in the middle of the step.
     """
     half = np.float32(0.5) * length
-    angle, lean = _asked(state, c, p, side_accel, half)
+    angle, lean = _requested_steering(state, c, p, side_accel, half)
     if wheel is not None:
         angle[EGO_SLOT] = clamp(wheel, -c.steering_limit, c.steering_limit)
     most = c.steering_rate * length
@@ -136,8 +137,8 @@ def steer(
     return np.where(is_sound, before + np.float32(0.5) * moved, np.float32(0.0))
 
 
-def _asked(
-    state: State, c: ModelConstants, p: Fields, side_accel: F32, ahead: np.float32
+def _requested_steering(
+    state: State, c: ModelConstants, p: VehicleParameters, side_accel: F32, ahead: np.float32
 ) -> tuple[F32, F32]:
     """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s].
 
@@ -147,7 +148,7 @@ def _asked(
     Source:
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
-    place, speed = path_now(state, ahead)
+    place, speed = path_position(state, ahead)
     turns_late = c.steering_lag + p.side_lag * state.vx
     late = np.where(p.two_wheeler > 0, c.two_wheeler_lag, turns_late)
     accel = path_accel(state, ahead + late)

@@ -20,7 +20,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.recording import Recorder
+from overtaking.sim.reference.recorder import Recorder
 from overtaking.sim.reference.state import initial_state
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
 from overtaking.simulators.carla.stage import CarlaStage
@@ -136,7 +136,7 @@ class _Drive:
         state = self._state
         state.stage[EGO_SLOT] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
-        self._recorder.frame(state, self._p, active, step // self._given.steps_per_frame)
+        self._recorder.record_frame(state, self._p, active, step // self._given.steps_per_frame)
 
     def _follow_stage(self, step: int) -> None:
         """See what the ego is doing, and ask for the next lane change where it is time."""

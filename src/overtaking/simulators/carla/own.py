@@ -19,15 +19,20 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference import collisions, steering
-from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.run import decide
-from overtaking.sim.reference.state import Fields, State, initial_state, road_velocity
+from overtaking.sim.reference.recorder import Recorder
+from overtaking.sim.reference.simulation import decide
+from overtaking.sim.reference.state import State, initial_state, road_velocity
 from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import Steering
 from overtaking.world.constants import SUBSTEPS, ModelConstants
 from overtaking.world.road_parameters import road_parameters
-from overtaking.world.step_parameters import SIMULATION_FIELDS, StepParameters, step_parameters
+from overtaking.world.step_parameters import (
+    SIMULATION_FIELDS,
+    StepParameters,
+    VehicleParameters,
+    step_parameters,
+)
 
 TICK_MS = 50
 SPEED_GAIN = 2.0
@@ -94,7 +99,7 @@ class _Drive:
             decide(state, given, self._p, self._q, self._recorder, step)
             if step % given.steps_per_frame == 0:
                 active = np.float32(step) <= state.end_step
-                self._recorder.frame(state, self._p, active, step // given.steps_per_frame)
+                self._recorder.record_frame(state, self._p, active, step // given.steps_per_frame)
             self._act(step)
             if float(state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 state.end_step[:] = np.float32(step)
@@ -228,7 +233,7 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
 
 def note_contacts(
     state: State,
-    p: Fields,
+    p: VehicleParameters,
     c: ModelConstants,
     contacts: list[Contact],
     step: int,
@@ -250,7 +255,7 @@ def note_contacts(
         state.contact_impulse[one.own, 0] = np.float32(size)
         state.contact_speed[one.own, 0] = np.float32(size * softness / (1.0 + float(c.restitution)))
         state.crashed[one.own, 0] = np.float32(1.0)
-    collisions.end_with_ego(state, c, sound & (state.crashed[EGO_SLOT] > 0), step)
+    collisions.end_after_ego_accident(state, c, sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 def still(given: StepParameters) -> StepParameters:

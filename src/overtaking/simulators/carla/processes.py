@@ -14,7 +14,7 @@ from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 from overtaking.model.batch import concatenate
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import NO_VEHICLE, States, Trajectories
-from overtaking.sim.version import MODEL_VERSION
+from overtaking.sim import MODEL_VERSION
 from overtaking.simulators.carla import replay as film
 from overtaking.simulators.carla.jobs import LOADING, Alive, Job, drive
 from overtaking.simulators.carla.library import (

@@ -19,10 +19,10 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import ZERO
 from overtaking.core.units import kmh_from_mps
-from overtaking.sim.driven import Mover, mover
+from overtaking.sim.pedal_driving import PedalDriving, pedal_driving
 from overtaking.sim.reference import collisions
-from overtaking.sim.reference.driven import MOVING, Controls
-from overtaking.sim.reference.state import NOBODY, State, initial_state
+from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, PedalControls
+from overtaking.sim.reference.state import NO_SLOT, State, initial_state
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
@@ -107,7 +107,7 @@ class Fleet:
         self._obstacles: dict[int, Obstacle] = {}
         self._moved: dict[int, Motion] = {}
         self._decision = 0
-        self._movers: dict[float, Mover] = {}
+        self._movers: dict[float, PedalDriving] = {}
 
     def __contains__(self, vehicle: int) -> bool:
         """Whether this vehicle exists."""
@@ -297,18 +297,18 @@ class Fleet:
         state = initial_state(given)
         state.end_step[:] = _FOREVER
         old = [one.row for one in vehicles[:num_old]]
-        for name in MOVING if old else ():
+        for name in TABLE_FIELDS if old else ():
             getattr(state, name)[: len(old)] = getattr(self._state, name)[old]
         for row, one in enumerate(vehicles):
             one.row = row
         self._state: State = state
 
-    def _mover(self, duration: float, count: int) -> Mover:
+    def _mover(self, duration: float, count: int) -> PedalDriving:
         """What moves the vehicles by a tick of `count` steps, kept for the next one."""
         if duration not in self._movers:
             self._movers.clear()
             c = self._given.constants.replace(step=duration / count, decision=duration)
-            self._movers[duration] = mover(dataclasses.replace(self._given, constants=c))
+            self._movers[duration] = pedal_driving(dataclasses.replace(self._given, constants=c))
         return self._movers[duration]
 
     def _add_forces(self, duration: float) -> None:
@@ -346,7 +346,7 @@ class Fleet:
             if one.held:
                 self.set_velocity(vehicle, *turned(*one.held, self._psi(one)))
 
-    def _wanted(self, controls: Mapping[int, Control]) -> Controls:
+    def _wanted(self, controls: Mapping[int, Control]) -> PedalControls:
         """Throttle, brake and wanted wheel angle of each vehicle."""
         wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._vehicles]
         throttle = [0.0 if one.reverse else one.throttle for one in wanted]
@@ -360,9 +360,9 @@ class Fleet:
                 lock[one.row] = one.steering.angles(speeds[one.row])
         # CARLA's steering is positive to the right.
         angle = -lock * np.array([one.steer for one in wanted])
-        return Controls(_column(throttle), _column(brake), _column(angle))
+        return PedalControls(_column(throttle), _column(brake), _column(angle))
 
-    def _drive(self, mover: Mover, wanted: Controls, steps: int) -> None:
+    def _drive(self, mover: PedalDriving, wanted: PedalControls, steps: int) -> None:
         """Let physics move the vehicles, except those that only `place` moves."""
         with self._placed():
             mover.drive(self._state, wanted, steps)
@@ -420,8 +420,8 @@ class Fleet:
 
     def _collide(
         self,
-        mover: Mover,
-        controls: Controls,
+        mover: PedalDriving,
+        controls: PedalControls,
         pairs: list[tuple[int, int]],
         near_obstacles: list[tuple[int, int]],
     ) -> list[Touch]:
@@ -448,7 +448,7 @@ class Fleet:
         in_simulation = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
             c = mover.constants
-            collisions.collide(
+            collisions.resolve_contacts(
                 bodies.state, c, self._given.road, bodies.fields, in_simulation, places, 0, c.step
             )
             for name in _PUSHED:
@@ -493,7 +493,7 @@ class Fleet:
             end_step=self._state.end_step,
             stage=zeros.copy(),
             crashed=zeros.copy(),
-            contact_partner=zeros + NOBODY,
+            contact_partner=zeros + NO_SLOT,
             contact_time=zeros.copy(),
             contact_impulse=zeros.copy(),
             contact_speed=zeros.copy(),

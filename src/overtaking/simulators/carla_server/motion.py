@@ -128,16 +128,16 @@ def overlap(
     if math.hypot(other_motion.s - motion.s, other_motion.d - motion.d) > reach:
         return False
     offset: Any = (np.float32(other_motion.s - motion.s), np.float32(other_motion.d - motion.d))
-    enter, leave, _, _ = collisions.first_contact(
+    enter, leave, _, _ = collisions.swept_overlap(
         _box(body, motion), _box(other_body, other_motion), offset, offset
     )
     return bool(enter <= 0.0 <= leave)
 
 
-def _box(body: Mapping[str, float], motion: Motion) -> collisions.Box:
+def _box(body: Mapping[str, float], motion: Motion) -> collisions.OrientedBox:
     """The box in the form that `collisions` reads."""
     as_f32: Any = np.float32
-    return collisions.Box(
+    return collisions.OrientedBox(
         s=as_f32(motion.s),
         d=as_f32(motion.d),
         sine=as_f32(math.sin(motion.psi)),

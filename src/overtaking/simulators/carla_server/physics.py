@@ -6,7 +6,14 @@ import math
 from typing import NamedTuple
 
 from overtaking.simulators.carla_server.actors import UPRIGHT, Vehicle
-from overtaking.simulators.carla_server.arguments import Flag, Id, Physics, Transform, Vector, Wheel
+from overtaking.simulators.carla_server.arguments import (
+    Flag,
+    Id,
+    Physics,
+    Transform,
+    Vector,
+    Wheel,
+)
 from overtaking.simulators.carla_server.motion import Driven, Steering, turned
 from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.world import World

@@ -19,12 +19,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import NO_VEHICLE, Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.simulators.sumo.library import library, library_version, running
-from overtaking.simulators.sumo.network import (
-    lateral_borders,
-    length_before,
-    length_for,
-    network,
-)
+from overtaking.simulators.sumo.network import lateral_borders, length_before, length_for, network
 from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.simulators.sumo.traffic import (

@@ -270,7 +270,7 @@ def following_factor(
         soon: The same where it will be at the next decision [1].
 
     Source:
-        Treiber and Kesting 2013, section 11.3.7; our drivers: `sim.reference.environment`.
+        Treiber and Kesting 2013, section 11.3.7; our drivers: `sim.reference.road_conditions`.
     """
     if soon >= now:
         return now

@@ -11,7 +11,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.sim import engine
-from overtaking.sim.beliefs import beliefs
+from overtaking.sim.stepping import trace_beliefs
 
 _ONCOMING = 1
 """Place of who comes among the percepts of a decision to pull out."""
@@ -33,7 +33,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         out &= percepts.slot[0, :, _ONCOMING] != NO_VEHICLE
         if not out.any():
             continue
-        columns = beliefs_at_every_decision(runs, beliefs(scenario))
+        columns = beliefs_at_every_decision(runs, trace_beliefs(scenario))
         oncoming = next(role for role in columns["roles"] if role["role"] == "oncoming")
         for row in np.flatnonzero(out):
             decision = round(percepts.time[0, row] / columns["interval_ms"])
@@ -60,7 +60,7 @@ def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
     num_compared = 0
     for simulation in range(8):
         trajectories = batch.select(np.array([simulation]))
-        columns = beliefs_at_every_decision(trajectories, beliefs(trajectories.scenario))
+        columns = beliefs_at_every_decision(trajectories, trace_beliefs(trajectories.scenario))
         s, length = trajectories.states.s[0], trajectories.scenario.vehicles.length[0]
         for role in columns["roles"]:
             direction = -1 if role["role"].endswith("follower") else 1

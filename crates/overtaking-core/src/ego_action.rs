@@ -1,0 +1,272 @@
+//! Another driver at the ego's wheel; see `overtaking.sim.reference.ego_action`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::gap_acceptance::{
+    Intent, can_cancel_pull_out, can_cancel_return, has_finished_lane_change, has_passed_target,
+    is_in_stage, update_indicator,
+};
+use crate::math::vectors::{LANES, M, V, choose, splat};
+use crate::params::Params;
+use crate::pass_continuation::can_abort_pass;
+use crate::state::{EGO_SLOT, State, stage};
+
+/// Numbers of an action.
+pub const MAX_ACTION_PARTS: usize = 3;
+
+/// What the numbers of an action mean, as in `overtaking.model.driver_interface.ACTION_KINDS`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ActionKind {
+    /// A `Move`.
+    Decision,
+    /// Acceleration, and side to change lanes to.
+    AccelLane,
+    /// Acceleration, and angle of the front wheels.
+    AccelSteer,
+    /// Acceleration, and a `Move` that shows its side.
+    AccelMove,
+    /// Acceleration, angle of the front wheels, and side of the indicator.
+    AccelSteerSignal,
+}
+
+impl ActionKind {
+    /// The kind of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        match name {
+            "decision" => Some(Self::Decision),
+            "accel_lane" => Some(Self::AccelLane),
+            "accel_steer" => Some(Self::AccelSteer),
+            "accel_move" => Some(Self::AccelMove),
+            "accel_steer_signal" => Some(Self::AccelSteerSignal),
+            _ => None,
+        }
+    }
+
+    /// Steps of a unit of each number.
+    fn scales(self) -> [f32; MAX_ACTION_PARTS] {
+        match self {
+            Self::Decision => [1.0, 1.0, 1.0],
+            Self::AccelLane | Self::AccelMove => [1000.0, 1.0, 1.0],
+            Self::AccelSteer | Self::AccelSteerSignal => [1000.0, 10000.0, 1.0],
+        }
+    }
+
+    /// Whether the other driver turns the wheels itself.
+    fn steers_wheels(self) -> bool {
+        matches!(self, Self::AccelSteer | Self::AccelSteerSignal)
+    }
+}
+
+/// Decisions of an external driver, as `overtaking.model.driver_interface.Move`; 0 keeps on.
+mod ego_move {
+    pub const INDICATE_PULL_OUT: f32 = 1.0;
+    pub const PULL_OUT: f32 = 2.0;
+    pub const INDICATE_RETURN: f32 = 3.0;
+    pub const RETURN: f32 = 4.0;
+    pub const CANCEL: f32 = 5.0;
+}
+
+/// What another driver did in all simulations of a batch.
+#[derive(Clone, Copy)]
+pub struct ActionLog<'a> {
+    /// What the numbers mean.
+    pub kind: ActionKind,
+    /// Steps of each number, (simulation, decision, part).
+    pub values: &'a [i32],
+    /// Decisions of a simulation, one at least; the last goes on.
+    pub decisions: usize,
+}
+
+impl ActionLog<'_> {
+    /// The orders of a decision to the simulations of a block.
+    pub(crate) fn action_at<S: Simd>(
+        &self,
+        simd: S,
+        simulations: &[usize; LANES],
+        decision: usize,
+    ) -> EgoAction<S> {
+        let at = decision.min(self.decisions - 1);
+        let scales = self.kind.scales();
+        let values = core::array::from_fn(|part| {
+            let steps = simulations.map(|one| {
+                self.values[(one * self.decisions + at) * MAX_ACTION_PARTS + part] as f32
+            });
+            V::simd_from(simd, steps) / scales[part]
+        });
+        EgoAction {
+            kind: self.kind,
+            values,
+        }
+    }
+}
+
+/// What another driver asks for at a decision, in SI units.
+#[derive(Clone, Copy)]
+pub struct EgoAction<S: Simd> {
+    kind: ActionKind,
+    values: [V<S>; MAX_ACTION_PARTS],
+}
+
+impl<S: Simd> EgoAction<S> {
+    /// The acceleration that is asked for, unless the ego keeps its own pedals.
+    #[inline(always)]
+    pub fn requested_accel(&self) -> Option<V<S>> {
+        (self.kind != ActionKind::Decision).then_some(self.values[0])
+    }
+
+    /// The angle of the front wheels that is asked for, unless the ego steers.
+    #[inline(always)]
+    pub fn wheel_angle(&self) -> Option<V<S>> {
+        self.kind.steers_wheels().then_some(self.values[1])
+    }
+
+    /// Its `Move`, if it has one.
+    #[inline(always)]
+    fn move_code(&self) -> Option<V<S>> {
+        match self.kind {
+            ActionKind::Decision => Some(self.values[0]),
+            ActionKind::AccelMove => Some(self.values[1]),
+            _ => None,
+        }
+    }
+}
+
+/// Whether there is a faster lane, and no lane change under way.
+#[inline(always)]
+pub fn can_pull_out<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+) -> M<S> {
+    let settled =
+        is_in_stage(state, EGO_SLOT, stage::FOLLOW) | is_in_stage(state, EGO_SLOT, stage::PASS);
+    settled
+        & has_finished_lane_change(state, EGO_SLOT)
+        & state.lane[EGO_SLOT].simd_lt((params.road.num_lanes - 1) as f32)
+}
+
+/// Whether there is a slower lane, and no lane change under way that cannot be given up.
+#[inline(always)]
+pub fn can_return<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
+    let follows =
+        is_in_stage(state, EGO_SLOT, stage::FOLLOW) & has_finished_lane_change(state, EGO_SLOT);
+    (follows | is_in_stage(state, EGO_SLOT, stage::PASS)) & state.lane[EGO_SLOT].simd_ge(1.0)
+}
+
+/// What the ego sets out to do: what another driver asks for, where that is possible.
+#[inline(always)]
+pub fn intent_from_action<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    orders: &EgoAction<S>,
+) -> Intent<S> {
+    if orders.kind.steers_wheels() {
+        return intent_from_position(state, params);
+    }
+    let zero = splat(params.simd, 0.0);
+    let side = requested_side(orders);
+    let turned = (state.wanted[EGO_SLOT] * side).simd_lt(0.0);
+    state.signalled[EGO_SLOT] = choose(turned, zero, state.signalled[EGO_SLOT]);
+    let start = can_pull_out(state, params) & side.simd_gt(0.0);
+    let back = can_return(state) & side.simd_lt(0.0);
+    update_indicator(state, params, EGO_SLOT, start, back);
+    let [now, drops_out, drops_back] = if let Some(code) = orders.move_code() {
+        let is = |which: f32| code.simd_eq(which);
+        let cancels = is(ego_move::CANCEL);
+        [
+            is(ego_move::PULL_OUT) | is(ego_move::RETURN),
+            cancels,
+            cancels,
+        ]
+    } else {
+        let shown =
+            state.signalled[EGO_SLOT].simd_gt(params.vehicles[EGO_SLOT].indicator_lead_time);
+        [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
+    };
+    let mut gives_up = can_cancel_pull_out(state, params, EGO_SLOT);
+    if params.road.directions.has_oncoming_traffic && orders.move_code().is_some() {
+        gives_up |= can_abort_pass(state, params);
+    }
+    Intent {
+        wants_to_pull_out: start,
+        wants_to_return: back,
+        starts_pull_out: start & now,
+        starts_return: back & now,
+        cancels_pull_out: gives_up & drops_out,
+        cancels_return: can_cancel_return(state, params, EGO_SLOT) & drops_back,
+        has_passed_target: has_passed_target(state, params, EGO_SLOT),
+        has_finished_lane_change: has_finished_lane_change(state, EGO_SLOT),
+    }
+}
+
+/// Light the indicator that another driver asks for, if that is a part of its action.
+#[inline(always)]
+pub fn set_requested_indicator<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    orders: &EgoAction<S>,
+) {
+    if !matches!(
+        orders.kind,
+        ActionKind::AccelMove | ActionKind::AccelSteerSignal
+    ) {
+        return;
+    }
+    let side = requested_side(orders);
+    let sound = state.crashed[EGO_SLOT].simd_eq(0.0);
+    let told = if orders.kind.steers_wheels() {
+        sound
+    } else {
+        sound & side.simd_ne(0.0)
+    };
+    state.indicator[EGO_SLOT] = choose(told, side, state.indicator[EGO_SLOT]);
+}
+
+/// Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere.
+#[inline(always)]
+fn requested_side<S: Simd>(orders: &EgoAction<S>) -> V<S> {
+    let Some(code) = orders.move_code() else {
+        let wish = if orders.kind.steers_wheels() { 2 } else { 1 };
+        return orders.values[wish];
+    };
+    let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
+    let is = |which: f32| code.simd_eq(which);
+    choose(
+        is(ego_move::INDICATE_PULL_OUT) | is(ego_move::PULL_OUT),
+        one,
+        choose(
+            is(ego_move::INDICATE_RETURN) | is(ego_move::RETURN),
+            -one,
+            zero,
+        ),
+    )
+}
+
+/// What the ego has set out to do, told from the lane that it is in: nothing is shown before.
+#[inline(always)]
+fn intent_from_position<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+) -> Intent<S> {
+    let mut lane = splat(params.simd, 0.0);
+    for k in 1..params.road.num_lanes {
+        let beyond = state.d[EGO_SLOT].simd_ge(params.road.boundaries[k]);
+        lane = choose(beyond, splat(params.simd, k as f32), lane);
+    }
+    let faster = lane.simd_gt(state.lane[EGO_SLOT]);
+    let slower = lane.simd_lt(state.lane[EGO_SLOT]);
+    let out = is_in_stage(state, EGO_SLOT, stage::PULL_OUT);
+    let comes_back =
+        is_in_stage(state, EGO_SLOT, stage::RETURN) | is_in_stage(state, EGO_SLOT, stage::ABORT);
+    let never = lane.simd_ne(lane);
+    update_indicator(state, params, EGO_SLOT, never, never);
+    Intent {
+        wants_to_pull_out: never,
+        wants_to_return: never,
+        starts_pull_out: faster & !comes_back,
+        starts_return: slower & !out,
+        cancels_pull_out: slower & out,
+        cancels_return: faster & comes_back,
+        has_passed_target: has_passed_target(state, params, EGO_SLOT),
+        has_finished_lane_change: has_finished_lane_change(state, EGO_SLOT),
+    }
+}

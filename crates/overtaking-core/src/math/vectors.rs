@@ -1,0 +1,192 @@
+//! Sixteen simulations side by side, and the few operations on them that need a name.
+
+use core::sync::atomic::{Ordering, compiler_fence};
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x16, mask32x16};
+
+/// Simulations in a block.
+pub const LANES: usize = 16;
+
+/// One number of each simulation of a block.
+pub type V<S> = f32x16<S>;
+/// One truth value of each simulation of a block.
+pub type M<S> = mask32x16<S>;
+
+/// The same number in every lane.
+#[inline(always)]
+pub fn splat<S: Simd>(simd: S, value: f32) -> V<S> {
+    V::splat(simd, value)
+}
+
+/// `a` where `mask` holds, else `b`.
+#[inline(always)]
+pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
+    mask.select(a, b)
+}
+
+/// Write `value` to a place where `mask` holds.
+///
+/// The fence, which is no instruction, lies between the load and the store: else LLVM 22 makes one masked store of both,
+/// which AMD's CPUs up to Zen 3 take a dozen cycles for (llvm-project, issue 213195).
+#[inline(always)]
+pub fn put<S: Simd>(place: &mut V<S>, mask: M<S>, value: V<S>) {
+    let before = *place;
+    compiler_fence(Ordering::SeqCst);
+    *place = choose(mask, value, before);
+}
+
+/// Whether the CPU's own minimum and maximum return the second value where both are equal, as zeros
+/// of either sign are; x86 does, ARM orders the zeros.
+const SECOND_OF_EQUALS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_64"));
+
+/// The smaller of two values; `b` where they are equal.
+#[inline(always)]
+pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+    if SECOND_OF_EQUALS {
+        a.min(b)
+    } else {
+        a.simd_lt(b).select(a, b)
+    }
+}
+
+/// The larger of two values; `b` where they are equal.
+#[inline(always)]
+pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+    if SECOND_OF_EQUALS {
+        a.max(b)
+    } else {
+        a.simd_gt(b).select(a, b)
+    }
+}
+
+/// `max` with a number.
+#[inline(always)]
+pub fn at_least<S: Simd>(a: V<S>, b: f32) -> V<S> {
+    max(a, splat(a.simd, b))
+}
+
+/// `min` with a number.
+#[inline(always)]
+pub fn at_most<S: Simd>(a: V<S>, b: f32) -> V<S> {
+    min(a, splat(a.simd, b))
+}
+
+/// `value` limited to [low, high].
+#[inline(always)]
+pub fn clamp<S: Simd>(value: V<S>, low: V<S>, high: V<S>) -> V<S> {
+    min(max(value, low), high)
+}
+
+/// `value` limited to an interval between numbers.
+#[inline(always)]
+pub fn clamp_to<S: Simd>(value: V<S>, low: f32, high: f32) -> V<S> {
+    clamp(value, splat(value.simd, low), splat(value.simd, high))
+}
+
+/// Largest whole number not above `x`, |x| < 2^22; never -0.
+#[inline(always)]
+pub fn floor<S: Simd>(x: V<S>) -> V<S> {
+    let nearest = x.round_ties_even();
+    choose(nearest.simd_gt(x), nearest - 1.0, nearest)
+}
+
+/// Numbers of a block in which those of one simulation can be replaced by those of another.
+pub trait Seats {
+    /// Put what belongs to lane `other` of `from` into lane `lane`.
+    fn seat(&mut self, lane: usize, from: &Self, other: usize);
+}
+
+impl<S: Simd> Seats for V<S> {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        self.as_mut_slice()[lane] = from.as_slice()[other];
+    }
+}
+
+impl Seats for [u32; LANES] {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        self[lane] = from[other];
+    }
+}
+
+impl<T: Seats, const K: usize> Seats for [T; K] {
+    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+        for (mine, theirs) in self.iter_mut().zip(from) {
+            mine.seat(lane, theirs, other);
+        }
+    }
+}
+
+/// Evaluate an expression with the SIMD type of a level.
+#[macro_export]
+macro_rules! dispatch {
+    ($level:expr, |$simd:ident| $body:expr) => {
+        match $level {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Avx512($simd) => $body,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Avx2($simd) => $body,
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            fearless_simd::Level::Sse4_2(_) | fearless_simd::Level::Sse2(_) => {
+                match $level.as_sse2() {
+                    Some($simd) => $body,
+                    None => unreachable!("a level above SSE2 has SSE2"),
+                }
+            }
+            #[cfg(target_arch = "aarch64")]
+            fearless_simd::Level::Neon($simd) => $body,
+            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
+            fearless_simd::Level::Fallback($simd) => $body,
+            _ => unreachable!("every level of this architecture is handled"),
+        }
+    };
+}
+pub(crate) use dispatch;
+
+/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
+macro_rules! with_cpu_features {
+    ($simd:expr, $body:expr) => {
+        $simd.vectorize(
+            #[inline(always)]
+            || $body,
+        )
+    };
+}
+pub(crate) use with_cpu_features;
+
+/// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
+///
+/// A macro, because a closure that the compiler leaves outside would lose the features of the CPU.
+macro_rules! at_slot {
+    ($count:expr, $slot:expr, |$j:ident| $value:expr) => {{
+        let slot = $slot;
+        let mut picked = {
+            let $j = 0;
+            $value
+        };
+        for $j in 1..$count {
+            picked = $crate::math::vectors::choose(slot.simd_eq($j as i32 as f32), $value, picked);
+        }
+        picked
+    }};
+}
+pub(crate) use at_slot;
+
+/// Several values of vehicle `slot` in each simulation, with one comparison for all of them.
+macro_rules! each_at_slot {
+    ($count:expr, $slot:expr, |$j:ident| $values:expr) => {{
+        let slot = $slot;
+        let mut picked = {
+            let $j = 0;
+            $values
+        };
+        for $j in 1..$count {
+            let here = slot.simd_eq($j as i32 as f32);
+            for (picked, value) in picked.iter_mut().zip($values) {
+                *picked = $crate::math::vectors::choose(here, value, *picked);
+            }
+        }
+        picked
+    }};
+}
+pub(crate) use each_at_slot;

@@ -1,0 +1,368 @@
+//! The table that an external driver of the ego observes; see `overtaking.sim.reference.observation_table`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::decision_context::DriverContext;
+use crate::ego_action::{can_pull_out, can_return};
+use crate::gap_acceptance::{
+    can_cancel_pull_out, can_cancel_return, has_finished_lane_change, has_passed_target,
+    is_behind_target, is_in_stage,
+};
+use crate::gap_acceptance::{is_scripted, true_closing_speed_to_leader};
+use crate::math::vectors::{M, V, at_most, choose, each_at_slot, splat};
+use crate::oncoming::{OncomingVehicle, expected_closing_speed, observe_second_oncoming};
+use crate::params::Params;
+use crate::pass_continuation::{can_abort_pass, decide_pass_continuation};
+use crate::passing::{gap_ahead_of, line_is_solid, tall_vehicle_gap_factor};
+use crate::state::{EGO_SLOT, LEADER, NUM_ROLES, State, stage};
+
+/// Source of the observed motion of neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObservationSource {
+    /// Beliefs of the model driver.
+    Beliefs,
+    /// The true state.
+    Truth,
+}
+
+/// A struct of vectors whose fields are listed once: as fields and as names.
+macro_rules! columns {
+    ($(#[$doc:meta])* $names:ident, $name:ident { $($field:ident),* $(,)? }) => {
+        $(#[$doc])*
+        pub const $names: &[&str] = &[$(stringify!($field)),*];
+
+        struct $name<S: Simd> { $($field: V<S>),* }
+
+        impl<S: Simd> $name<S> {
+            #[inline(always)]
+            fn write(self, out: &mut [V<S>]) {
+                for (to, from) in out.iter_mut().zip([$(self.$field),*]) {
+                    *to = from;
+                }
+            }
+        }
+    };
+}
+
+columns! {
+    /// Columns of the ego, in order.
+    EGO_COLUMN_NAMES, EgoColumns {
+        speed, requested_accel, s, lateral_position, lane_offset, heading, yaw_rate, lane, stage, time_in_stage,
+        time_waiting, time_indicating, wanted_side, time_since_lane_change, has_finished_lane_change, checks_mirrors,
+        gives_way, has_passed_target, is_behind_target, can_pull_out, can_return, can_cancel_lane_change,
+    }
+}
+
+columns! {
+    /// Columns of a neighbour, in order.
+    NEIGHBOUR_COLUMN_NAMES, NeighbourColumns {
+        is_detected, gap, closing_speed, accel, lateral_distance, indicator, stop_lamp, length, is_truck,
+        is_two_wheeler,
+    }
+}
+
+columns! {
+    /// Columns about a pass against oncoming traffic, in order; zero on one-way roads.
+    PASSING_COLUMN_NAMES, PassingColumns {
+        sight_distance, is_certain, expected_closing_speed, gap_ahead_of_leader, tall_vehicle_gap_factor,
+        line_is_solid, return_urgency, abort_state, can_abort_pass,
+    }
+}
+
+/// Number of observed neighbours: the six of the ego's direction, then two oncoming vehicles.
+pub const NUM_OBSERVED_ROLES: usize = NUM_ROLES + 2;
+
+const NEIGHBOURS_SIZE: usize = NUM_OBSERVED_ROLES * NEIGHBOUR_COLUMN_NAMES.len();
+
+/// Number of values in the observation of one simulation.
+pub const OBSERVATION_SIZE: usize =
+    EGO_COLUMN_NAMES.len() + NEIGHBOURS_SIZE + PASSING_COLUMN_NAMES.len();
+
+/// The observations of the simulations of a block.
+pub type ObservationTable<S> = [V<S>; OBSERVATION_SIZE];
+
+/// Observations of the ego in each simulation of a block.
+#[inline(always)]
+pub fn observation_table<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+    source: ObservationSource,
+    decision: usize,
+) -> ObservationTable<S> {
+    const NUM_COLUMNS: usize = NEIGHBOUR_COLUMN_NAMES.len();
+    let mut table = [splat(params.simd, 0.0); OBSERVATION_SIZE];
+    let (ego, rest) = table.split_at_mut(EGO_COLUMN_NAMES.len());
+    let (neighbours, passing) = rest.split_at_mut(NEIGHBOURS_SIZE);
+    ego_columns(state, params, mind).write(ego);
+    let (same_direction, oncoming) = neighbours.split_at_mut(NUM_ROLES * NUM_COLUMNS);
+    for (role, columns) in same_direction.chunks_exact_mut(NUM_COLUMNS).enumerate() {
+        let motion = match source {
+            ObservationSource::Beliefs => believed_motion(state, params, mind, role),
+            ObservationSource::Truth => true_motion(state, params, mind, role),
+        };
+        neighbour_columns(state, params, mind, role, motion).write(columns);
+    }
+    let (near, first) = (mind.neighbours, &mind.oncoming.nearest);
+    let mut vehicles = [OncomingVehicle::nobody(params.simd); 2];
+    if params.road.directions.has_oncoming_traffic {
+        vehicles = [
+            *first,
+            observe_second_oncoming(state, params, near, first, decision),
+        ];
+        passing_columns(state, params, mind).write(passing);
+    }
+    for (vehicle, columns) in vehicles.iter().zip(oncoming.chunks_exact_mut(NUM_COLUMNS)) {
+        oncoming_columns(state, params, vehicle, source).write(columns);
+    }
+    table
+}
+
+#[inline(always)]
+fn ego_columns<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+) -> EgoColumns<S> {
+    let flag = |mask| flag(params.simd, mask);
+    let lane_centre = 0.5 * (mind.neighbours.lane_right_edge + mind.neighbours.lane_left_edge);
+    EgoColumns {
+        speed: state.vx[EGO_SLOT],
+        requested_accel: state.accel[EGO_SLOT],
+        s: state.s[EGO_SLOT],
+        lateral_position: state.d[EGO_SLOT],
+        lane_offset: state.d[EGO_SLOT] - lane_centre,
+        heading: state.psi[EGO_SLOT],
+        yaw_rate: state.r[EGO_SLOT],
+        lane: state.lane[EGO_SLOT],
+        stage: state.stage[EGO_SLOT],
+        time_in_stage: state.stage_time[EGO_SLOT],
+        time_waiting: state.waited[EGO_SLOT],
+        time_indicating: state.signalled[EGO_SLOT],
+        wanted_side: state.wanted[EGO_SLOT],
+        time_since_lane_change: state.since_change[EGO_SLOT],
+        has_finished_lane_change: flag(has_finished_lane_change(state, EGO_SLOT)),
+        checks_mirrors: flag(mind.checks_mirrors),
+        gives_way: flag(mind.gives_way),
+        has_passed_target: flag(has_passed_target(state, params, EGO_SLOT)),
+        is_behind_target: flag(is_behind_target(state, params, EGO_SLOT)),
+        can_pull_out: flag(can_pull_out(state, params)),
+        can_return: flag(can_return(state)),
+        can_cancel_lane_change: flag(
+            can_cancel_pull_out(state, params, EGO_SLOT)
+                | can_cancel_return(state, params, EGO_SLOT),
+        ),
+    }
+}
+
+/// Motion of a neighbour relative to the ego.
+struct NeighbourMotion<S: Simd> {
+    is_detected: M<S>,
+    gap: V<S>,
+    closing_speed: V<S>,
+    accel: V<S>,
+}
+
+/// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
+#[inline(always)]
+fn believed_motion<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+    role: usize,
+) -> NeighbourMotion<S> {
+    let is_detected = mind.beliefs.is_detected[role];
+    let mut closing_speed = mind.beliefs.closing_speed[role];
+    if role == LEADER {
+        let knows_speed = is_scripted(params) & is_detected;
+        closing_speed = choose(
+            knows_speed,
+            true_closing_speed_to_leader(state, params, mind.neighbours),
+            closing_speed,
+        );
+    }
+    NeighbourMotion {
+        is_detected,
+        gap: mind.beliefs.gap[role],
+        closing_speed,
+        accel: mind.beliefs.accel[role],
+    }
+}
+
+/// The true motion of a neighbour; a large gap and zeros without one.
+#[inline(always)]
+fn true_motion<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+    role: usize,
+) -> NeighbourMotion<S> {
+    let (zero, unseen) = (
+        splat(params.simd, 0.0),
+        splat(params.simd, params.constants.unseen_gap),
+    );
+    let slot = mind.neighbours.slot[role];
+    let exists = slot.simd_ge(0.0);
+    let (ego_speed, _) = state.road_velocity(EGO_SLOT);
+    let [speed, accel] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+        state.road_velocity(j).0,
+        state.a_lon[j]
+    ]);
+    let is_ahead = role.is_multiple_of(2);
+    let closing_speed = if is_ahead {
+        ego_speed - speed
+    } else {
+        speed - ego_speed
+    };
+    NeighbourMotion {
+        is_detected: exists,
+        gap: choose(exists, mind.neighbours.gap[role], unseen),
+        closing_speed: choose(exists, closing_speed, zero),
+        accel: choose(exists, accel, zero),
+    }
+}
+
+/// One oncoming vehicle; a large gap and zeros without one.
+#[inline(always)]
+fn oncoming_columns<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    vehicle: &OncomingVehicle<S>,
+    source: ObservationSource,
+) -> NeighbourColumns<S> {
+    let zero = splat(params.simd, 0.0);
+    let [
+        speed,
+        accel,
+        d,
+        indicator,
+        half_length,
+        is_truck,
+        is_two_wheeler,
+    ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
+        state.road_velocity(j).0,
+        state.a_lon[j],
+        state.d[j],
+        state.indicator[j],
+        params.vehicles[j].half_length,
+        params.vehicles[j].has_truck_tyres,
+        params.vehicles[j].two_wheeler
+    ]);
+    let ego_speed = state.road_velocity(EGO_SLOT).0;
+    let (is_detected, gap, closing_speed, accel) = match source {
+        ObservationSource::Beliefs => (
+            vehicle.is_detected,
+            vehicle.believed_gap,
+            vehicle.closing_speed,
+            zero,
+        ),
+        ObservationSource::Truth => (
+            vehicle.slot.simd_ge(0.0),
+            vehicle.gap,
+            ego_speed + speed,
+            accel,
+        ),
+    };
+    let if_detected = |value| choose(is_detected, value, zero);
+    NeighbourColumns {
+        is_detected: flag(params.simd, is_detected),
+        gap: choose(
+            is_detected,
+            gap,
+            splat(params.simd, params.constants.unseen_gap),
+        ),
+        closing_speed: if_detected(closing_speed),
+        accel: if_detected(accel),
+        lateral_distance: if_detected((params.road.directions.edge_sum - d) - state.d[EGO_SLOT]),
+        indicator: if_detected(-indicator),
+        stop_lamp: zero,
+        length: if_detected(2.0 * half_length),
+        is_truck: if_detected(is_truck),
+        is_two_wheeler: if_detected(is_two_wheeler),
+    }
+}
+
+/// The model driver's knowledge about a pass against oncoming traffic.
+#[inline(always)]
+fn passing_columns<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+) -> PassingColumns<S> {
+    let flag = |mask| flag(params.simd, mask);
+    let oncoming = &mind.oncoming.nearest;
+    let plight = decide_pass_continuation(state, params, EGO_SLOT, &mind);
+    let leader = mind.neighbours.slot[LEADER];
+    let overtaken = choose(
+        is_in_stage(state, EGO_SLOT, stage::FOLLOW),
+        leader,
+        state.target[EGO_SLOT],
+    );
+    PassingColumns {
+        sight_distance: oncoming.sight_distance,
+        is_certain: flag(oncoming.is_certain),
+        expected_closing_speed: expected_closing_speed(state, params, EGO_SLOT),
+        gap_ahead_of_leader: at_most(
+            gap_ahead_of(state, params, EGO_SLOT, leader),
+            params.constants.unseen_gap,
+        ),
+        tall_vehicle_gap_factor: tall_vehicle_gap_factor(params, overtaken),
+        line_is_solid: flag(line_is_solid(
+            state,
+            params,
+            EGO_SLOT,
+            splat(params.simd, params.constants.line_lookahead),
+        )),
+        return_urgency: 0.5 * flag(plight.must_return_urgently)
+            + 0.5 * flag(plight.accepts_small_gap),
+        abort_state: 0.5 * flag(plight.must_abort)
+            + 0.5 * flag(plight.must_abort & plight.fits_into_lane),
+        can_abort_pass: flag(can_abort_pass(state, params)),
+    }
+}
+
+/// A neighbour's motion and appearance; without a vehicle the appearance is zero.
+#[inline(always)]
+fn neighbour_columns<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    mind: DriverContext<'_, S>,
+    role: usize,
+    motion: NeighbourMotion<S>,
+) -> NeighbourColumns<S> {
+    let zero = splat(params.simd, 0.0);
+    let [
+        indicator,
+        requested_accel,
+        crashed,
+        is_truck,
+        is_two_wheeler,
+    ] = each_at_slot!(params.num_slots_in_use, mind.neighbours.slot[role], |j| [
+        state.indicator[j],
+        state.accel[j],
+        state.crashed[j],
+        params.vehicles[j].has_truck_tyres,
+        params.vehicles[j].two_wheeler
+    ]);
+    let brakes = requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
+    let if_detected = |value| choose(motion.is_detected, value, zero);
+    NeighbourColumns {
+        is_detected: flag(params.simd, motion.is_detected),
+        gap: motion.gap,
+        closing_speed: motion.closing_speed,
+        accel: motion.accel,
+        lateral_distance: if_detected(mind.neighbours.lateral_distance[role]),
+        indicator: if_detected(indicator),
+        stop_lamp: if_detected(flag(params.simd, brakes)),
+        length: if_detected(2.0 * mind.neighbours.half_length[role]),
+        is_truck: if_detected(is_truck),
+        is_two_wheeler: if_detected(is_two_wheeler),
+    }
+}
+
+/// 1 where the mask is true, else 0.
+#[inline(always)]
+fn flag<S: Simd>(simd: S, mask: M<S>) -> V<S> {
+    choose(mask, splat(simd, 1.0), splat(simd, 0.0))
+}

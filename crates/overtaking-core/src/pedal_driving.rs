@@ -1,0 +1,278 @@
+//! Vehicles with somebody else at pedals and wheel, for a tick; see `overtaking.sim.reference.pedal_driving`.
+//!
+//! Here the lanes of a vector are not simulations: all of them hold the same one.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::math::elementary::sincos;
+use crate::math::vectors::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
+use crate::names::SimulationParams;
+use crate::params::{DerivedConstants, Params, Road};
+use crate::road_conditions;
+use crate::run::block::load;
+use crate::run::engine::{Inputs, find_level};
+use crate::state::{History, State};
+use crate::vehicle_dynamics;
+use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
+
+/// Take fields out of a table with a row for each, and put them back.
+macro_rules! table_fields {
+    ($($field:ident),* $(,)?) => {
+        /// What changes while somebody drives, in the order of the rows of a table.
+        pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
+
+        #[inline(always)]
+        fn read_table<S: Simd, const N: usize>(state: &mut State<'_, S, N>, table: &[f32], simd: S) {
+            let mut rows = table.chunks_exact(table.len() / TABLE_FIELDS.len());
+            $(for (mine, value) in state.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
+                *mine = splat(simd, *value);
+            })*
+        }
+
+        /// Put back what lane `of` a vehicle says of it.
+        #[inline(always)]
+        fn write_table<S: Simd, const N: usize>(
+            state: &State<'_, S, N>,
+            table: &mut [f32],
+            of: impl Fn(usize) -> Option<usize>,
+        ) {
+            let mut rows = table.chunks_exact_mut(table.len() / TABLE_FIELDS.len());
+            $(for (i, value) in rows.next().unwrap_or_default().iter_mut().enumerate() {
+                if let Some(lane) = of(i) {
+                    *value = state.$field[i][lane];
+                }
+            })*
+        }
+    };
+}
+
+table_fields! {
+    s, d, psi, vx, vy, r, wheel, accel, a_lon, a_lat, gust, distance_error, speed_error, wander, mu_fast,
+    mu_slow, wind_force, wind_moment, tail_wind,
+}
+
+/// What drivers do, a number for each vehicle.
+#[derive(Clone, Copy)]
+pub struct PedalControls<'a> {
+    /// Part of the engine's force.
+    pub throttle: &'a [f32],
+    /// Part of the braking force.
+    pub brake: &'a [f32],
+    /// Wanted angle of the front wheels [rad].
+    pub wheel_angle: &'a [f32],
+    /// How fast they turn [rad/s].
+    pub wheel_rate: f32,
+}
+
+/// What happens to the vehicles of a table.
+#[derive(Clone, Copy)]
+pub enum Deed<'a> {
+    /// Weather: gusts, friction and wind of the decision with this number.
+    Weather(u32),
+    /// Motion: so many steps.
+    Drive(PedalControls<'a>, u32),
+}
+
+/// Room for few vehicles. More have room for the most, as a third size would be compiled for little.
+const FEW: usize = SLOT_CAPACITIES[0];
+
+/// Let something happen to vehicles.
+///
+/// # Errors
+/// There are too many, arrays are too short, or this CPU lacks the SIMD level.
+pub fn act(
+    inputs: &Inputs<'_>,
+    deed: Deed<'_>,
+    forced: Option<&str>,
+    table: &mut [f32],
+) -> Result<(), String> {
+    let Some(level) = find_level(forced) else {
+        return Err(format!(
+            "SIMD level {} is not supported by this CPU",
+            forced.unwrap_or("?")
+        ));
+    };
+    if table.len() != inputs.num_slots * TABLE_FIELDS.len() || !controls_fit(deed, inputs.num_slots)
+    {
+        return Err(format!("expected numbers of {} vehicles", inputs.num_slots));
+    }
+    if inputs.num_slots > MAX_VEHICLES {
+        return Err(format!(
+            "{} vehicles are more than {MAX_VEHICLES}",
+            inputs.num_slots
+        ));
+    }
+    if inputs.num_slots <= FEW {
+        dispatch!(level, |simd| with_state::<_, FEW>(
+            simd, inputs, deed, table
+        ));
+    } else {
+        dispatch!(level, |simd| with_state::<_, MAX_VEHICLES>(
+            simd, inputs, deed, table
+        ));
+    }
+    Ok(())
+}
+
+fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
+    match deed {
+        Deed::Weather(_) => true,
+        Deed::Drive(controls, _) => [controls.throttle, controls.brake, controls.wheel_angle]
+            .iter()
+            .all(|each| each.len() == vehicles),
+    }
+}
+
+fn with_state<S: Simd, const N: usize>(
+    simd: S,
+    inputs: &Inputs<'_>,
+    deed: Deed<'_>,
+    table: &mut [f32],
+) {
+    let road = Road::of(inputs);
+    let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, &[0; LANES]);
+    let world = Params::<S, N> {
+        simd,
+        constants: inputs.constants,
+        derived: DerivedConstants::of(inputs.constants),
+        road: &road,
+        vehicles: p,
+        simulations: q,
+        num_slots_in_use: inputs.num_slots,
+        is_ring: false,
+        key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
+        scenario_index_low: [inputs.scenario_index[0] as u32; LANES],
+        scenario_index_high: [(inputs.scenario_index[0] >> 32) as u32; LANES],
+    };
+    let mut history = History::default();
+    match deed {
+        Deed::Weather(decision) => update_weather(world, decision, &mut history, table),
+        Deed::Drive(controls, steps) => drive(&world, controls, steps, &mut history, table),
+    }
+}
+
+/// Gusts, friction and wind of a decision.
+///
+/// Vehicles head anywhere, so the wind has other axes for each. Lane `k` has it as one of them feels it,
+/// and only that one takes its numbers from there.
+fn update_weather<S: Simd, const N: usize>(
+    mut params: Params<'_, S, N>,
+    decision: u32,
+    history: &mut History<N>,
+    table: &mut [f32],
+) {
+    let before = table.to_vec();
+    let steady = params.simulations;
+    for first in (0..params.num_slots_in_use).step_by(LANES) {
+        params.simd.vectorize(
+            #[inline(always)]
+            || {
+                let mut state = State::at_start(&params, &mut history.0);
+                read_table(&mut state, &before, params.simd);
+                wind_in_vehicle_axes(&mut params.simulations, &steady, &state, first);
+                road_conditions::update_random_processes(&mut state, &params, decision);
+                road_conditions::update_friction(&mut state, &params);
+                road_conditions::update_wind(&mut state, &params);
+                write_table(&state, table, |i| {
+                    i.checked_sub(first).filter(|lane| *lane < LANES)
+                });
+            },
+        );
+    }
+}
+
+/// The wind in the axes of the vehicles from `first` on, one in each lane.
+#[inline(always)]
+fn wind_in_vehicle_axes<S: Simd, const N: usize>(
+    turned: &mut SimulationParams<S>,
+    steady: &SimulationParams<S>,
+    state: &State<'_, S, N>,
+    first: usize,
+) {
+    for (lane, psi) in state.psi[first..].iter().take(LANES).enumerate() {
+        let (sine, cosine) = sincos(*psi);
+        let along = steady.wind_along * cosine + steady.wind_across * sine;
+        let across = steady.wind_across * cosine - steady.wind_along * sine;
+        turned.wind_along.as_mut_slice()[lane] = along[lane];
+        turned.wind_across.as_mut_slice()[lane] = across[lane];
+    }
+}
+
+fn drive<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    controls: PedalControls<'_>,
+    steps: u32,
+    history: &mut History<N>,
+    table: &mut [f32],
+) {
+    params.simd.vectorize(
+        #[inline(always)]
+        || {
+            let mut state = State::at_start(params, &mut history.0);
+            read_table(&mut state, table, params.simd);
+            for i in 0..params.num_slots_in_use {
+                (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);
+            }
+            for _ in 0..steps {
+                for i in 0..params.num_slots_in_use {
+                    let stride = &params.derived.fine;
+                    let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
+                    apply_throttle_and_brake(&mut state, params, i, controls, speed);
+                    let angle = turn_wheels(&mut state, params, i, controls, speed);
+                    let motion = vehicle_dynamics::compute_step::<S, N, false>(
+                        &mut state, params, i, angle, stride,
+                    );
+                    vehicle_dynamics::update_position::<S, N, false>(
+                        &mut state, params, i, motion, stride,
+                    );
+                }
+            }
+            write_table(&state, table, |_| Some(0));
+        },
+    );
+}
+
+/// From pedals, at a speed, to the acceleration that is asked for.
+#[inline(always)]
+fn apply_throttle_and_brake<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    controls: PedalControls<'_>,
+    speed: V<S>,
+) {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let air = speed - state.tail_wind[i];
+    let resistance = vehicle.drag * air * air.abs() + vehicle.rolling;
+    let engine = min(
+        vehicle.launch_force,
+        vehicle.power / at_least(speed, constants.slip_speed),
+    );
+    let force =
+        controls.throttle[i] * engine - controls.brake[i] * vehicle.max_brake_force - resistance;
+    state.accel[i] = force * vehicle.inverse_mass;
+}
+
+/// Turn the front wheels, or lean into the curve that they stand for; the angle in the middle of the step.
+#[inline(always)]
+fn turn_wheels<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    controls: PedalControls<'_>,
+    speed: V<S>,
+) -> V<S> {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let angle: V<S> = splat(params.simd, controls.wheel_angle[i]);
+    let most = controls.wheel_rate * constants.step;
+    let turn = clamp_to(angle - state.wheel[i], -most, most);
+    let (sine, cosine) = sincos(angle);
+    let curve = speed * speed * sine / (cosine * vehicle.wheelbase);
+    let grip = constants.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
+    let lean = (clamp(curve, -grip, grip) - state.wheel[i]) * params.derived.fine.leaning;
+    let moved = choose(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
+    let before = state.wheel[i];
+    state.wheel[i] = before + moved;
+    before + 0.5 * moved
+}

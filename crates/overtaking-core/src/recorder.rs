@@ -1,0 +1,517 @@
+//! Frames to their place in memory, percepts and contacts; see `overtaking.sim.reference.recorder`.
+
+pub(crate) mod frame_tiles;
+pub(crate) mod output;
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, i32x16, u32x16};
+
+use crate::math::vectors::{LANES, M, Seats, V, choose, clamp_to, splat};
+use crate::neighbour_search::Neighbours;
+use crate::oncoming::OncomingVehicle;
+use crate::params::Params;
+use crate::perception::Beliefs;
+use crate::recorder::frame_tiles::{
+    FRAMES_PER_TILE, FrameTile, NUM_PACKED_WORDS, NUM_STATE_WORDS, Row, packed, put_tile, transpose,
+};
+use crate::recorder::output::{MAX_PERCEPTS, Output};
+use crate::state::{EGO_SLOT, LEFT_LEADER, State};
+
+/// Which decision a percept was written down for.
+#[derive(Clone, Copy)]
+pub enum ManoeuvreKind {
+    PullOut = 0,
+    Return = 1,
+    Cancel = 2,
+}
+
+/// Collects the recorded integers of a block and hashes them.
+pub struct Recorder<'a, const N: usize> {
+    /// Where the simulation of each lane goes; `None` in lanes that are free.
+    out: [Option<Output<'a>>; LANES],
+    hash: [[u32; LANES]; 4],
+    frames: [usize; LANES],
+    flushed: usize,
+}
+
+impl<'a, const N: usize> Recorder<'a, N> {
+    /// A recorder of the simulations of some lanes.
+    pub fn new(mut out: [Option<Output<'a>>; LANES]) -> Self {
+        for out in out.iter_mut().flatten() {
+            clear(out);
+        }
+        Self {
+            out,
+            hash: hash_start(),
+            frames: [0; LANES],
+            flushed: 0,
+        }
+    }
+
+    /// Whether a lane holds a simulation that is not finished.
+    pub fn is_busy(&self, lane: usize) -> bool {
+        self.out[lane].is_some()
+    }
+
+    /// Free a lane of which nothing is recorded; where its results would have gone.
+    pub fn release(&mut self, lane: usize) -> Option<Output<'a>> {
+        self.out[lane].take()
+    }
+
+    /// Take over the simulation in lane `other` of a recorder that has written down as many frames.
+    pub fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
+        debug_assert_eq!(self.flushed, from.flushed);
+        self.out[lane] = from.out[other].take();
+        self.hash.seat(lane, &from.hash, other);
+        self.frames[lane] = from.frames[other];
+    }
+
+    /// Write down one frame of the simulations that still run.
+    #[inline(always)]
+    pub fn record_frame<S: Simd>(
+        &mut self,
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        active: M<S>,
+        number: usize,
+        tile: &mut FrameTile<N>,
+    ) {
+        let simd = params.simd;
+        let [h0, h1, h2, h3] = self.hash;
+        let mut hash = [
+            u32x16::simd_from(simd, h0),
+            u32x16::simd_from(simd, h1),
+            u32x16::simd_from(simd, h2),
+            u32x16::simd_from(simd, h3),
+        ];
+        let at = number - self.flushed;
+        for i in 0..params.num_slots_in_use {
+            let valid = params.vehicles[i].valid.simd_gt(0.0);
+            let words = state_words(state, params, i);
+            for (k, word) in words.into_iter().enumerate() {
+                hash[k % 4] = mix(hash[k % 4], word, active & valid);
+            }
+            for (k, word) in packed(simd, &words).into_iter().enumerate() {
+                tile.0[(i * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + at] = Row(word.to_array());
+            }
+            if valid.test(at) {
+                self.prefetch_rows(i, at);
+            }
+        }
+        let stage: i32x16<S> = state.stage[EGO_SLOT].to_int();
+        let nobody = state.contact_partner[EGO_SLOT].simd_lt(0.0);
+        let partner: i32x16<S> = state.contact_partner[EGO_SLOT].to_int();
+        let partner = nobody.select(i32x16::splat(simd, NO_VEHICLE), partner);
+        let frame = i32x16::splat(simd, number as i32);
+        let zero = i32x16::splat(simd, 0);
+        for (k, word) in [stage, partner, frame, zero].into_iter().enumerate() {
+            hash[k] = mix(hash[k], word, active);
+        }
+        for (kept, word) in self.hash.iter_mut().zip(hash) {
+            *kept = word.to_array();
+        }
+        for (lane, out) in self.out.iter_mut().enumerate() {
+            if let Some(out) = out.as_mut().filter(|_| active.test(lane)) {
+                out.stage[number] = stage[lane] as u8;
+                out.collided_with[number] = partner[lane] as u8;
+                self.frames[lane] = number + 1;
+            }
+        }
+        if at + 1 == FRAMES_PER_TILE {
+            simd.vectorize(
+                #[inline(always)]
+                || self.write_tile(params, tile),
+            );
+            self.flushed = number + 1;
+        }
+    }
+
+    /// Ask for the memory that the frames of vehicle `i` of the simulation in lane `at` will be moved to.
+    ///
+    /// A tile has as many frames as there are lanes, so all of it is there when the tile is full; else each
+    /// line of it would be waited for. A vehicle after the other, as the CPU waits for a few lines at a time.
+    #[inline(always)]
+    fn prefetch_rows(&self, i: usize, at: usize) {
+        if let Some(out) = self.out[at].as_ref() {
+            frame_tiles::prefetch_rows(out, i * out.frames + self.flushed);
+        }
+    }
+
+    /// Move the collected frames to their place: the frames of one vehicle are adjacent.
+    ///
+    /// Sixteen frames are turned at once; what is written beyond the end of a simulation is cleared when
+    /// it is finished.
+    #[inline(always)]
+    pub fn write_tile<S: Simd>(&mut self, params: &Params<'_, S, N>, tile: &FrameTile<N>) {
+        let start = self.flushed;
+        if self.frames.iter().all(|frames| *frames <= start) {
+            return;
+        }
+        for i in 0..params.num_slots_in_use {
+            let there = params.vehicles[i].valid.simd_gt(0.0);
+            for k in 0..NUM_PACKED_WORDS {
+                let from = (i * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE;
+                let turned = transpose(params.simd, &tile.0[from..from + LANES]);
+                for (lane, (out, Row(row))) in self.out.iter_mut().zip(&turned).enumerate() {
+                    if let Some(out) = out.as_mut().filter(|_| there.test(lane)) {
+                        put_tile(out, i, k, start, row);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Write down what the ego believed at a decision, as long as there is room.
+    #[allow(clippy::too_many_arguments)]
+    #[inline(always)]
+    pub fn record_percepts<S: Simd>(
+        &mut self,
+        state: &mut State<'_, S, N>,
+        params: &Params<'_, S, N>,
+        near: &Neighbours<S>,
+        believed: &Beliefs<S>,
+        mask: M<S>,
+        kind: ManoeuvreKind,
+        roles: [usize; 3],
+        step: u32,
+        oncoming: Option<&OncomingVehicle<S>>,
+    ) {
+        let now = splat(params.simd, step as f32);
+        let mask =
+            mask & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
+        if !mask.any_true() {
+            return;
+        }
+        let (own, _) = state.road_velocity(EGO_SLOT);
+        for (column, role) in roles.into_iter().enumerate() {
+            // Who comes stands for the front of the lane that is pulled out to.
+            let comes = oncoming.filter(|_| role == LEFT_LEADER);
+            let slot = comes.map_or(near.slot[role], |one| one.slot);
+            let mut speed = state.road_velocity(0).0;
+            for j in 1..params.num_slots_in_use {
+                speed = choose(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
+            }
+            let closing = if comes.is_some() {
+                own + speed
+            } else if role.is_multiple_of(2) {
+                own - speed
+            } else {
+                speed - own
+            };
+            let gap = comes.map_or(believed.gap[role], |one| one.believed_gap);
+            let gap = to_recorded_integers(gap, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let believed_closing =
+                comes.map_or(believed.closing_speed[role], |one| one.closing_speed);
+            let believed_closing =
+                to_recorded_integers(believed_closing, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let true_gap = comes.map_or(near.gap[role], |one| one.gap);
+            let true_gap = to_recorded_integers(true_gap, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let detected = comes.map_or(believed.is_detected[role], |one| one.is_detected);
+            let true_closing = to_recorded_integers(closing, INTEGERS_PER_UNIT, INT32_LIMIT);
+            for (lane, out) in self.out.iter_mut().enumerate() {
+                let Some(out) = out.as_mut().filter(|_| mask.test(lane)) else {
+                    continue;
+                };
+                let at = state.num_percepts[lane] as usize * 3 + column;
+                let nobody = slot[lane] < 0.0;
+                out.percept_slot[at] = if nobody { 255 } else { slot[lane] as u8 };
+                out.percept_is_detected[at] = u8::from(detected.test(lane));
+                out.percept_gap[at] = gap[lane];
+                out.percept_closing_speed[at] = believed_closing[lane];
+                out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
+                out.percept_true_closing_speed[at] = if nobody { 0 } else { true_closing[lane] };
+            }
+        }
+        for (lane, out) in self.out.iter_mut().enumerate() {
+            if let Some(out) = out.as_mut().filter(|_| mask.test(lane)) {
+                let at = state.num_percepts[lane] as usize;
+                out.percept_valid[at] = 1;
+                out.percept_kind[at] = kind as u8;
+                out.percept_time[at] = step as i32 * 10;
+            }
+        }
+        state.num_percepts = choose(mask, state.num_percepts + 1.0, state.num_percepts);
+    }
+
+    /// Write what is left of a simulation that has ended: zeros behind its frames, contacts and hash.
+    ///
+    /// The lane is free afterwards.
+    pub fn finish<S: Simd>(
+        &mut self,
+        lane: usize,
+        state: &State<'_, S, N>,
+        params: &Params<'_, S, N>,
+    ) {
+        let Some(mut out) = self.out[lane].take() else {
+            return;
+        };
+        let mut hash = self.hash.map(|word| word[lane]);
+        clear_behind(&mut out, self.frames[lane], lane, params);
+        put_contacts(&mut out, &mut hash, lane, state, params);
+        mix_percepts(&mut hash, &out);
+        out.num_frames[0] = self.frames[lane] as i32;
+        out.trace_hash.copy_from_slice(&digest(hash));
+    }
+}
+
+/// Set what is only written where something happens.
+fn clear(out: &mut Output<'_>) {
+    out.percept_valid.fill(0);
+    out.percept_slot.fill(255);
+    out.collided_with.fill(255);
+    for slice in [
+        &mut *out.percept_kind,
+        &mut *out.percept_is_detected,
+        &mut *out.stage,
+    ] {
+        slice.fill(0);
+    }
+    for slice in [
+        &mut *out.percept_time,
+        &mut *out.percept_gap,
+        &mut *out.percept_closing_speed,
+        &mut *out.percept_true_gap,
+        &mut *out.percept_true_closing_speed,
+    ] {
+        slice.fill(0);
+    }
+}
+
+/// Zero what lies behind the last frame, and the slots that are empty, as far as something was ever written there.
+fn clear_behind<S: Simd, const N: usize>(
+    out: &mut Output<'_>,
+    frames: usize,
+    lane: usize,
+    params: &Params<'_, S, N>,
+) {
+    let room = out.frames;
+    for i in 0..out.slots {
+        let used = if params.vehicles[i].valid[lane] > 0.0 {
+            frames
+        } else {
+            0
+        };
+        let written = (out.written[i].max(0) as usize).clamp(used, room);
+        out.written[i] = used as i32;
+        let rest = i * room + used..i * room + written;
+        frame_tiles::clear(out, rest);
+    }
+}
+
+/// Write down the first contact of each vehicle.
+fn put_contacts<S: Simd, const N: usize>(
+    out: &mut Output<'_>,
+    hash: &mut [u32; 4],
+    lane: usize,
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+) {
+    for i in 0..out.slots {
+        let partner = state.contact_partner[i][lane];
+        let slot = if partner < 0.0 { 255 } else { partner as u8 };
+        let time =
+            to_recorded_integers(state.contact_time[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
+        let impulse = to_recorded_integers(state.contact_impulse[i], 1.0, INT32_LIMIT)[lane];
+        let speed =
+            to_recorded_integers(state.contact_speed[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
+        out.contact_partner[i] = slot;
+        out.contact_time[i] = time;
+        out.contact_impulse[i] = impulse;
+        out.contact_speed[i] = speed;
+        // Empty slots are no part of the hash, which is the same for any number of slots.
+        if params.vehicles[i].valid[lane] == 0.0 {
+            continue;
+        }
+        let words = [u32::from(slot), time as u32, impulse as u32, speed as u32];
+        for (hash, word) in hash.iter_mut().zip(words) {
+            *hash = mix_word(*hash, word);
+        }
+    }
+}
+
+fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
+    for at in 0..MAX_PERCEPTS {
+        if out.percept_valid[at] == 0 {
+            continue;
+        }
+        let mut words = vec![u32::from(out.percept_kind[at]), out.percept_time[at] as u32];
+        for k in at * 3..at * 3 + 3 {
+            words.extend([
+                u32::from(out.percept_slot[k]),
+                u32::from(out.percept_is_detected[k]),
+                out.percept_gap[k] as u32,
+                out.percept_closing_speed[k] as u32,
+                out.percept_true_gap[k] as u32,
+                out.percept_true_closing_speed[k] as u32,
+            ]);
+        }
+        for (k, word) in words.into_iter().enumerate() {
+            hash[k % 4] = mix_word(hash[k % 4], word);
+        }
+    }
+}
+
+/// Slot number, or lane, of nobody and nothing.
+pub const NO_VEHICLE: i32 = 255;
+const INT16_LIMIT: f32 = 32767.0;
+/// Largest recorded word of 32 bits.
+pub const INT32_LIMIT: f32 = 2.0e9;
+const TURNS_PER_RADIAN: f32 = 0.159_154_94;
+/// Steps of a metre, of a metre a second, of a second.
+pub const INTEGERS_PER_UNIT: f32 = 1000.0;
+const INTEGERS_PER_RADIAN: f32 = 10000.0;
+const INDICATOR_LEFT: i32 = 1;
+const INDICATOR_RIGHT: i32 = 2;
+const BRAKE: i32 = 4;
+const HIGH_BEAM: i32 = 16;
+
+/// A number in steps, the nearest, within limits.
+#[inline(always)]
+pub fn to_recorded_integers<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
+    clamp_to(value * scale, -limit, limit)
+        .round_ties_even()
+        .to_int()
+}
+
+#[inline(always)]
+fn wrap_angle<S: Simd>(angle: V<S>) -> V<S> {
+    let turns = (angle * TURNS_PER_RADIAN).round_ties_even();
+    angle - turns * core::f32::consts::TAU
+}
+
+/// The recorded integers of vehicle `i`.
+#[inline(always)]
+pub fn state_words<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+) -> [i32x16<S>; NUM_STATE_WORDS] {
+    let (road, vehicle) = (params.road, &params.vehicles[i]);
+    let [x0, y0, heading, cosine, sine] = road.pose;
+    let (s, from_slow) = state.road_position(params, i);
+    let d = road.overtaking_sign * from_slow;
+    let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
+    for k in 0..=road.directions.num_own_lanes {
+        let beyond = from_slow.simd_ge(road.boundaries[k]);
+        lane = beyond.select(i32x16::splat(params.simd, k as i32), lane);
+    }
+    let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
+    let wheel = choose(
+        vehicle.two_wheeler.simd_gt(0.0),
+        splat(params.simd, 0.0),
+        state.wheel[i],
+    );
+    let mut course = heading + road.overtaking_sign * state.psi[i];
+    if road.directions.has_oncoming_traffic {
+        let half_turn = splat(params.simd, core::f32::consts::PI);
+        course += choose(
+            vehicle.travel_sign.simd_lt(0.0),
+            half_turn,
+            splat(params.simd, 0.0),
+        );
+    }
+    [
+        to_recorded_integers(x0 + s * cosine - d * sine, INTEGERS_PER_UNIT, INT32_LIMIT),
+        to_recorded_integers(y0 + s * sine + d * cosine, INTEGERS_PER_UNIT, INT32_LIMIT),
+        to_recorded_integers(s, INTEGERS_PER_UNIT, INT32_LIMIT),
+        to_recorded_integers(d, INTEGERS_PER_UNIT, INT32_LIMIT),
+        to_recorded_integers(speed, INTEGERS_PER_UNIT, INT32_LIMIT),
+        to_recorded_integers(wrap_angle(course), INTEGERS_PER_RADIAN, INT16_LIMIT),
+        to_recorded_integers(
+            road.overtaking_sign * wheel,
+            INTEGERS_PER_RADIAN,
+            INT16_LIMIT,
+        ),
+        to_recorded_integers(state.a_lon[i], INTEGERS_PER_UNIT, INT16_LIMIT),
+        to_recorded_integers(
+            road.overtaking_sign * state.a_lat[i],
+            INTEGERS_PER_UNIT,
+            INT16_LIMIT,
+        ),
+        to_recorded_integers(
+            road.overtaking_sign * state.r[i],
+            INTEGERS_PER_RADIAN,
+            INT16_LIMIT,
+        ),
+        lane,
+        lights(state, params, i),
+    ]
+}
+
+#[inline(always)]
+fn lights<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+) -> i32x16<S> {
+    let towards_left = params.road.overtaking_sign * state.indicator[i];
+    let left = towards_left.simd_gt(0.0).select(
+        i32x16::splat(params.simd, INDICATOR_LEFT),
+        i32x16::splat(params.simd, 0),
+    );
+    let right = towards_left.simd_lt(0.0).select(
+        i32x16::splat(params.simd, INDICATOR_RIGHT),
+        i32x16::splat(params.simd, 0),
+    );
+    let braking =
+        state.accel[i].simd_lt(-params.constants.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
+    let base: i32x16<S> = params.vehicles[i].initial_lights.to_int();
+    let shown = base
+        + left
+        + right
+        + braking.select(
+            i32x16::splat(params.simd, BRAKE),
+            i32x16::splat(params.simd, 0),
+        );
+    if !params.road.directions.has_oncoming_traffic {
+        return shown;
+    }
+    let flashes = state.flashes[i].simd_gt(0.0);
+    shown
+        + flashes.select(
+            i32x16::splat(params.simd, HIGH_BEAM),
+            i32x16::splat(params.simd, 0),
+        )
+}
+
+const PRIME_1: u32 = 2_654_435_761;
+const PRIME_2: u32 = 2_246_822_519;
+const PRIME_3: u32 = 3_266_489_917;
+
+/// The four words of the hash of each simulation before anything is recorded.
+pub fn hash_start() -> [[u32; LANES]; 4] {
+    [
+        PRIME_1.wrapping_add(PRIME_2),
+        PRIME_2,
+        0,
+        0u32.wrapping_sub(PRIME_1),
+    ]
+    .map(|word| [word; LANES])
+}
+
+/// Mix a word of each simulation into one of the four, in the masked simulations.
+#[inline(always)]
+pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
+    let word: u32x16<S> = word.bitcast();
+    let sum = hash + word * PRIME_2;
+    let mixed = ((sum << 13) | (sum >> 19)) * PRIME_1;
+    mask.select(mixed, hash)
+}
+
+/// Mix a word into one of the four of a single simulation.
+#[inline(always)]
+pub fn mix_word(hash: u32, word: u32) -> u32 {
+    hash.wrapping_add(word.wrapping_mul(PRIME_2))
+        .rotate_left(13)
+        .wrapping_mul(PRIME_1)
+}
+
+/// The hash once everything is mixed in.
+pub fn digest(hash: [u32; 4]) -> [u32; 4] {
+    core::array::from_fn(|k| {
+        let word = hash[k].wrapping_add(hash[(k + 1) % 4].rotate_left(7));
+        let word = (word ^ (word >> 15)).wrapping_mul(PRIME_2);
+        let word = (word ^ (word >> 13)).wrapping_mul(PRIME_3);
+        word ^ (word >> 16)
+    })
+}

@@ -1,0 +1,455 @@
+//! Friction under the wheels and wind on the side; see `overtaking.sim.reference.road_conditions`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::math::elementary::{atan, exp, sincos};
+use crate::math::philox::{MOTION, uniform, words};
+use crate::math::vectors::{LANES, V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
+use crate::names::ModelConstants;
+use crate::params::Params;
+use crate::state::{NO_ACCEL_LIMIT, State};
+
+/// A uniform number of unit variance lies within +- sqrt(3).
+const ROOT_3: f32 = 1.732_050_8;
+/// Phases of neighbouring wheel paths differ by the golden ratio, and by its square.
+const PHASE_STEP_1: f32 = 0.618_034;
+const PHASE_STEP_2: f32 = 0.381_966;
+/// Keeps the way in a bend finite for who has left the road inwards.
+const MIN_RADIUS_SHARE: f32 = 0.25;
+/// Keeps the angle of the wind finite at rest [m/s].
+const MIN_AIR_SPEED: f32 = 1.0;
+
+#[inline(always)]
+fn ornstein_uhlenbeck_step<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
+    let innovation = ROOT_3 * (2.0 * word - 1.0);
+    keep * process + (1.0 - keep * keep).sqrt() * innovation
+}
+
+/// Advance gusts, errors of judgement and wander in the lane by one decision.
+#[inline(always)]
+pub fn update_random_processes<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    decision: u32,
+) {
+    let (constants, simulation) = (params.constants, &params.simulations);
+    // The first draw is the stationary state: nothing of a past is kept.
+    let kept = if decision == 0 { 0.0 } else { 1.0 };
+    let keep_error = kept
+        * exp(splat(
+            params.simd,
+            -constants.decision / constants.error_time,
+        ));
+    let keep_wander = kept
+        * exp(splat(
+            params.simd,
+            -constants.decision / constants.lane_time,
+        ));
+    for i in 0..params.num_slots_in_use {
+        let [gust, distance, speed, lane] = words(
+            params.key,
+            &params.scenario_index_low,
+            &params.scenario_index_high,
+            MOTION + i as u32,
+            decision,
+        );
+        let along = state.vx[i] - in_travel_direction(params, i, simulation.wind_along);
+        let air_speed = (along * along + simulation.wind_across * simulation.wind_across).sqrt();
+        let keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
+        state.gust[i] = ornstein_uhlenbeck_step(state.gust[i], keep, uniform(params.simd, gust));
+        state.distance_error[i] = ornstein_uhlenbeck_step(
+            state.distance_error[i],
+            keep_error,
+            uniform(params.simd, distance),
+        );
+        state.speed_error[i] = ornstein_uhlenbeck_step(
+            state.speed_error[i],
+            keep_error,
+            uniform(params.simd, speed),
+        );
+        state.wander[i] =
+            ornstein_uhlenbeck_step(state.wander[i], keep_wander, uniform(params.simd, lane));
+    }
+}
+
+/// A number along or across the road, in the direction of vehicle `i`.
+#[inline(always)]
+fn in_travel_direction<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    value: V<S>,
+) -> V<S> {
+    if params.road.directions.has_oncoming_traffic {
+        params.vehicles[i].travel_sign * value
+    } else {
+        value
+    }
+}
+
+/// `values[lane]` for whole-number lanes, the first or last value outside.
+#[inline(always)]
+pub fn value_of_lane<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
+    let mut chosen = splat(lane.simd, values[0]);
+    for (k, value) in values.iter().enumerate().skip(1) {
+        chosen = choose(
+            lane.simd_ge(k as i32 as f32),
+            splat(lane.simd, *value),
+            chosen,
+        );
+    }
+    chosen
+}
+
+/// Film on a lane outside puddles [mm].
+#[inline(always)]
+pub fn lane_film<S: Simd, const N: usize>(params: &Params<'_, S, N>, path: V<S>) -> V<S> {
+    max(
+        params.simulations.min_wet_film,
+        params.simulations.film_rain_factor * path - params.simulations.texture_depth,
+    )
+}
+
+#[inline(always)]
+fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
+    (2.0 * (x - floor(x)) - 1.0).abs()
+}
+
+/// Depth of the puddle at a point, 0 to 1.
+#[inline(always)]
+fn puddle_depth_share<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    s: V<S>,
+    path: V<S>,
+) -> V<S> {
+    let (constants, simulation) = (params.constants, &params.simulations);
+    let wave = triangle_wave(
+        s * constants.inverse_puddle_wave_1 + simulation.puddle_phase_1 + PHASE_STEP_1 * path,
+    );
+    let wave = wave
+        + triangle_wave(
+            s * constants.inverse_puddle_wave_2 + simulation.puddle_phase_2 + PHASE_STEP_2 * path,
+        );
+    clamp_to(
+        (simulation.puddle_threshold - wave) * constants.puddle_slope,
+        0.0,
+        1.0,
+    )
+}
+
+/// Peak friction of tyres at a speed, one value for each of the four water films of the table.
+#[inline(always)]
+pub fn friction_at_speed<S: Simd>(
+    constants: &ModelConstants,
+    speed: V<S>,
+    wear: V<S>,
+    truck: V<S>,
+) -> [V<S>; 4] {
+    let [v0, v1, v2] = constants.friction_speeds;
+    let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
+    let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
+    let mut columns = [splat(speed.simd, 0.0); 4];
+    for (knot, column) in columns.iter_mut().enumerate() {
+        let mut rows = [*column; 3];
+        for (row, (new, worn)) in rows
+            .iter_mut()
+            .zip(constants.friction_new.iter().zip(&constants.friction_worn))
+        {
+            *row = new[knot] + wear * (worn[knot] - new[knot]);
+        }
+        let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
+        *column = match knot {
+            0 => (1.0 + truck * (constants.truck_dry_factor - 1.0)) * (rows[0] + change),
+            1 => rows[0] + change,
+            _ => rows[0] + (1.0 + truck * (constants.truck_loss_factor - 1.0)) * change,
+        };
+    }
+    columns
+}
+
+/// Peak friction on a water film [mm], between the values of `friction_at_speed`.
+#[inline(always)]
+pub fn friction_at_film<S: Simd>(
+    constants: &ModelConstants,
+    columns: &[V<S>; 4],
+    film: V<S>,
+) -> V<S> {
+    let [h0, h1, h2, h3] = constants.friction_films;
+    if film.simd_le(h0).all_true() {
+        return at_least(columns[0], constants.friction_floor);
+    }
+    let a = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
+    let b = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
+    let d = clamp_to((film - h2) / (h3 - h2), 0.0, 1.0);
+    let value = columns[0] + a * (columns[1] - columns[0]);
+    let value = value + b * (columns[2] - columns[1]);
+    let value = value + d * (columns[3] - columns[2]);
+    at_least(value, constants.friction_floor)
+}
+
+/// What the road does to vehicle `i` until the next decision: it bends, rises, shows itself, has limits.
+#[inline(always)]
+pub fn update_road_course<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+) {
+    let (constants, vehicle, ways) = (
+        params.constants,
+        &params.vehicles[i],
+        &params.road.directions,
+    );
+    let table = &params.road.course_table;
+    let turned = vehicle.travel_sign.simd_lt(0.0);
+    let offset = choose(turned, state.d[i] - ways.edge_sum, state.d[i]);
+    let soon = 0.5 * constants.decision;
+    let late = choose(
+        vehicle.two_wheeler.simd_gt(0.0),
+        splat(params.simd, constants.two_wheeler_lag),
+        constants.steering_lag + vehicle.side_lag * state.vx[i],
+    );
+    let (s, v) = (state.s[i], state.vx[i]);
+    let (here, there) = (s + soon * v, s + (soon + late) * v);
+    let last = (table.curvature.len() - 1) as f32;
+    let station = |s: V<S>| {
+        let way = choose(turned, ways.length - s, s) * constants.per_station;
+        clamp_to(way, 0.0, last)
+    };
+    let (here, there, now) = (station(here), station(there), station(s));
+    let is_oncoming = |lane: usize| usize::from(vehicle.travel_sign[lane] < 0.0);
+    let radii = [table.radius_along, table.radius_against];
+    let sights = [
+        table.sight_along,
+        table.sight_against,
+        table.truck_sight_along,
+        table.truck_sight_against,
+    ];
+    let allowed_speeds = [table.allowed_speed_along, table.allowed_speed_against];
+    let stretch = |bend: V<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
+    let bend = vehicle.travel_sign * interpolate_course(here, last, |_| table.curvature);
+    let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| table.curvature);
+    state.stretch[i] = stretch(bend);
+    state.curve[i] = bend * state.stretch[i];
+    state.curve_ahead[i] = ahead * stretch(ahead);
+    state.slope[i] = vehicle.travel_sign * interpolate_course(here, last, |_| table.sine_of_slope);
+    let radius = interpolate_course(now, last, |lane| radii[is_oncoming(lane)]);
+    state.bend_speed[i] =
+        (at_most(params.simulations.max_lateral_accel, constants.bend_accel) * radius).sqrt();
+    let sight =
+        |lane: usize| 2 * usize::from(vehicle.has_truck_tyres[lane] > 0.0) + is_oncoming(lane);
+    state.shown[i] = interpolate_course(now, last, |lane| sights[sight(lane)]);
+    let allowed =
+        |place: V<S>| interpolate_course(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
+    let wanted = |limit: V<S>| min(adapted_speed(params, i, limit), vehicle.desired_speed);
+    state.allowed_speed[i] = allowed(now);
+    let wish = wanted(state.allowed_speed[i]);
+    let soon = wanted(allowed(station(s + constants.decision * v)));
+    let change = (soon - wish) / constants.decision;
+    let eased = max(change + (wish - v) * constants.per_approach, -vehicle.decel);
+    state.most_accel[i] = choose(
+        change.simd_lt(0.0),
+        eased,
+        splat(params.simd, NO_ACCEL_LIMIT),
+    );
+    state.wanted_pass_speed[i] = min(wish * constants.passing_speed_factor, vehicle.passing_speed);
+    state.wanted_speed[i] = wish;
+}
+
+/// Speed that driver `i` wants under a limit in its weather and light.
+#[inline(always)]
+fn adapted_speed<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    limit: V<S>,
+) -> V<S> {
+    let (vehicle, simulation) = (&params.vehicles[i], &params.simulations);
+    let wanted = vehicle.free_speed
+        - vehicle.speed_limit_compliance * at_least(vehicle.free_speed - limit, 0.0);
+    let excess = at_least(
+        wanted - simulation.rain_slowing - simulation.stoppable_speed,
+        0.0,
+    );
+    wanted - vehicle.caution * (simulation.rain_slowing + excess)
+}
+
+/// A row of the road between its stations, linear; each simulation may have its own.
+#[inline(always)]
+fn interpolate_course<'a, S: Simd>(
+    station: V<S>,
+    last: f32,
+    row: impl Fn(usize) -> &'a [f32],
+) -> V<S> {
+    let first = at_most(floor(station), last - 1.0);
+    let (mut low, mut high) = (first, first);
+    for lane in 0..LANES {
+        let (row, k) = (row(lane), first[lane] as usize);
+        (low[lane], high[lane]) = (row[k], row[k + 1]);
+    }
+    low + (station - first) * (high - low)
+}
+
+/// Friction under the wheels of either side.
+#[inline(always)]
+pub fn update_friction<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+) {
+    let (road, n) = (params.road, params.road.num_lanes);
+    let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
+    let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
+    for i in 0..params.num_slots_in_use {
+        let vehicle = &params.vehicles[i];
+        let mut lane = splat(params.simd, 0.0);
+        for k in 1..n {
+            lane = choose(
+                state.d[i].simd_ge(road.boundaries[k]),
+                splat(params.simd, k as i32 as f32),
+                lane,
+            );
+        }
+        let water = lane_film(params, value_of_lane(&road.film_path[..n], lane));
+        let columns = friction_at_speed(
+            params.constants,
+            state.vx[i],
+            vehicle.tyre_wear,
+            vehicle.has_truck_tyres,
+        );
+        if !has_puddles {
+            let friction = min(
+                friction_at_film(params.constants, &columns, water),
+                vehicle.max_friction,
+            );
+            (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
+            continue;
+        }
+        let (s, d) = state.road_position(params, i);
+        for (offset, friction) in [
+            (vehicle.half_track, &mut state.mu_fast[i]),
+            (-vehicle.half_track, &mut state.mu_slow[i]),
+        ] {
+            let offset = in_travel_direction(params, i, offset);
+            let wheel_path = floor((d + offset - road.boundaries[0]) / width);
+            let depth = puddle_depth_share(params, s, wheel_path);
+            *friction = min(
+                friction_at_film(
+                    params.constants,
+                    &columns,
+                    water + params.simulations.puddle_film * depth,
+                ),
+                vehicle.max_friction,
+            );
+        }
+    }
+}
+
+/// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
+#[inline(always)]
+fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+) -> V<S> {
+    let constants = params.constants;
+    let wind = in_travel_direction(params, i, params.simulations.wind_across);
+    let mut share = splat(params.simd, 1.0);
+    for j in 0..params.num_slots_in_use {
+        if i == j {
+            continue;
+        }
+        let other = &params.vehicles[j];
+        let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
+        let aside = state.d[i] - d;
+        let reach = constants.shelter_reach + params.vehicles[i].half_width + other.half_width;
+        let upwind = (aside * wind).simd_gt(0.0);
+        let beside = other.shelters_wind.simd_gt(0.0)
+            & other.valid.simd_gt(0.0)
+            & upwind
+            & aside.abs().simd_lt(reach);
+        if !beside.any_true() {
+            continue;
+        }
+        let beyond = (state.s[i] - s).abs() - other.half_length;
+        let u = clamp_to(
+            beyond / (constants.shelter_release * 2.0 * other.half_length),
+            0.0,
+            1.0,
+        );
+        let open_share =
+            constants.shelter_factor + (1.0 - constants.shelter_factor) * (u * u * (3.0 - 2.0 * u));
+        share = choose(beside, min(share, open_share), share);
+    }
+    share
+}
+
+/// The discrete gusts of bridges and cuttings, 0 to 1.
+#[inline(always)]
+fn discrete_gust<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+) -> V<S> {
+    let (s, _) = state.road_position(params, i);
+    let cell = s / params.constants.gust_spacing + params.simulations.gust_phase;
+    let inside =
+        (cell - floor(cell)) * params.constants.gust_spacing / params.simulations.gust_length;
+    let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
+    choose(
+        inside.simd_lt(1.0),
+        0.5 - 0.5 * cosine,
+        splat(params.simd, 0.0),
+    )
+}
+
+/// Push sideways for a part of each interval, after drivers answered the wind.
+#[inline(always)]
+pub fn apply_study_push<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    decision: u32,
+) {
+    let simulation = &params.simulations;
+    let cell = decision as f32 * simulation.push_rate + simulation.push_phase;
+    let pushed = simulation.push_accel.simd_ne(0.0)
+        & (cell - floor(cell)).simd_lt(simulation.push_duty_cycle);
+    for i in 0..params.num_slots_in_use {
+        let force = state.wind_force[i]
+            + in_travel_direction(params, i, simulation.push_accel) * params.vehicles[i].mass;
+        state.wind_force[i] = choose(pushed, force, state.wind_force[i]);
+    }
+}
+
+/// Side force, yaw moment and tail wind of each vehicle.
+#[inline(always)]
+pub fn update_wind<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+) {
+    let (constants, simulation) = (params.constants, &params.simulations);
+    let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
+    for i in 0..params.num_slots_in_use {
+        let vehicle = &params.vehicles[i];
+        let mut strength = 1.0 + constants.turbulence_intensity * state.gust[i];
+        if has_gusts {
+            strength += simulation.gust_gain * discrete_gust(state, params, i);
+        }
+        let strength = at_least(strength, 0.0);
+        let open = if params.road.directions.has_oncoming_traffic {
+            wind_shelter::<S, N, true>(state, params, i)
+        } else {
+            wind_shelter::<S, N, false>(state, params, i)
+        };
+        let across = in_travel_direction(params, i, simulation.wind_across) * strength * open;
+        state.tail_wind[i] = in_travel_direction(params, i, simulation.wind_along) * strength;
+        let along = at_least(state.vx[i] - state.tail_wind[i], MIN_AIR_SPEED);
+        let angle = atan(across.abs() / along);
+        let (sine, _) = sincos(at_most(
+            constants.wind_angle_factor * angle,
+            core::f32::consts::FRAC_PI_2,
+        ));
+        let force = vehicle.side_wind * (along * along + across * across) * sine;
+        state.wind_force[i] = choose(across.simd_lt(0.0), -force, force);
+        let cosine = along / (along * along + across * across).sqrt();
+        state.wind_moment[i] =
+            state.wind_force[i] * (vehicle.wind_centre * cosine + vehicle.wind_arm);
+    }
+}

@@ -1,0 +1,439 @@
+//! Motion of a vehicle over one step; see `overtaking.sim.reference.vehicle_dynamics`.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::math::elementary::sincos;
+use crate::math::vectors::{M, V, at_least, choose, clamp, clamp_to, max, min, put, splat};
+use crate::names::{ModelConstants, VehicleParams};
+use crate::params::{Params, StepLength};
+use crate::state::State;
+
+/// Keeps the direction of a wreck at rest finite [m/s].
+const MIN_SLIDING_SPEED: f32 = 1e-3;
+/// Left sideways by full braking, squared, to divide by [N^2].
+const MIN_LATERAL_GRIP: f32 = 1.0;
+
+/// Loads and forces of one axle.
+struct Axle<S: Simd> {
+    load: V<S>,
+    force_lon: V<S>,
+    force_difference: V<S>,
+    max_lateral_force: V<S>,
+}
+
+/// What a step comes to: velocity and yaw rate at its end, and the mean yaw rate.
+#[derive(Clone, Copy)]
+pub struct MotionStep<S: Simd> {
+    vx: V<S>,
+    vy: V<S>,
+    yaw_rate: V<S>,
+    mean_yaw_rate: V<S>,
+}
+
+impl<S: Simd> MotionStep<S> {
+    /// At rest.
+    pub fn none(simd: S) -> Self {
+        let zero = splat(simd, 0.0);
+        Self {
+            vx: zero,
+            vy: zero,
+            yaw_rate: zero,
+            mean_yaw_rate: zero,
+        }
+    }
+}
+
+/// Lateral force of an axle against the slip, and how fast it grows with the slip.
+#[inline(always)]
+fn fiala_force<S: Simd>(stiffness: V<S>, across: V<S>, along: V<S>, limit: V<S>) -> (V<S>, V<S>) {
+    let one = splat(across.simd, 1.0);
+    let z = stiffness * across / (3.0 * limit * along);
+    let sticks = at_least(one - z.abs(), 0.0);
+    let size = limit * (one - sticks * sticks * sticks);
+    (
+        choose(z.simd_lt(0.0), size, -size),
+        stiffness * (sticks * sticks),
+    )
+}
+
+#[inline(always)]
+fn requested_force<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    accel: V<S>,
+    resistance: V<S>,
+    speed: V<S>,
+    inverse_speed: V<S>,
+) -> V<S> {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let wanted = vehicle.mass * accel + resistance;
+    let engine = min(vehicle.launch_force, vehicle.power * inverse_speed);
+    let throttle = clamp_to(
+        (vehicle.max_speed + constants.governor_band - speed) * params.derived.per_governor_band,
+        0.0,
+        1.0,
+    );
+    max(min(wanted, engine * throttle), -vehicle.max_brake_force)
+}
+
+/// Forces of one axle under a load that is asked for a longitudinal force.
+#[inline(always)]
+fn axle_forces<S: Simd>(
+    constants: &ModelConstants,
+    vehicle: &VehicleParams<S>,
+    mu_fast: V<S>,
+    mu_slow: V<S>,
+    force: V<S>,
+    load: V<S>,
+) -> Axle<S> {
+    let half_load = 0.5 * load;
+    let share = choose(
+        force.simd_gt(0.0) & vehicle.two_wheeler.simd_eq(0.0),
+        splat(force.simd, constants.traction_share),
+        splat(force.simd, constants.abs_share),
+    );
+    let bound_fast = share * mu_fast * half_load;
+    let bound_slow = share * mu_slow * half_load;
+    let fast = clamp(0.5 * force, -bound_fast, bound_fast);
+    let slow = clamp(0.5 * force, -bound_slow, bound_slow);
+    let total = fast + slow;
+    let grip = (mu_fast + mu_slow) * half_load;
+    let left = at_least(grip * grip - total * total, MIN_LATERAL_GRIP);
+    Axle {
+        load,
+        force_lon: total,
+        force_difference: slow - fast,
+        max_lateral_force: left.sqrt(),
+    }
+}
+
+/// Share of the load on the front axle at an acceleration.
+#[inline(always)]
+fn front_load_share<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    i: usize,
+    accel: V<S>,
+) -> V<S> {
+    let vehicle = &params.vehicles[i];
+    let lifted = accel * vehicle.cg_height * params.derived.inverse_gravity;
+    vehicle.inverse_wheelbase
+        * (vehicle.cg_rear - clamp(lifted, -vehicle.cg_front, vehicle.cg_rear))
+}
+
+/// Largest acceleration that friction allows.
+#[inline(always)]
+fn max_friction_accel<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    constants: &ModelConstants,
+    i: usize,
+) -> V<S> {
+    constants.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i])
+}
+
+/// Loads and forces of the front and the rear axle.
+#[inline(always)]
+fn axles<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    force: V<S>,
+    resistance: V<S>,
+    angle: V<S>,
+) -> (Axle<S>, Axle<S>) {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let rides = vehicle.two_wheeler.simd_gt(0.0);
+    let brakes = force.simd_lt(0.0);
+    let weight = front_load_share(params, i, state.a_lon[i]);
+    let share = choose(brakes, weight, vehicle.front_drive);
+    let limit = choose(
+        force.simd_gt(0.0) & !rides,
+        splat(params.simd, constants.traction_share),
+        splat(params.simd, constants.abs_share),
+    ) * max_friction_accel(state, constants, i);
+    let asked = force * vehicle.inverse_mass;
+    let (front, rear) = (limit * weight, limit * (1.0 - weight));
+    let asked = clamp(share * asked, -front, front) + clamp((1.0 - share) * asked, -rear, rear);
+    let held = choose(
+        rides,
+        splat(params.simd, 0.0),
+        state.a_lat[i] * weight * angle,
+    );
+    let weight = front_load_share(params, i, asked - resistance * vehicle.inverse_mass - held);
+    let share = choose(brakes, weight, vehicle.front_drive);
+    let whole = constants.gravity * vehicle.mass;
+    let (fast, slow) = (state.mu_fast[i], state.mu_slow[i]);
+    (
+        axle_forces(
+            constants,
+            vehicle,
+            fast,
+            slow,
+            share * force,
+            whole * weight,
+        ),
+        axle_forces(
+            constants,
+            vehicle,
+            fast,
+            slow,
+            (1.0 - share) * force,
+            whole * (1.0 - weight),
+        ),
+    )
+}
+
+/// Advance vehicle `i` by one step up to its new velocity, with this wheel angle or lean in the middle;
+/// the accelerations are kept in the state.
+#[inline(always)]
+pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    angle: V<S>,
+    stride: &StepLength,
+) -> MotionStep<S> {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
+    let inverse_speed = 1.0 / at_least(speed, constants.slip_speed);
+    let air = speed - state.tail_wind[i];
+    let held_back = vehicle.drag * air * air.abs() + vehicle.rolling;
+    let mut resistance = held_back;
+    if VARIES {
+        resistance += constants.gravity * vehicle.mass * state.slope[i];
+    }
+    let force = requested_force(params, i, state.accel[i], resistance, speed, inverse_speed);
+    let (front, rear) = axles(state, params, i, force, held_back, angle);
+    let straight = (front.force_lon + rear.force_lon - resistance) * vehicle.inverse_mass;
+    let mut motion = single_track_step(
+        state,
+        params,
+        i,
+        &(front, rear),
+        resistance,
+        (speed, inverse_speed),
+        angle,
+        stride,
+    );
+    let rides = vehicle.two_wheeler.simd_gt(0.0);
+    if rides.any_true() {
+        leaning_step(
+            state,
+            params,
+            i,
+            rides,
+            straight,
+            (inverse_speed, angle),
+            stride,
+            &mut motion,
+        );
+    }
+    let zero = splat(params.simd, 0.0);
+    motion.vx = at_least(motion.vx, 0.0);
+    let creeps =
+        motion.vx.simd_lt(constants.standstill) & motion.vy.abs().simd_lt(constants.standstill);
+    let stands = creeps & state.accel[i].simd_le(0.0);
+    motion.vx = choose(stands, zero, motion.vx);
+    motion.vy = choose(stands, zero, motion.vy);
+    motion.yaw_rate = choose(stands, zero, motion.yaw_rate);
+    motion.mean_yaw_rate = choose(stands, 0.5 * state.r[i], motion.mean_yaw_rate);
+    motion
+}
+
+/// A step of the single-track model; side speed and yaw rate by the linearised equations.
+#[allow(clippy::too_many_arguments)]
+#[inline(always)]
+fn single_track_step<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    (front, rear): &(Axle<S>, Axle<S>),
+    resistance: V<S>,
+    (speed, inverse_speed): (V<S>, V<S>),
+    angle: V<S>,
+    stride: &StepLength,
+) -> MotionStep<S> {
+    let vehicle = &params.vehicles[i];
+    let (vx, vy, r) = (state.vx[i], state.vy[i], state.r[i]);
+    let (sine, cosine) = sincos(angle);
+    let u = (vy + vehicle.cg_front * r) * inverse_speed;
+    let (front_y, front_k) = fiala_force(
+        vehicle.front_stiffness * front.load,
+        u * cosine - sine,
+        cosine + u * sine,
+        front.max_lateral_force,
+    );
+    let u = (vy - vehicle.cg_rear * r) * inverse_speed;
+    let one = splat(u.simd, 1.0);
+    let (rear_y, rear_k) = fiala_force(
+        vehicle.rear_stiffness * rear.load,
+        u,
+        one,
+        rear.max_lateral_force,
+    );
+    let (front_k, rear_k) = (front_k * inverse_speed, rear_k * inverse_speed);
+    let side = front_y * cosine + front.force_lon * sine;
+    let moment = vehicle.half_track * (front.force_difference + rear.force_difference);
+    let across = (side + rear_y + state.wind_force[i]) * vehicle.inverse_mass - speed * r;
+    let moment = moment + stability_control(state, params, i, speed, angle);
+    let turn = vehicle.cg_front * side - vehicle.cg_rear * rear_y + state.wind_moment[i] + moment;
+    let turn = turn * vehicle.inverse_inertia;
+    let (ahead, behind) = (
+        vehicle.cg_front * (front_k * cosine),
+        vehicle.cg_rear * rear_k,
+    );
+    let (by_mass, by_inertia) = (
+        stride.half * vehicle.inverse_mass,
+        stride.half * vehicle.inverse_inertia,
+    );
+    let a11 = 1.0 + by_mass * (front_k * cosine + rear_k);
+    let a12 = by_mass * (ahead - behind) + stride.half * speed;
+    let a21 = by_inertia * (ahead - behind);
+    let a22 = 1.0 + by_inertia * (vehicle.cg_front * ahead + vehicle.cg_rear * behind);
+    let share = stride.length / (a11 * a22 - a12 * a21);
+    let more_vy = share * (a22 * across - a12 * turn);
+    let more_r = share * (a11 * turn - a21 * across);
+    let middle_r = r + 0.5 * more_r;
+    let middle_y = front_y - front_k * (0.5 * (more_vy + vehicle.cg_front * more_r));
+    let along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance;
+    state.a_lon[i] = along * vehicle.inverse_mass;
+    state.a_lat[i] = more_vy * stride.inverse + speed * middle_r;
+    MotionStep {
+        vx: vx + stride.length * (state.a_lon[i] + (vy + 0.5 * more_vy) * middle_r),
+        vy: vy + more_vy,
+        yaw_rate: r + more_r,
+        mean_yaw_rate: middle_r,
+    }
+}
+
+/// Yaw moment of stability control, which brakes single wheels.
+#[inline(always)]
+fn stability_control<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    speed: V<S>,
+    angle: V<S>,
+) -> V<S> {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let grip = max_friction_accel(state, constants, i);
+    let reach = grip / at_least(speed, constants.slip_speed);
+    let asked = speed * angle / (vehicle.wheelbase + vehicle.understeer * (speed * speed));
+    let off = state.r[i] - clamp(asked, -reach, reach);
+    let off = off
+        - clamp_to(
+            off,
+            -constants.stability_threshold,
+            constants.stability_threshold,
+        );
+    let most = 0.25 * grip * vehicle.mass * vehicle.half_track;
+    clamp(
+        -off * (1.0 / constants.stability_time) / vehicle.inverse_inertia,
+        -most,
+        most,
+    )
+}
+
+/// A step of a point mass that leans, where it has two wheels.
+#[allow(clippy::too_many_arguments)]
+#[inline(always)]
+fn leaning_step<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    rides: M<S>,
+    accel_lon: V<S>,
+    (inverse_speed, angle): (V<S>, V<S>),
+    stride: &StepLength,
+    motion: &mut MotionStep<S>,
+) {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let grip = max_friction_accel(state, constants, i);
+    let lean = clamp(
+        angle + state.wind_force[i] * vehicle.inverse_mass,
+        -grip,
+        grip,
+    );
+    let r = lean * inverse_speed;
+    let vx = state.vx[i] + stride.length * accel_lon;
+    motion.vx = choose(rides, vx, motion.vx);
+    motion.vy = choose(rides, splat(params.simd, 0.0), motion.vy);
+    motion.yaw_rate = choose(rides, r, motion.yaw_rate);
+    motion.mean_yaw_rate = choose(rides, r, motion.mean_yaw_rate);
+    put(&mut state.a_lon[i], rides, accel_lon);
+    put(&mut state.a_lat[i], rides, lean);
+}
+
+/// New place of vehicle `i` with the mean of the old and the new velocity.
+#[inline(always)]
+pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    motion: MotionStep<S>,
+    stride: &StepLength,
+) {
+    let wrecked = state.crashed[i].simd_gt(0.0);
+    let (sine, cosine) = (state.sine[i], state.cosine[i]);
+    let along = state.vx[i] * cosine - state.vy[i] * sine;
+    let across = state.vx[i] * sine + state.vy[i] * cosine;
+    let mut r = motion.yaw_rate;
+    let mut kept = splat(params.simd, 1.0);
+    if wrecked.any_true() {
+        (r, kept) = slide_wreck(state, params, i, wrecked, (along, across), r, stride);
+    }
+    let mean_r = choose(wrecked, 0.5 * (state.r[i] + r), motion.mean_yaw_rate);
+    state.psi[i] += stride.length * mean_r;
+    let mut slides = (along, across);
+    if VARIES {
+        let turned = stride.length * (state.curve[i] * (along + stride.half * state.a_lon[i]));
+        state.psi[i] -= turned;
+        let (aside, ahead) = sincos(turned);
+        slides = (
+            along * ahead + across * aside,
+            across * ahead - along * aside,
+        );
+    }
+    let (sine, cosine) = sincos(state.psi[i]);
+    (state.sine[i], state.cosine[i]) = (sine, cosine);
+    let mut new_along = motion.vx * cosine - motion.vy * sine;
+    let mut new_across = motion.vx * sine + motion.vy * cosine;
+    (state.vx[i], state.vy[i]) = (motion.vx, motion.vy);
+    if wrecked.any_true() {
+        new_along = choose(wrecked, slides.0 * kept, new_along);
+        new_across = choose(wrecked, slides.1 * kept, new_across);
+        let ahead = new_along * cosine + new_across * sine;
+        let aside = new_across * cosine - new_along * sine;
+        state.vx[i] = choose(wrecked, ahead, motion.vx);
+        state.vy[i] = choose(wrecked, aside, motion.vy);
+    }
+    let way = stride.half * (along + new_along);
+    state.s[i] += if VARIES { way * state.stretch[i] } else { way };
+    state.d[i] += stride.half * (across + new_across);
+    state.yaw_accel[i] = (r - state.r[i]) * stride.inverse;
+    state.r[i] = r;
+}
+
+/// A wreck slides to rest with locked wheels: its new yaw rate, and the share of its velocity that is kept.
+#[inline(always)]
+fn slide_wreck<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    params: &Params<'_, S, N>,
+    i: usize,
+    wrecked: M<S>,
+    (along, across): (V<S>, V<S>),
+    r: V<S>,
+    stride: &StepLength,
+) -> (V<S>, V<S>) {
+    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let friction = constants.sliding_ratio * max_friction_accel(state, constants, i);
+    let speed = (along * along + across * across).sqrt();
+    let lost = min(friction * stride.length, speed) / at_least(speed, MIN_SLIDING_SPEED);
+    let spin =
+        friction * vehicle.mass * vehicle.inverse_inertia * 0.5 * vehicle.wheelbase * stride.length;
+    let rate = -(lost * stride.inverse);
+    state.a_lon[i] = choose(wrecked, rate * state.vx[i], state.a_lon[i]);
+    state.a_lat[i] = choose(wrecked, rate * state.vy[i], state.a_lat[i]);
+    let turned = state.r[i] - clamp(state.r[i], -spin, spin);
+    (choose(wrecked, turned, r), 1.0 - lost)
+}

@@ -1,0 +1,313 @@
+"""The drivers that come with the package. They observe `human` and answer `decision`.
+
+They decide about lane changes; the model's own driver accelerates, brakes and steers.
+"""
+
+import hashlib
+import time
+import weakref
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.errors import ConfigError, DriverError, OvertakingError, check_extra
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
+from overtaking.model.driver_interface import (
+    OBSERVATION_SIZE,
+    PASSING_COLUMNS,
+    Move,
+    NeighbourColumns,
+)
+from overtaking.model.trajectories import Stage
+from overtaking.sim.ego_observation import Observation
+
+Moves = NDArray[np.int64]
+
+
+MIN_SPEED_GAIN = 3.0
+"""Smallest amount by which a leader must be slower than the desired speed to be overtaken [m/s]."""
+
+
+PULL_OUT_TIME_GAP = 4.0
+"""Time gap to the leader below which the overtake begins [s]."""
+
+
+MIN_TIME_GAP = 1.2
+"""Time gap kept to the new leader, and left to the new follower [s]."""
+
+
+INDICATOR_LEAD_TIME = 1.2
+"""Time from the indicator to the movement; UN R79 asks for 1 s [s]."""
+
+
+MAX_IMPOSED_DECEL = 3.0
+"""Largest deceleration that a lane change imposes on the new follower (UN R79) [m/s^2]."""
+
+
+CANCEL_IMPOSED_DECEL = 6.0
+"""Deceleration of the new follower above which a lane change is cancelled [m/s^2]."""
+
+
+MIN_TIME_BETWEEN_CHANGES = 8.0
+"""Time between two lane changes; the return need not wait for it [s]."""
+
+
+ABORT_STATE_THRESHOLD = 0.5
+"""Above it the ego fits in behind the target; below it the ego still brakes for that [1]."""
+
+
+ONCOMING_TIME_MARGIN = 3.0
+"""Time that is left until an oncoming vehicle at the end of a pass [s]."""
+
+
+def stay(observation: Observation) -> Moves:
+    """Never change lanes."""
+    return np.full(len(observation.is_running), int(Move.KEEP))
+
+
+def rules(observation: Observation) -> Moves:
+    """Change lanes by fixed rules: if it gains speed, and the gaps are larger than UN R79 demands.
+
+    It decides when it checks the mirrors, and keeps indicating in between.
+    """
+    ego = observation.ego
+    checks_mirrors = ego.checks_mirrors > 0
+    may_pull_out = (ego.stage == Stage.FOLLOW) & (ego.can_pull_out > 0)
+    may_pull_out &= ego.time_since_lane_change >= MIN_TIME_BETWEEN_CHANGES
+    pulls_out = may_pull_out & np.where(
+        checks_mirrors, _wants_to_overtake(observation), ego.wanted_side > 0
+    )
+    may_return = (ego.stage == Stage.PASS) & (ego.can_return > 0) & (ego.has_passed_target > 0)
+    is_clear = _is_clear_ahead(observation, observation.right_leader)
+    is_clear &= _is_clear_behind(observation, observation.right_follower, MAX_IMPOSED_DECEL)
+    returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
+    now = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
+    move = np.where(pulls_out, np.where(now, Move.PULL_OUT, Move.INDICATE_PULL_OUT), Move.KEEP)
+    move = np.where(returns, np.where(now, Move.RETURN, Move.INDICATE_RETURN), move)
+    may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
+    cancels = may_cancel & ~_is_clear_behind(
+        observation, observation.left_follower, CANCEL_IMPOSED_DECEL
+    )
+    aborts = observation.passing.abort_state > ABORT_STATE_THRESHOLD
+    return np.where(cancels | aborts, Move.CANCEL, move)
+
+
+def _wants_to_overtake(observation: Observation) -> Mask:
+    """Whether the leader is slow and near, and the gaps beside it suffice."""
+    ego, leader, passing = observation.ego, observation.leader, observation.passing
+    vehicle = observation.vehicle
+    leader_speed = ego.speed - leader.closing_speed
+    is_slow = vehicle.desired_speed - leader_speed > MIN_SPEED_GAIN
+    is_near = (leader.is_detected > 0) & (leader.gap < PULL_OUT_TIME_GAP * ego.speed)
+    is_clear = _is_clear_ahead(observation, observation.left_leader)
+    is_clear &= _is_clear_behind(observation, observation.left_follower, MAX_IMPOSED_DECEL)
+    is_two_way = passing.expected_closing_speed > 0  # On one-way roads all columns are zero.
+    min_return_gap = 2.0 * MIN_TIME_GAP * leader_speed + 2.0 * vehicle.half_length
+    may_meet_oncoming = (
+        (passing.is_certain > 0)
+        & (passing.line_is_solid == 0)
+        & (passing.gap_ahead_of_leader > min_return_gap)
+        & _is_back_in_time(observation)
+    )
+    return is_slow & is_near & is_clear & (may_meet_oncoming | ~is_two_way)
+
+
+def _is_back_in_time(observation: Observation) -> Mask:
+    """Whether the ego returns `ONCOMING_TIME_MARGIN` before it meets an oncoming vehicle.
+
+    A vehicle that it does not see may be just beyond its sight, at the usual speed.
+    """
+    ego, leader, vehicle = observation.ego, observation.leader, observation.vehicle
+    oncoming, passing = observation.oncoming, observation.passing
+    leader_speed = ego.speed - leader.closing_speed
+    lengths = leader.length + 2.0 * vehicle.half_length
+    distance = leader.gap + lengths + MIN_TIME_GAP * leader_speed
+    speed_gain = np.maximum(vehicle.desired_speed - leader_speed, MIN_SPEED_GAIN)
+    duration = distance / speed_gain + vehicle.lane_change_duration
+    is_seen = oncoming.is_detected > 0
+    oncoming_gap = np.minimum(np.where(is_seen, oncoming.gap, np.inf), passing.sight_distance)
+    closing_speed = np.where(is_seen, oncoming.closing_speed, 0.0)
+    closing_speed = np.maximum(closing_speed, passing.expected_closing_speed)
+    return oncoming_gap > (duration + ONCOMING_TIME_MARGIN) * closing_speed
+
+
+def _is_clear_ahead(observation: Observation, new_leader: NeighbourColumns) -> Mask:
+    """Whether the gap to the vehicle ahead in the new lane suffices."""
+    closing_speed = np.maximum(new_leader.closing_speed, 0.0)
+    min_gap = MIN_TIME_GAP * observation.ego.speed + PULL_OUT_TIME_GAP * closing_speed
+    return (new_leader.is_detected == 0) | (new_leader.gap > min_gap)
+
+
+def _is_clear_behind(
+    observation: Observation, new_follower: NeighbourColumns, max_decel: float
+) -> Mask:
+    """Whether the vehicle behind in the new lane need not brake harder than `max_decel`."""
+    closing_speed: F32 = np.maximum(new_follower.closing_speed, 0.0)
+    follower_speed = observation.ego.speed + new_follower.closing_speed
+    time_gap = MIN_TIME_GAP if max_decel == MAX_IMPOSED_DECEL else 0.0
+    braking_distance = closing_speed * closing_speed / (2.0 * max_decel)
+    min_gap = 0.4 * closing_speed + braking_distance + np.maximum(time_gap * follower_speed, 2.0)
+    return (new_follower.is_detected == 0) | (new_follower.gap > min_gap)
+
+
+MAX_BYTES = 1 << 28
+"""Largest file that is read."""
+
+
+MEMORY_MIB = 2048
+"""Memory of the process beyond ONNX Runtime itself [MiB], which Linux enforces."""
+
+
+TIMEOUT_S = 60.0
+"""Longest time to load and check a network, and longest time of one decision [s]."""
+
+
+READY = "ready"
+"""First message of the process: ONNX Runtime is imported, the time limit begins."""
+
+
+_MODULE = "overtaking.sim.network_process"
+
+
+_START_TIMEOUT_S = 120.0
+"""Longest time to start Python and import ONNX Runtime on a busy machine [s]."""
+
+
+class OnnxDriver:
+    """A driver in an ONNX file: from float32 numbers to an action.
+
+    The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
+    ego, of each neighbour, and of a pass. It may leave out the pass. The first output has
+    shape (simulation, part).
+
+    A child process loads the network, checks it with zeros, and evaluates it at each decision. A
+    network that passes the check may still crash or exhaust memory with other inputs, so this
+    process never evaluates it. The child starts again at the next decision after a failure.
+
+    Attributes:
+        sha256: SHA-256 of the file.
+        num_parts: Number of parts of an action; an output of shape (simulation,) has one.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no network with this input and output.
+        MissingExtraError: The extra `onnx` is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file, then load and check it in the child process."""
+        what = "onnxruntime, which runs networks"
+        check_extra("onnx", "onnxruntime", what=what, where=str(path))
+        self._path = path
+        self._content = _read_file(path)
+        self.sha256 = hashlib.sha256(self._content).hexdigest()
+        self._lock = Lock()  # Two threads would mix up their answers on the pipes.
+        self._worker: WorkerProcess | None = None
+        with self._lock:
+            self._width, self.num_parts = self._start(ConfigError)
+
+    def __call__(self, observation: Observation) -> NDArray[np.floating]:
+        """The action of each simulation.
+
+        Raises:
+            DriverError: The network fails, or exceeds its time or memory.
+        """
+        with self._lock:
+            if self._worker is None:
+                self._start(DriverError)
+            return self._request(observation.table[:, : self._width], DriverError)
+
+    def _start(self, error: type[OvertakingError]) -> tuple[int, int]:
+        """Start the process; return the width of the input and the number of parts."""
+        self._worker = WorkerProcess(_MODULE)
+        weakref.finalize(self, self._worker.close)
+        limits = {
+            "memory_mib": MEMORY_MIB,
+            "widths": (OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)),
+        }
+        self._request(limits, error, timeout_s=_START_TIMEOUT_S)
+        return self._request(self._content, error)
+
+    def _request(
+        self, message: object, error: type[OvertakingError], timeout_s: float | None = None
+    ) -> Any:
+        """Send a message to the process and return its answer."""
+        assert self._worker is not None
+        limit = TIMEOUT_S if timeout_s is None else timeout_s
+        try:
+            self._worker.send(message)
+            answer = _receive(self._worker, limit)
+        except _NetworkError as failure:
+            self._close()
+            raise _driver_file_error(self._path, failure.expected, failure.got, error) from None
+        except BaseException:
+            # After Ctrl-C, the late answer must not be read as the answer to the next decision.
+            self._close()
+            raise
+        return answer
+
+    def _close(self) -> None:
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.close()
+
+
+class _NetworkError(Exception):
+    """A network that failed in its process."""
+
+    def __init__(self, expected: str, got: str) -> None:
+        super().__init__(expected, got)
+        self.expected, self.got = expected, got
+
+
+def _receive(worker: WorkerProcess, timeout_s: float) -> Any:
+    """The next answer.
+
+    Raises:
+        _NetworkError: The process reports an error, ends, or takes too long.
+    """
+    begin = time.monotonic()
+    try:
+        answer = worker.receive(timeout_s)
+    except TimeoutError:
+        elapsed = time.monotonic() - begin
+        raise _NetworkError(
+            f"an answer within {timeout_s:g} s", f"none after {elapsed:.0f} s"
+        ) from None
+    if answer is WORKER_ENDED:
+        raise _NetworkError(
+            f"a process that evaluates it with {MEMORY_MIB} MiB of memory",
+            f"one that ended {worker.describe_exit()}",
+        )
+    if isinstance(answer, dict):
+        raise _NetworkError(answer["expected"], answer["got"])
+    return answer
+
+
+def _read_file(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise _driver_file_error(path, "a file that can be read", str(error)) from error
+    if len(content) > MAX_BYTES:
+        raise _driver_file_error(path, f"at most {MAX_BYTES} bytes", "more")
+    return content
+
+
+def _driver_file_error(
+    path: Path, expected: str, got: str, error: type[OvertakingError] = ConfigError
+) -> OvertakingError:
+    return error(
+        what="driver",
+        where=str(path),
+        expected=expected,
+        got=got,
+        next_step="export the network anew; docs/how-to/evaluate-a-driver.md says how",
+    )

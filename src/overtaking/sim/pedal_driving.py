@@ -1,0 +1,118 @@
+"""A tick of driven vehicles, by the compiled engine where they fit into it.
+
+Both ways give the same bits: `sim.reference.pedal_driving` says what happens.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking import _core
+from overtaking.core.native import simd_level
+from overtaking.sim.engine import road_values
+from overtaking.sim.reference import pedal_driving as reference
+from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, WHEEL_RATE, PedalControls
+from overtaking.sim.reference.state import State
+from overtaking.world.constants import ModelConstants, engine_constants
+from overtaking.world.step_parameters import StepParameters
+
+
+class PedalDriving(Protocol):
+    """What moves the vehicles of one simulation."""
+
+    @property
+    def constants(self) -> ModelConstants:
+        """Constants with the lengths of step and tick."""
+        ...
+
+    def weather(self, state: State, decision: int) -> None:
+        """Gusts, friction and wind for the tick with this number."""
+        ...
+
+    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
+        """Motion over some steps; contacts are not looked for."""
+        ...
+
+
+def pedal_driving(given: StepParameters) -> PedalDriving:
+    """The fastest way to move the vehicles of a batch of one.
+
+    Args:
+        given: Their parameters, with the lengths of step and tick among the constants.
+    """
+    is_small = given.vehicle_table.shape[1] <= _core.MAX_VEHICLES
+    return EnginePedalDriving(given) if is_small else ReferencePedalDriving(given)
+
+
+class ReferencePedalDriving:
+    """The reference, for any number of vehicles.
+
+    Args:
+        given: As in `mover`.
+    """
+
+    def __init__(self, given: StepParameters) -> None:
+        """Name the parameters."""
+        self.constants, self._given = given.constants, given
+        self._p = given.vehicles
+        self._q = given.simulations
+
+    def weather(self, state: State, decision: int) -> None:
+        """See `Mover`."""
+        reference.update_weather(state, self._given, self._p, self._q, decision)
+
+    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
+        """See `Mover`."""
+        reference.drive(state, self.constants, self._p, controls, steps)
+
+
+class EnginePedalDriving:
+    """The compiled engine.
+
+    Args:
+        given: As in `mover`, with no more vehicles than the engine has slots.
+        level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
+
+    Raises:
+        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+    """
+
+    def __init__(self, given: StepParameters, level: str | None = None) -> None:
+        """Turn the parameters into what the engine takes."""
+        self.constants = given.constants
+        self._level = simd_level(level)
+        self._given: dict[str, Any] = {
+            "vehicle": np.ascontiguousarray(given.vehicle_table, np.float32).reshape(-1),
+            "simulation": np.ascontiguousarray(given.simulation_table, np.float32).reshape(-1),
+            "index": given.scenario_index,
+            "slots": given.vehicle_table.shape[1],
+            "seed": given.seed,
+            "road": road_values(given),
+            "constants": engine_constants(given.constants),
+        }
+
+    def weather(self, state: State, decision: int) -> None:
+        """See `Mover`."""
+        table = _table(state)
+        _core.weather_driven(self._given, table, decision, self._level)
+        _spread(state, table)
+
+    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
+        """See `Mover`."""
+        table = _table(state)
+        rows = [controls.throttle, controls.brake, controls.wheel_angle]
+        wanted = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
+        _core.drive(self._given, table, wanted, float(WHEEL_RATE), steps, self._level)
+        _spread(state, table)
+
+
+def _table(state: State) -> NDArray[np.float32]:
+    """What changes, shape (field, vehicle)."""
+    return np.concatenate([getattr(state, name) for name in TABLE_FIELDS], axis=1).T.copy()
+
+
+def _spread(state: State, table: NDArray[np.float32]) -> None:
+    """Put the rows of a table back where they came from."""
+    for name, row in zip(TABLE_FIELDS, table[:, :, None], strict=True):
+        setattr(state, name, row)

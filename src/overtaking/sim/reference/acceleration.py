@@ -1,0 +1,202 @@
+"""How hard each driver accelerates or brakes from here to the next decision."""
+
+import numpy as np
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import clamp, maximum, minimum
+from overtaking.model.trajectories import Stage
+from overtaking.sim.reference.car_following import acc_accel
+from overtaking.sim.reference.decision_context import Beliefs, Neighbours, OncomingTraffic
+from overtaking.sim.reference.neighbour_search import lane_borders
+from overtaking.sim.reference.passing import current_passing_speed, tall_vehicle_gap_factor
+from overtaking.sim.reference.state import (
+    LEADER,
+    LEFT_LEADER,
+    RIGHT_LEADER,
+    State,
+    is_before_return,
+    is_overtaking,
+    value_at_slot,
+)
+from overtaking.sim.reference.steering import start_path
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
+
+_FREE = np.float32(1e9)
+
+_MIN_SPEED = np.float32(0.1)  # Keeps the time until vehicles meet finite [m/s].
+
+_MIN_MEETING_TIME = np.float32(0.1)  # Keeps braking finite for who is there already [s].
+
+_HALF = np.float32(0.5)
+
+
+def accel_behind_leader(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    near: Neighbours,
+    believed: Beliefs,
+    met: OncomingTraffic | None,
+) -> F32:
+    """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2].
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        near: Neighbours.
+        believed: What drivers believe of them.
+        met: Whom they meet; None on roads of one direction.
+    """
+    desired = _current_desired_speed(state, given, p, met)
+    c = given.constants
+    gap, closing = believed.gap[LEADER], believed.closing_speed[LEADER]
+    passing = is_before_return(state, slice(None))
+    # A driver about to pull out accepts a smaller gap.
+    about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
+    kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
+    if given.road.has_oncoming_traffic:
+        follows = state.stage == np.float32(Stage.FOLLOW)
+        kept = np.where(follows, kept * tall_vehicle_gap_factor(c, p, near.slot[LEADER]), kept)
+    wanted = acc_accel(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEADER])
+    wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
+    eager = np.where(state.hurries > 0, c.urgent_accel_factor, c.accelerate_gain)
+    return wanted * np.where(passing & (wanted > 0), eager, np.float32(1.0))
+
+
+def _current_desired_speed(
+    state: State, given: StepParameters, p: VehicleParameters, met: OncomingTraffic | None
+) -> F32:
+    desired, passing = p.desired_speed, p.passing_speed
+    if met is not None:
+        passing = current_passing_speed(state, given, p)
+        desired = np.where(met.is_being_passed, desired * p.speed_factor_when_passed, desired)
+    return minimum(
+        np.where(is_before_return(state, slice(None)), passing, desired), state.bend_speed
+    )
+
+
+def accel_behind_old_leader(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    near: Neighbours,
+    believed: Beliefs,
+    met: OncomingTraffic | None,
+) -> F32:
+    """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
+
+    Drivers brake by what their way lacks to clear the other a moment before the gap is closed, and
+    no harder than behind a leader. The moment covers errors of judgement: without it a leader that
+    is believed farther off is hit.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        near: Neighbours.
+        believed: What drivers believe of them.
+        met: Whom they meet; None on roads of one direction.
+    """
+    c = given.constants
+    changing = state.path_time < state.path_duration
+    to_fast = np.float32(0.5) * (near.lane_right_edge + near.lane_left_edge) > state.d
+    slot = np.where(to_fast, near.slot[RIGHT_LEADER], near.slot[LEFT_LEADER])
+    gap = np.where(to_fast, believed.gap[RIGHT_LEADER], believed.gap[LEFT_LEADER])
+    closing = np.where(
+        to_fast, believed.closing_speed[RIGHT_LEADER], believed.closing_speed[LEFT_LEADER]
+    )
+    accel = np.where(to_fast, believed.accel[RIGHT_LEADER], believed.accel[LEFT_LEADER])
+    aside = np.abs(
+        np.where(to_fast, near.lateral_distance[RIGHT_LEADER], near.lateral_distance[LEFT_LEADER])
+    )
+    overlaps = aside < p.half_width + value_at_slot(p.half_width, slot) + c.footprint_margin
+    left = maximum(c.lane_cleared_share * state.path_duration - state.path_time, np.float32(0.0))
+    needed = _braking_until_clear(c, gap - p.min_gap, closing, left + c.lane_clearance_time) - accel
+    matters = changing & (slot >= 0) & overlaps & (needed > 0)
+    desired = _current_desired_speed(state, given, p, met)
+    kept = acc_accel(c, p, state.vx, desired, gap, closing, p.time_gap, accel)
+    return np.where(matters, maximum(kept, -needed), _FREE)
+
+
+def _braking_until_clear(c: ModelConstants, room: F32, closing: F32, time: F32) -> F32:
+    """Constant braking with which the room lasts a time, below 0 if it does so without [m/s^2].
+
+    Where the closing would end before that time, it is the braking that ends it within the room.
+    """
+    two, room = np.float32(2.0), maximum(room, c.min_effective_gap)
+    way = closing * time
+    return np.where(
+        way < two * room, two * (way - room) / (time * time), closing * closing / (two * room)
+    )
+
+
+def apply_pedals(
+    state: State, given: StepParameters, p: VehicleParameters, leader: F32, old_leader: F32
+) -> None:
+    """Move the pedals towards the wanted acceleration, as fast as it is urgent.
+
+    A driver that needs more brakes beyond the friction that it believes in: anti-lock brakes and
+    the road decide.
+
+    Source:
+        Markkula and others 2016: the ramp of emergency braking grows with its urgency.
+    """
+    c = given.constants
+    wanted = maximum(minimum(leader, old_leader), -(p.max_brake_force * p.inverse_mass))
+    up = np.where(state.accel < 0, c.jerk_release, c.jerk_up) * c.decision
+    down = maximum(-wanted / c.brake_ramp, c.jerk_down) * c.decision
+    changed = state.accel + clamp(wanted - state.accel, -down, up)
+    state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)
+
+
+def accel_for_oncoming(
+    state: State, given: StepParameters, p: VehicleParameters, met: OncomingTraffic
+) -> F32:
+    """The acceleration that drivers do not go beyond for who comes in their lane [m/s^2].
+
+    They flash and lift, then brake so as to stop within their part of the way, and move aside.
+    What who overtakes does is told by `plight`. Those who are being passed may make room.
+    """
+    c, oncoming = given.constants, met.in_own_lane
+    out = is_overtaking(state)
+    meets = oncoming.is_detected & (state.crashed == 0) & ~out
+    time = oncoming.believed_gap / maximum(oncoming.closing_speed, _MIN_SPEED)
+    lifts, brakes = meets & (time < c.oncoming_flash_time), meets & (time < c.oncoming_brake_time)
+    state.flashes = np.where(lifts, np.float32(1.0), np.float32(0.0))
+    halved = np.float32(2.0) * maximum(time, _MIN_MEETING_TIME)
+    braking = clamp(state.vx / halved, c.oncoming_min_decel, c.oncoming_max_decel)
+    _shift_to_edge(
+        state,
+        given,
+        p,
+        brakes,
+        np.where(met.is_being_passed, p.edge_shift_when_passed, np.float32(0.0)),
+        out,
+    )
+    return np.where(brakes, -braking, np.where(lifts, -c.oncoming_lift_decel, _FREE))
+
+
+def _shift_to_edge(
+    state: State, given: StepParameters, p: VehicleParameters, brakes: Mask, room: F32, out: Mask
+) -> None:
+    """Move towards the edge of the lane for who comes in it, or passes; and back afterwards.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        brakes: Who brakes for who comes.
+        room: How far others move for who passes [m].
+        out: Who overtakes, and keeps to the way of that.
+    """
+    c = given.constants
+    wanted = np.where(brakes, c.edge_shift, room)
+    arrived = state.path_time >= state.path_duration
+    moved = (wanted > state.aside) | (arrived & (wanted < state.aside))
+    moved = moved & (state.crashed == 0) & (p.valid > 0) & ~out
+    low, high = lane_borders(state, given, 0.0)
+    duration = np.where(brakes, c.edge_shift_duration, np.float32(2.0) * c.edge_shift_duration)
+    start_path(state, moved, _HALF * (low + high) - wanted, duration)
+    state.aside = np.where(out, np.float32(0.0), np.where(moved, wanted, state.aside))

@@ -1,0 +1,93 @@
+"""Neighbours of each vehicle: six, by lane, ahead and behind, of its own direction."""
+
+import numpy as np
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.sim.reference.decision_context import Neighbours
+from overtaking.sim.reference.road_conditions import value_of_lane
+from overtaking.sim.reference.state import NO_SLOT, State, value_at_slot
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
+
+_FAR = np.float32(1e9)  # Gap without a neighbour [m].
+
+
+_LANE_OFFSETS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
+
+
+def lane_borders(state: State, given: StepParameters, shift: float) -> tuple[F32, F32]:
+    """Borders of the lane `shift` lanes from each vehicle's own [m]."""
+    road = given.road
+    low = value_of_lane(road.boundaries, state.lane + np.float32(shift), road.num_lanes + 1)
+    high = value_of_lane(road.boundaries, state.lane + np.float32(shift + 1.0), road.num_lanes + 1)
+    return low, high
+
+
+def find_neighbours(state: State, given: StepParameters, p: VehicleParameters) -> Neighbours:
+    """The nearest vehicle ahead and behind in the own, the faster and the slower lane.
+
+    A vehicle counts in every lane that its body overlaps by more than the margin, so one that
+    straddles a line is seen by both lanes; and in the lane that it is changing to, from the first
+    moment if it signals, and else as soon as it visibly moves over. Those who make for one place
+    from both sides would else see each other too late.
+    """
+    bands = [lane_borders(state, given, shift) for shift in _LANE_OFFSETS]
+    found = _NearestByRole(state.s.shape)
+    for j in range(state.s.shape[0]):
+        ahead, beside = nearest_image(given, state.s[j] - state.s), state.d[j] - state.d
+        others = (p.valid[j] > 0) & (p.travel_sign[j] == p.travel_sign)
+        others[j] = False
+        shows = visibly_changes_lane(state, given, j)
+        for k, (low, high) in enumerate(bands):
+            heading = shows & (state.lane[j] - state.lane == _LANE_OFFSETS[k])
+            inside = others & (_is_in_lane(state, given, p, j, low, high) | heading)
+            found.consider(2 * k, j, inside & (ahead >= 0), ahead, beside)
+            found.consider(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
+    half = value_at_slot(p.half_length, found.slot)
+    return Neighbours(
+        slot=found.slot,
+        gap=found.distance - (half + p.half_length),
+        distance=found.distance,
+        lateral_distance=found.aside,
+        half_length=half,
+        lane_right_edge=bands[0][0],
+        lane_left_edge=bands[0][1],
+    )
+
+
+def nearest_image(given: StepParameters, distance: F32) -> F32:
+    """A distance along the road; on a ring that to the nearest image [m]."""
+    q = given.simulations
+    ring, inverse = q.ring_length, q.inverse_ring_length
+    return distance - ring * np.rint(distance * inverse)
+
+
+def visibly_changes_lane(state: State, given: StepParameters, j: int) -> Mask:
+    """Whether others can tell to which lane vehicle `j` is changing."""
+    changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
+    moves = state.path_time[j] > given.constants.visible_fraction * state.path_duration[j]
+    return changing & ((state.indicator[j] != 0) | moves)
+
+
+def _is_in_lane(
+    state: State, given: StepParameters, p: VehicleParameters, j: int, low: F32, high: F32
+) -> Mask:
+    """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
+    margin = given.constants.corridor_margin
+    low_side, high_side = state.d[j] - p.half_width[j], state.d[j] + p.half_width[j]
+    return (high_side > low + margin) & (low_side < high - margin)
+
+
+class _NearestByRole:
+    """The nearest vehicle found so far in each role, (role, vehicle, simulation)."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.slot = np.full((6, *shape), NO_SLOT)
+        self.distance = np.full((6, *shape), _FAR)
+        self.aside = np.zeros((6, *shape), np.float32)
+
+    def consider(self, role: int, j: int, mask: Mask, distance: F32, aside: F32) -> None:
+        """Take vehicle `j` for a role where it is nearer; the lower slot wins a tie."""
+        nearer = mask & (distance < self.distance[role])
+        self.distance[role] = np.where(nearer, distance, self.distance[role])
+        self.slot[role] = np.where(nearer, np.float32(j), self.slot[role])
+        self.aside[role] = np.where(nearer, aside, self.aside[role])

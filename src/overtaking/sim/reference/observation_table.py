@@ -1,0 +1,285 @@
+"""The table that an external driver of the ego observes: beliefs of the model driver, or truth."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import minimum
+from overtaking.model.driver_interface import (
+    OBSERVATION_SIZE,
+    EgoColumns,
+    NeighbourColumns,
+    PassingColumns,
+    split_observation,
+)
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import Stage
+from overtaking.model.vehicles import EGO_SLOT
+from overtaking.sim.reference.decision_context import DecisionContext, Neighbours, OncomingVehicle
+from overtaking.sim.reference.ego_action import can_pull_out, can_return
+from overtaking.sim.reference.gap_acceptance import (
+    can_cancel_pull_out,
+    can_cancel_return,
+    has_passed_target,
+    is_scripted,
+    true_closing_speed_to_leader,
+)
+from overtaking.sim.reference.oncoming import expected_closing_speed, observe_second_oncoming
+from overtaking.sim.reference.pass_continuation import can_abort_pass, decide_pass_continuation
+from overtaking.sim.reference.passing import gap_ahead_of, line_is_solid, tall_vehicle_gap_factor
+from overtaking.sim.reference.state import (
+    LEADER,
+    State,
+    has_finished_lane_change,
+    is_in_stage,
+    position_seen_by_each,
+    road_velocity,
+    value_at_slot,
+)
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.weather_parameters import SimulationParameters
+
+_HALF = np.float32(0.5)
+
+
+_TWO = np.float32(2.0)
+
+
+class NeighbourMotion(NamedTuple):
+    """Motion of a neighbour relative to the ego, each of shape (simulation,).
+
+    Attributes:
+        is_detected: Whether there is a vehicle that the ego notices.
+        gap: Gap between the bumpers [m].
+        closing_speed: Speed at which the gap shrinks [m/s].
+        accel: Acceleration [m/s^2].
+    """
+
+    is_detected: Mask
+    gap: F32
+    closing_speed: F32
+    accel: F32
+
+
+def observation_table(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+    *,
+    decision: int,
+    is_true: bool,
+) -> F32:
+    """Observations of all egos, shape (simulation, `OBSERVATION_SIZE`).
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: Percepts and beliefs of the drivers.
+        decision: Number of the decision.
+        is_true: Whether to observe the true state instead of the ego's beliefs.
+    """
+    table = np.zeros((state.s.shape[1], OBSERVATION_SIZE), np.float32)
+    ego, neighbours, passing = split_observation(table)
+    neighbours[:, :, NeighbourColumns._fields.index("gap")] = given.constants.unseen_gap
+    _fill_columns(ego, _ego_columns(state, given, p, moment))
+    for role in NeighbourRole:
+        if is_true:
+            motion = _true_motion(state, moment.neighbours, given, role)
+        else:
+            motion = _believed_motion(state, p, moment, role)
+        columns = _neighbour_columns(
+            state, given.constants, p, moment.neighbours, role=role, motion=motion
+        )
+        _fill_columns(neighbours[:, role], columns)
+    if moment.oncoming is not None:
+        oncoming = moment.oncoming.nearest
+        second = observe_second_oncoming(state, given, p, q, moment.neighbours, oncoming, decision)
+        for role, vehicle in enumerate((oncoming, second), len(NeighbourRole)):
+            columns = _oncoming_columns(state, given, p, vehicle, is_true=is_true)
+            _fill_columns(neighbours[:, role], columns)
+        _fill_columns(passing, _passing_columns(state, given, p, q, moment, oncoming=oncoming))
+    return table
+
+
+def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingColumns) -> None:
+    """Write columns of shape (simulation,) into a table of shape (simulation, column)."""
+    for index, values in enumerate(columns):
+        table[:, index] = values
+
+
+def _ego_columns(
+    state: State, given: StepParameters, p: VehicleParameters, moment: DecisionContext
+) -> EgoColumns:
+    """The ego itself."""
+    ego, near = EGO_SLOT, moment.neighbours
+    lane_centre = _HALF * (near.lane_right_edge[ego] + near.lane_left_edge[ego])
+    return EgoColumns(
+        speed=state.vx[ego],
+        requested_accel=state.accel[ego],
+        s=state.s[ego],
+        lateral_position=state.d[ego],
+        lane_offset=state.d[ego] - lane_centre,
+        heading=state.psi[ego],
+        yaw_rate=state.r[ego],
+        lane=state.lane[ego],
+        stage=state.stage[ego],
+        time_in_stage=state.stage_time[ego],
+        time_waiting=state.waited[ego],
+        time_indicating=state.signalled[ego],
+        wanted_side=state.wanted[ego],
+        time_since_lane_change=state.since_change[ego],
+        has_finished_lane_change=_flag(has_finished_lane_change(state, ego)),
+        checks_mirrors=_flag(moment.checks_mirrors[ego]),
+        gives_way=_flag(moment.gives_way[ego]),
+        has_passed_target=_flag(has_passed_target(state, given, p, ego)),
+        is_behind_target=_flag(state.s[ego] < value_at_slot(state.s, state.target[ego])),
+        can_pull_out=_flag(can_pull_out(state, given)),
+        can_return=_flag(can_return(state)),
+        can_cancel_lane_change=_flag(
+            can_cancel_pull_out(state, given, ego) | can_cancel_return(state, given, ego)
+        ),
+    )
+
+
+def _believed_motion(
+    state: State, p: VehicleParameters, moment: DecisionContext, role: NeighbourRole
+) -> NeighbourMotion:
+    """The model driver's beliefs; true closing speeds if the driver is told to change lanes."""
+    believed, ego = moment.beliefs, EGO_SLOT
+    is_detected, closing_speed = believed.is_detected[role, ego], believed.closing_speed[role, ego]
+    if role == NeighbourRole.LEADER:
+        knows_speed = is_scripted(p) & is_detected
+        closing_speed = np.where(
+            knows_speed, true_closing_speed_to_leader(state, moment.neighbours), closing_speed
+        )
+    return NeighbourMotion(
+        is_detected, believed.gap[role, ego], closing_speed, believed.accel[role, ego]
+    )
+
+
+def _true_motion(
+    state: State, near: Neighbours, given: StepParameters, role: NeighbourRole
+) -> NeighbourMotion:
+    """The true motion of a neighbour; a large gap and zeros without one."""
+    slot, zero = near.slot[role, EGO_SLOT], np.float32(0.0)
+    exists = slot >= 0
+    speeds, _ = road_velocity(state)
+    ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
+    is_ahead = role % 2 == 0
+    closing_speed = ego_speed - speed if is_ahead else speed - ego_speed
+    return NeighbourMotion(
+        is_detected=exists,
+        gap=np.where(exists, near.gap[role, EGO_SLOT], given.constants.unseen_gap),
+        closing_speed=np.where(exists, closing_speed, zero),
+        accel=np.where(exists, value_at_slot(state.a_lon, slot), zero),
+    )
+
+
+def _neighbour_columns(
+    state: State,
+    c: ModelConstants,
+    p: VehicleParameters,
+    near: Neighbours,
+    *,
+    role: NeighbourRole,
+    motion: NeighbourMotion,
+) -> NeighbourColumns:
+    """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
+    slot = near.slot[role, EGO_SLOT]
+    brakes = (value_at_slot(state.accel, slot) < -c.stop_lamp_decel) | (
+        value_at_slot(state.crashed, slot) > 0
+    )
+
+    def if_detected(values: F32) -> F32:
+        return np.where(motion.is_detected, values, np.float32(0.0))
+
+    return NeighbourColumns(
+        is_detected=_flag(motion.is_detected),
+        gap=motion.gap,
+        closing_speed=motion.closing_speed,
+        accel=motion.accel,
+        lateral_distance=if_detected(near.lateral_distance[role, EGO_SLOT]),
+        indicator=if_detected(value_at_slot(state.indicator, slot)),
+        stop_lamp=if_detected(_flag(brakes)),
+        length=if_detected(_TWO * near.half_length[role, EGO_SLOT]),
+        is_truck=if_detected(value_at_slot(p.has_truck_tyres, slot)),
+        is_two_wheeler=if_detected(value_at_slot(p.two_wheeler, slot)),
+    )
+
+
+def _oncoming_columns(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    vehicle: OncomingVehicle,
+    *,
+    is_true: bool,
+) -> NeighbourColumns:
+    """One oncoming vehicle; a large gap and zeros without one."""
+    ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
+    speeds, _ = road_velocity(state)
+    d = np.stack([position_seen_by_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
+    if is_true:
+        is_detected, gap = slot >= 0, vehicle.gap[ego]
+        closing_speed, accel = (
+            speeds[ego] + value_at_slot(speeds, slot),
+            value_at_slot(state.a_lon, slot),
+        )
+    else:
+        is_detected, gap = vehicle.is_detected[ego], vehicle.believed_gap[ego]
+        closing_speed, accel = vehicle.closing_speed[ego], np.zeros_like(gap)
+
+    def if_detected(values: F32) -> F32:
+        return np.where(is_detected, values, np.float32(0.0))
+
+    return NeighbourColumns(
+        is_detected=_flag(is_detected),
+        gap=np.where(is_detected, gap, given.constants.unseen_gap),
+        closing_speed=if_detected(closing_speed),
+        accel=if_detected(accel),
+        lateral_distance=if_detected(value_at_slot(d, slot) - state.d[ego]),
+        indicator=if_detected(-value_at_slot(state.indicator, slot)),
+        stop_lamp=np.zeros_like(gap),
+        length=if_detected(_TWO * vehicle.half_length[ego]),
+        is_truck=if_detected(value_at_slot(p.has_truck_tyres, slot)),
+        is_two_wheeler=if_detected(value_at_slot(p.two_wheeler, slot)),
+    )
+
+
+def _passing_columns(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+    *,
+    oncoming: OncomingVehicle,
+) -> PassingColumns:
+    """The model driver's knowledge about a pass against oncoming traffic."""
+    ego = EGO_SLOT
+    plight = decide_pass_continuation(state, given, p, q, moment, ego)
+    leader = moment.neighbours.slot[LEADER, ego]
+    overtaken = np.where(is_in_stage(state, ego, Stage.FOLLOW), leader, state.target[ego])
+    gap_ahead_of_leader = gap_ahead_of(state, p, leader, ego)
+    return PassingColumns(
+        sight_distance=oncoming.sight_distance[ego],
+        is_certain=_flag(oncoming.is_certain[ego]),
+        expected_closing_speed=expected_closing_speed(state, q)[ego],
+        gap_ahead_of_leader=minimum(gap_ahead_of_leader, given.constants.unseen_gap),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(given.constants, p, overtaken),
+        line_is_solid=_flag(line_is_solid(state, given, p, ego, given.constants.line_lookahead)),
+        return_urgency=_HALF * plight.must_return_urgently + _HALF * plight.accepts_small_gap,
+        abort_state=_HALF * plight.must_abort + _HALF * (plight.must_abort & plight.fits_into_lane),
+        can_abort_pass=_flag(can_abort_pass(state, given, p, ego)),
+    )
+
+
+def _flag(mask: Mask) -> F32:
+    """1 where the mask is true, else 0."""
+    return mask.astype(np.float32)

@@ -1,0 +1,266 @@
+"""How drivers go on in the other lane: past, back behind the other, or in haste.
+
+The ego and the others follow the same rules; `who` selects the rows of the arrays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import maximum, minimum
+from overtaking.model.trajectories import Stage
+from overtaking.sim.reference.car_following import acc_accel, cah_accel
+from overtaking.sim.reference.decision_context import DecisionContext
+from overtaking.sim.reference.passing import (
+    MIN_CLOSING_SPEED,
+    assumed_oncoming_gap,
+    current_passing_speed,
+    line_is_solid,
+    tall_vehicle_gap_factor,
+    time_to_pass,
+)
+from overtaking.sim.reference.state import (
+    RIGHT_FOLLOWER,
+    RIGHT_LEADER,
+    SlotSelection,
+    State,
+    is_before_return,
+    is_in_stage,
+    road_velocity,
+    value_at_slot,
+)
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.weather_parameters import SimulationParameters
+
+_FAR = np.float32(1e9)
+
+
+_ZERO = np.float32(0.0)
+
+
+_HALF = np.float32(0.5)
+
+
+_TWO = np.float32(2.0)
+
+
+@dataclass(slots=True, kw_only=True)
+class PassContinuation:
+    """How drivers go on with a pass against oncoming traffic; masks of the shape of the slots.
+
+    Attributes:
+        must_abort: The driver falls back behind its target.
+        must_return_urgently: The driver hurries to be back in its lane.
+        accepts_small_gap: The driver returns into a gap that is smaller than it would usually ask
+            for.
+        fits_into_lane: Behind the target there is a gap to it and to the next leader, once the
+            driver has braked to their speed.
+    """
+
+    must_abort: Mask
+    must_return_urgently: Mask
+    accepts_small_gap: Mask
+    fits_into_lane: Mask
+
+
+def decide_pass_continuation(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+    who: SlotSelection,
+) -> PassContinuation:
+    """Whether drivers go on with their pass, and how.
+
+    Until they are abreast they give up where they would not be back a moment before the oncomer is
+    there, and falling back lacks less time than going on. Later those who have no time to pass the
+    next one, too, take the room beside them, at once where it is less than they would ask for; they
+    fall back where it is none, or where they are not past sooner than back. They are in a hurry
+    where little would be to spare, and pressed; those who heed lines also where they would return
+    across a solid one.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+        who: The drivers.
+    """
+    assert moment.oncoming is not None
+    c, own, coming = given.constants, p.at_slots(who), moment.oncoming.nearest
+    near, believed = moment.neighbours, moment.beliefs
+    out = is_before_return(state, who)
+    along, _ = road_velocity(state)
+    speed, other = along[who], value_at_slot(along, state.target[who])
+    lead, bodies = _target_lead(state, given, p, who)
+    faster = speed - other
+    aside = _HALF * q.urgent_change_duration
+    onwards = maximum(lead + bodies, _ZERO)
+    rest = time_to_pass(c, own, onwards, speed, faster, other) + aside
+    brake = c.abort_decel_share * own.max_assumed_decel
+    backwards = maximum(bodies - lead, _ZERO)
+    back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
+    noticed = coming.is_detected[who]
+    there = np.where(
+        noticed,
+        coming.believed_gap[who] / maximum(coming.closing_speed[who], MIN_CLOSING_SPEED),
+        _FAR,
+    )
+    gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
+    no_time = _must_return_before_next(state, given, p, q, moment)[who]
+    room = near.gap[RIGHT_LEADER, who] + near.gap[RIGHT_FOLLOWER, who]
+    left = own.return_time_gap * tall_vehicle_gap_factor(c, p, state.target[who])
+    cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
+    too_slow = onwards / maximum(faster, MIN_CLOSING_SPEED) > back
+    trapped = no_time & ((room < c.min_return_space) | too_slow)
+    yields = (gives_up | trapped | (state.yields[who] > 0)) & out
+    beyond = (out | is_in_stage(state, who, Stage.RETURN)) & ~yields
+    pressed = beyond & ((there - rest < c.urgent_return_margin) | cramped)
+    late = line_is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (
+        own.heeds_solid_lines > 0
+    )
+    # Another than the target may be ahead in the lane, as that one may have pulled out itself.
+    front = believed.gap[RIGHT_LEADER, who]
+    front = front - _distance_gained_while_braking(
+        c, believed.closing_speed[RIGHT_LEADER, who], brake
+    )
+    return PassContinuation(
+        must_abort=yields,
+        must_return_urgently=pressed | (beyond & late),
+        accepts_small_gap=pressed,
+        fits_into_lane=(lead - _distance_gained_while_braking(c, faster, brake) > bodies)
+        & (front > c.min_return_gap),
+    )
+
+
+def _distance_gained_while_braking(c: ModelConstants, faster: F32, brake: F32) -> F32:
+    """What is still gained on another while the brakes come on, and with them [m]."""
+    faster = maximum(faster, _ZERO)
+    return faster * (c.brake_ramp + faster / (_TWO * brake))
+
+
+def _must_return_before_next(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+) -> Mask:
+    """Who is past the one that it overtakes, and has no time to pass the next one as well.
+
+    Who can no longer brake behind the next one goes on.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+
+    Returns:
+        Shape (vehicle, simulation).
+    """
+    assert moment.oncoming is not None
+    c, coming, everybody = given.constants, moment.oncoming.nearest, slice(None)
+    past = is_in_stage(state, everybody, Stage.PASS) & (
+        state.s > value_at_slot(state.s, state.target)
+    )
+    gap, closing = moment.beliefs.gap[RIGHT_LEADER], moment.beliefs.closing_speed[RIGHT_LEADER]
+    next_one = state.vx - closing
+    bodies = _TWO * (moment.neighbours.half_length[RIGHT_LEADER] + p.half_length)
+    way = gap + bodies + c.min_return_gap
+    longer = time_to_pass(c, p, way, state.vx, closing, next_one)
+    longer = longer + _HALF * q.urgent_change_duration + c.urgent_return_margin
+    late = (
+        assumed_oncoming_gap(p, coming.believed_gap, coming.sight_distance)
+        < longer * coming.closing_speed
+    )
+    needed = cah_accel(c, state.vx, gap, closing, _ZERO)
+    return past & late & (needed >= -(c.abort_decel_share * p.max_assumed_decel))
+
+
+def overtakes_next_vehicle(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+    who: SlotSelection,
+) -> Mask:
+    """Who is past the one that it overtakes and comes beside the next one: it overtakes that now.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+        who: The drivers.
+    """
+    near, confined = moment.neighbours, _must_return_before_next(state, given, p, q, moment)[who]
+    past = is_in_stage(state, who, Stage.PASS) & (
+        state.s[who] > value_at_slot(state.s, state.target[who])
+    )
+    beside = near.gap[RIGHT_LEADER, who] < given.constants.min_return_gap
+    follows = confined | (state.yields[who] > 0)
+    return past & beside & (near.slot[RIGHT_LEADER, who] >= 0) & ~follows
+
+
+def can_abort_pass(
+    state: State, given: StepParameters, p: VehicleParameters, who: SlotSelection
+) -> Mask:
+    """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
+    lead, bodies = _target_lead(state, given, p, who)
+    return is_before_return(state, who) & (lead > bodies) & given.road.has_oncoming_traffic
+
+
+def _target_lead(
+    state: State, given: StepParameters, p: VehicleParameters, who: SlotSelection
+) -> tuple[F32, F32]:
+    """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
+    target = state.target[who]
+    bodies = p.half_length[who] + value_at_slot(p.half_length, target)
+    return value_at_slot(state.s, target) - state.s[who], bodies + given.constants.min_return_gap
+
+
+def accel_limit_while_passing(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    moment: DecisionContext,
+) -> F32:
+    """The acceleration that drivers in the other lane do not go beyond [m/s^2].
+
+    Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
+    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too:
+    with a part of its time gap, or in the middle of the room where that is nearer.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+
+    Returns:
+        Shape (vehicle, simulation).
+    """
+    c, near, believed = given.constants, moment.neighbours, moment.beliefs
+    along, _ = road_velocity(state)
+    slow = along < value_at_slot(along, state.target) - c.abort_speed_difference
+    brake = np.where(slow, _ZERO, -(c.abort_decel_share * p.max_assumed_decel))
+    gap, closing = believed.gap[RIGHT_LEADER], believed.closing_speed[RIGHT_LEADER]
+    middle = _HALF * (near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER])
+    nearest = maximum(middle - p.min_gap, _ZERO) / maximum(state.vx, c.slip_speed)
+    kept, wished = (
+        minimum(c.return_time_gap_share * p.time_gap, nearest),
+        current_passing_speed(state, given, p),
+    )
+    fitting = acc_accel(c, p, state.vx, wished, gap, closing, kept, believed.accel[RIGHT_LEADER])
+    fits_in = _must_return_before_next(state, given, p, q, moment)
+    return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

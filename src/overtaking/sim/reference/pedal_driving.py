@@ -1,0 +1,113 @@
+"""A tick of vehicles under external control, without drivers of the model.
+
+Vehicles head anywhere, so the wind has other axes for each.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.arrays import F32
+from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.sim.reference import road_conditions, vehicle_dynamics
+from overtaking.sim.reference.state import State
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.weather_parameters import SimulationParameters
+
+WHEEL_RATE = np.float32(6.0)
+"""How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
+
+
+TABLE_FIELDS = (
+    "s", "d", "psi", "vx", "vy", "r", "wheel", "accel", "a_lon", "a_lat", "gust",
+    "distance_error", "speed_error", "wander", "mu_fast", "mu_slow", "wind_force", "wind_moment",
+    "tail_wind",
+)  # fmt: skip
+"""Fields of the state that a tick changes, in the order of the engine's table."""
+
+
+@dataclass(frozen=True, slots=True)
+class PedalControls:
+    """What drivers do; every array has shape (vehicle, 1).
+
+    Attributes:
+        throttle: Part of the force that the engine has at this speed, 0 to 1.
+        brake: Part of the braking force, 0 to 1.
+        wheel_angle: Wanted angle of the front wheels, anticlockwise [rad].
+    """
+
+    throttle: F32
+    brake: F32
+    wheel_angle: F32
+
+
+def update_weather(
+    state: State,
+    given: StepParameters,
+    p: VehicleParameters,
+    q: SimulationParameters,
+    decision: int,
+) -> None:
+    """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
+    turned = _wind_in_vehicle_axes(state, q)
+    road_conditions.update_random_processes(state, given, p, turned, decision)
+    road_conditions.update_friction(state, given, p, turned)
+    road_conditions.update_wind(state, given, p, turned)
+
+
+def drive(
+    state: State, c: ModelConstants, p: VehicleParameters, controls: PedalControls, steps: int
+) -> None:
+    """Move every vehicle by some steps; contacts are not looked for."""
+    for _ in range(steps):
+        speed = maximum(state.vx + np.float32(0.5) * c.step * state.a_lon, np.float32(0.0))
+        _apply_throttle_and_brake(state, c, p, controls, speed)
+        angle = _turn_wheels(state, c, p, controls.wheel_angle, speed)
+        vehicle_dynamics.advance_motion(state, c, p, angle, c.step)
+
+
+def _wind_in_vehicle_axes(state: State, q: SimulationParameters) -> SimulationParameters:
+    """The weather with the wind in the axes of each vehicle."""
+    sine, cosine = sincos(state.psi)
+    return q._replace(
+        wind_along=q.wind_along * cosine + q.wind_across * sine,
+        wind_across=q.wind_across * cosine - q.wind_along * sine,
+    )
+
+
+def _apply_throttle_and_brake(
+    state: State, c: ModelConstants, p: VehicleParameters, controls: PedalControls, speed: F32
+) -> None:
+    """From pedals, at a speed, to the acceleration that the dynamics are asked for.
+
+    They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
+    pedals lets the vehicle coast.
+    """
+    air = speed - state.tail_wind
+    resistance = p.drag * air * np.abs(air) + p.rolling
+    engine = minimum(p.launch_force, p.power / maximum(speed, c.slip_speed))
+    force = controls.throttle * engine - controls.brake * p.max_brake_force - resistance
+    state.accel = force * p.inverse_mass
+
+
+def _turn_wheels(
+    state: State, c: ModelConstants, p: VehicleParameters, angle: F32, speed: F32
+) -> F32:
+    """Turn front wheels towards the wanted angle, or lean into the curve it stands for.
+
+    Returns:
+        Wheel angle, or lean, in the middle of the step.
+    """
+    half = np.float32(0.5)
+    most = WHEEL_RATE * c.step
+    turn = clamp(angle - state.wheel, -most, most)
+    sine, cosine = sincos(angle)
+    curve = speed * speed * sine / (cosine * p.wheelbase)
+    grip = c.gravity * half * (state.mu_fast + state.mu_slow)
+    lean = clamp(curve, -grip, grip) - state.wheel
+    lean = lean * (c.step / (c.two_wheeler_lag + half * c.step))
+    moved = np.where(p.two_wheeler > 0, lean, turn)
+    before = state.wheel
+    state.wheel = before + moved
+    return before + half * moved

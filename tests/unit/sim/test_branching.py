@@ -1,0 +1,170 @@
+"""Branches: what is refused, and that a change of weather takes effect from its frame on."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario, wide_road
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.driver_interface import Actions
+from overtaking.model.scenario import Intervention
+from overtaking.sim import engine, reference
+from overtaking.sim.branching import ForcedDecision, branch
+
+
+def world(**changes: float):
+    alone = Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 30.0})
+    return scenario([alone], road=wide_road(), **{"horizon": 10.0, **changes})
+
+
+@pytest.mark.parametrize("frame", [-1, 201, 1_000_000])
+def test_a_frame_that_no_simulation_has_is_refused(frame: int):
+    with pytest.raises(ConfigError, match=f"frame: expected 0 to 200, .*got {frame}"):
+        branch(world(), frame)
+
+
+def test_a_change_of_weather_takes_effect_from_its_frame_on():
+    calm = world()
+    gale = calm.weather.replace(
+        wind=np.full(1, 80.0, np.float32), wind_direction=np.full(1, 1.57, np.float32)
+    )
+    undisturbed = engine.simulate(calm)
+    ran = branch(calm, 60, weather=gale)
+    before = slice(0, 60)
+    np.testing.assert_array_equal(ran.states.d[0, 0, before], undisturbed.states.d[0, 0, before])
+    blown = ran.states.d[0, 0, 60:100] - undisturbed.states.d[0, 0, 60:100]
+    assert blown.max() > 100  # mm, to the left, where the wind blows to.
+
+
+@pytest.mark.ci
+def test_engine_and_reference_branch_alike():
+    one = branch(world(), 20, decision=ForcedDecision.PULL_OUT)
+    two = branch(world(), 20, decision=ForcedDecision.PULL_OUT, run=reference.run)
+    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
+
+
+def test_a_branch_beyond_the_end_changes_nothing():
+    short = world(attempt_deadline=5.0)
+    undisturbed = engine.simulate(short)
+    assert undisturbed.num_frames.tolist() == [101]
+    np.testing.assert_array_equal(
+        branch(short, 150, decision=ForcedDecision.PULL_OUT).trace_hash, undisturbed.trace_hash
+    )
+
+
+def traffic():
+    """An ego, a slower leader and somebody behind, in drizzle."""
+    cars = [
+        Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 35.0}),
+        Vehicle(s=160.0, lane=1, speed=22.0, driver={"desired_speed": 22.0}),
+        Vehicle(s=40.0, lane=2, speed=33.0, driver={"desired_speed": 34.0}),
+    ]
+    return scenario(cars, road=wide_road(), horizon=15.0)
+
+
+CHANGES = (
+    Intervention(frame=20, decision=ForcedDecision.STAY),
+    Intervention(frame=30, slot=1, speed_change=-4.0),
+    Intervention(frame=50, decision=ForcedDecision.PULL_OUT),
+    Intervention(frame=60, without=("rain",)),
+    Intervention(frame=70, slot=2, position_change=-15.0),
+    Intervention(frame=80, traits={"time_gap": 0.5}),
+    Intervention(frame=120, slot=2, remove=True),
+)
+
+
+@pytest.mark.ci
+def test_engine_and_reference_make_many_changes_alike():
+    one = branch(traffic(), interventions=CHANGES)
+    two = branch(traffic(), interventions=CHANGES, run=reference.run)
+    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
+    for name in one.states.__slots__:
+        np.testing.assert_array_equal(getattr(one.states, name), getattr(two.states, name))
+
+
+@pytest.mark.parametrize("cut", range(len(CHANGES) + 1))
+def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
+    first = branch(traffic(), interventions=CHANGES[:cut])
+    both = branch(first, interventions=CHANGES[cut:])
+    whole = branch(traffic(), interventions=CHANGES)
+    np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
+    assert both.branch_origin is not None
+    assert both.branch_origin.interventions == CHANGES
+
+
+def test_the_order_in_which_changes_are_given_does_not_matter():
+    late = branch(traffic(), interventions=CHANGES[::-1])
+    np.testing.assert_array_equal(
+        late.trace_hash, branch(traffic(), interventions=CHANGES).trace_hash
+    )
+
+
+@pytest.mark.parametrize("run", [engine.run, pytest.param(reference.run, marks=pytest.mark.ci)])
+def test_nothing_changed_is_the_undisturbed_simulation(run):
+    one = branch(traffic(), interventions=[Intervention(frame=17), Intervention(frame=40)], run=run)
+    np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)
+    assert one.branch_origin is None
+
+
+def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
+    before = engine.simulate(traffic()).states
+    after = branch(
+        traffic(),
+        interventions=[Intervention(frame=40, slot=1, position_change=12.5, speed_change=-3.0)],
+    ).states
+    np.testing.assert_array_equal(after.s[0, :, :40], before.s[0, :, :40])
+    assert after.s[0, 1, 40] - before.s[0, 1, 40] == 12_500
+    assert after.speed[0, 1, 40] - before.speed[0, 1, 40] == -3_000
+    assert after.s[0, 0, 40] == before.s[0, 0, 40]
+
+
+def test_a_change_at_the_start_is_another_start():
+    moved = traffic()
+    place = moved.start_s.copy()
+    place[0, 1] += np.float32(7.0)
+    moved = moved.replace(start_s=place)
+    one = branch(traffic(), interventions=[Intervention(slot=1, position_change=7.0)])
+    np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
+
+
+def test_who_is_removed_is_not_there_and_met_by_nobody():
+    run = branch(traffic(), interventions=[Intervention(frame=100, slot=1, remove=True)])
+    assert run.state_mask[0, 1, :100].all()
+    assert not run.state_mask[0, 1, 100:].any()
+    assert not run.states.s[0, 1, 100:].any()
+    alone = branch(traffic(), interventions=[Intervention(slot=1, remove=True)])
+    assert not alone.state_mask[0, 1].any()
+    # Behind the slower leader it cannot drive as it wants; alone it does.
+    assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
+    assert 34_000 < alone.states.speed[0, 0, 250] <= 35_000
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (Intervention(slot=5, remove=True), "vehicle: expected 0 to 2, got 5"),
+        (Intervention(remove=True), "vehicle: expected another one than the ego"),
+        (Intervention(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
+        (Intervention(without=("sun",)), "without: expected .*rain.*got sun"),
+    ],
+)
+def test_a_change_that_cannot_be_made_is_refused(change: Intervention, message: str):
+    with pytest.raises(ConfigError, match=message):
+        branch(traffic(), interventions=[change])
+
+
+@pytest.mark.parametrize("change", [*CHANGES, Intervention(weather=traffic().weather.replace())])
+def test_a_change_survives_being_written_down(change: Intervention):
+    again = Intervention.from_dict(json.loads(json.dumps(change.to_dict())))
+    assert again.to_dict() == change.to_dict()
+    ran = [branch(traffic(), interventions=[one]).trace_hash for one in (change, again)]
+    np.testing.assert_array_equal(*ran)
+
+
+def test_a_simulation_that_a_policy_drives_is_not_branched():
+    driven = engine.simulate(traffic()).replace(actions=Actions.empty(1))
+    with pytest.raises(ConfigError, match="expected one in which the model drives the ego"):
+        branch(driven, 3)
