@@ -1,18 +1,19 @@
 """Changes along a road: bends, grades, centre line, zones, speed limits and sight distance.
 
 A `Road` (`model.road`) has the same lanes along its whole length; its field `course` holds a
-`RoadCourse`, which states everything else that changes. Readers of map files fill it in. Drivers,
-the rules of the law and films read it.
+`RoadCourse`, which states everything else that changes. Readers of map files fill it in. The driver
+model, the rules of the law and the pictures of simulations read it.
 
 Terms:
     driving lanes: the lanes of the road itself, whose traffic runs in direction +1. On a two-way
         road the traffic of direction -1 uses the opposing lane beside them.
     station: distance `s` along the road's reference line from its start [m]. It grows in direction
         +1, also in tables for drivers of direction -1.
-    mark: the line painted between two lanes.
+    mark: the border between two lanes, such as a painted line or a kerb.
 
-`FieldSpec` declares the unit and the range of a field; `check_batch` raises a `ConfigError` if a
-value has another type or is out of that range.
+`FieldSpec` declares the unit and the range of a field. `check_batch` raises a `ConfigError` if a
+field of a dataclass has another type or is out of its range. It takes any dataclass; most are
+batches, which hold many simulations.
 """
 
 import dataclasses
@@ -75,7 +76,8 @@ class StationTable(NamedTuple):
     @classmethod
     def from_pairs(cls, pairs: Sequence[tuple[float, float]]) -> Self:
         """The table of one or more pairs (station, value), in ascending order of the stations."""
-        return cls._make(np.array(pairs, np.float64).T)
+        station, value = np.array(pairs, np.float64).T
+        return cls(station, value)
 
     @property
     def change_per_metre(self) -> F64:
@@ -99,7 +101,7 @@ class StationTable(NamedTuple):
 
 
 class RoadMark(enum.Enum):
-    """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
+    """The border between two lanes, in the spelling of CARLA, a driving simulator.
 
     A mark is described as seen from one of the two lanes. Of a double line the first word names the
     line nearer to that lane: drivers in this lane must not cross `SOLID_BROKEN`, drivers in the
@@ -208,18 +210,20 @@ class RoadCourse:
             +1); empty for a level road.
         centre_line_spans: Spans of the line between the directions, in order, without overlap.
             Between them the mark that the adjacent driving lane states applies (`model.road`).
-        speed_limit_spans: Spans with a limit below `Road.speed_limit`, which applies elsewhere, in
-            order of `start`. Two spans may overlap only if they apply to opposite directions.
+        speed_limit_spans: Spans with a limit below `Road.speed_limit`, in order of `start`. Two
+            spans may overlap only if they apply to opposite directions. Outside them
+            `Road.speed_limit` applies.
         zones: Zones, in any order; they may overlap.
         sight: Distance that a driver of direction +1 sees along the road: pairs (station [m],
-            distance [m]). If both fields of sight are empty, `world.sight_distance` computes sight
-            from bends and slopes.
+            distance [m]). If it alone is empty, the road does not limit sight in this direction. If
+            `sight_against` is empty, too, `world.sight_distance` computes the sight of both
+            directions from bends and slopes.
         sight_against: The same for a driver of direction -1.
 
     Raises:
         ConfigError: A span is empty, spans or stations are not in order, there are too many of
-            them, or a value is out of range. The length of the road, and its lanes, are checked
-            against the course by `Road`.
+            them, or a value is out of range. `Road` compares the course with its own length, speed
+            limit and lanes.
     """
 
     segments: tuple[CurveSegment, ...] = ()
@@ -259,7 +263,7 @@ class RoadCourse:
         )
 
     def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
-        """Sight distance that the fields `sight` and `sight_against` state; bends have no effect.
+        """Sight distance that the fields `sight` and `sight_against` state, never a computed one.
 
         Args:
             s: Stations of drivers, any shape [m].
@@ -310,7 +314,7 @@ def _check_segments(segments: Sequence[CurveSegment]) -> None:
     """Raise ConfigError for a reference line with too many segments or an invalid segment."""
     if len(segments) > MAX_SEGMENTS:
         raise _error("segments", f"at most {MAX_SEGMENTS}", len(segments))
-    for segment in segments:
+    for segment in segments:  # A tuple of position, heading, length and both curvatures.
         if not (all(map(math.isfinite, segment)) and segment.length > 0.0):
             raise _error("segments", "finite numbers and positive lengths", segment)
         # Curvature is linear along a segment, so its largest value is at one of the ends.

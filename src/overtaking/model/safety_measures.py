@@ -1,17 +1,24 @@
 """Surrogate measures of safety of an overtake: how near it came to a collision.
 
-`labels.features.safety` computes a `SafetyMeasures` from a recorded batch. Users read it as the
-table `safety` of a data set, with one row for each simulation and moment.
+`labels.features.safety` computes a `SafetyMeasures` from the recorded states of a batch of
+simulations; `Batch` is the base class of dataclasses with such arrays. Users read it as the table
+`safety` of a data set, with one row for each simulation and moment. A measure of the whole
+manoeuvre stands in the row of the moment "manoeuvre" and is null in the other rows.
 
-The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
-overtaking side. The manoeuvre lasts from 3 s before the attempt to 3 s after its end; without an
-attempt it is the whole simulation.
+Terms:
+    ego, target: the vehicle under study, and the vehicle that it overtakes.
+    left: the overtaking side.
+    attempt: the overtake from the frame in which the ego begins to move to the left.
+    manoeuvre: from 3 s before the attempt to 3 s after its end, or the whole simulation without an
+        attempt. The times are chosen: signalling before and settling ahead of the target belong to
+        the overtake.
 
 Each `FieldSpec` declares a column of that table: a description, a unit and where the column is
-null. `null_unless` names the flag without which there is no value (".valid" is the field `valid` of
-the same class). `needs` names properties that a recording may leave unknown; the column is then
-null. An infinite value of an array, such as the time to a collision that never comes, is null in
-the table. The description of a nested class is appended to the descriptions of its fields.
+null. `column=None` declares a field without a column. `null_unless` names the flag without which
+there is no value: ".valid" is a field of the same class, "leader.valid" a path that begins at
+`SafetyMeasures`. `needs` names properties that a recording may leave unknown; the column is then
+null. NaN and infinite values, such as the time to a collision that never comes, are null in the
+table. The description of a nested class is appended to the descriptions of its fields.
 `with_field_docs` lists the fields in the docstring of the class.
 """
 
@@ -88,8 +95,12 @@ class PassingSafety(Batch):
 
     The ego is in the opposing lane while one of its corners is beyond the centre line.
     `was_in_opposing_lane` is false on one-way roads and for egos that never went there; all other
-    fields are then undefined. Values are NaN where no vehicle came. A time to meet is the gap over
-    the sum of both speeds; it is 0 once the two are beside each other.
+    fields are then undefined. Gaps and times to meet are NaN where no vehicle came. A time to meet
+    is the gap over the sum of both speeds; it is 0 once the two are beside each other.
+
+    `time_available` is the shorter of two times. One is `time_to_meet_at_crossing`, if a vehicle
+    came. The other is the time to meet a vehicle just out of sight, which drives at the speed
+    limit.
     """
 
     was_in_opposing_lane: Annotated[
@@ -160,9 +171,18 @@ class SafetyMeasures(Batch):
     largest closing speed and deceleration, and the smallest of each other measure. Where `frame` is
     `NEVER`, the other values are undefined, and the table has no row.
 
-    The ego enters the lane on the left at `attempt` and `line_crossed`, the lane on the right at
-    `return_begin`, and no lane at other moments. `law.toml` and `event_detection.toml` of the
-    knowledge base state the constants of the measures.
+    The ego enters the lane on the left at `attempt` and `line_crossed`, and the lane on the right
+    at `return_begin`. At the other moments it enters no lane, so `new_leader.valid` and
+    `new_follower.valid` are false.
+
+    Stop margins are the distance at which the ego's driver sees a vehicle ahead, with lamps on or
+    off, minus the ego's stopping distance. At night the sight of an unlit vehicle depends on the
+    ego's headlamps.
+
+    Constants are in the folder `overtaking/knowledge/data`: the accelerations and the reaction time
+    of RSS (Shalev-Shwartz et al. 2017) in `law.toml`, and the others in `event_detection.toml`. The
+    constants of PICUD come from Uno et al. (2002). The 3 s of TET and TIT are chosen: the longest
+    threshold that Minderhoud and Bovy (2001) compare.
     """
 
     frame: Annotated[

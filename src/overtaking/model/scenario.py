@@ -78,21 +78,23 @@ class Scenario(IdentityBatch):
         scenario_index: Number that together with profile and seed determines everything drawn for
             a simulation, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
-        attempt_deadline: Time at which a simulation ends if the ego has begun no overtake or has
-            given it up, shape (simulation,) [s]. No effect if it lies beyond the horizon.
+        attempt_deadline: From this time on a simulation also ends in the first step in which the
+            ego is not overtaking and not about to: it never began, or it gave up. Shape
+            (simulation,) [s]. No effect if it lies beyond the horizon.
         weight: Natural probability of the scenario over the probability with which it was drawn,
             shape (simulation,); 1 unless the profile oversamples rare events.
         vehicles: Bodies of the vehicles, shape (simulation, vehicle).
         drivers: Traits of their drivers, shape (simulation, vehicle).
         weather: Weather, shape (simulation,).
-        start_s: Station of the centre at the first frame, negative before the start of the road,
-            shape (simulation, vehicle) [m].
+        start_s: Station of the centre of the body at the first frame, which is recorded before the
+            first step; negative before the start of the road, shape (simulation, vehicle) [m].
         start_lane: Lane index at the first frame, shape (simulation, vehicle): 0 is the slowest
             lane; on a two-way road `road.num_lanes` is the opposing lane.
         start_speed: Speed at the first frame, not negative, also for oncoming vehicles, shape
             (simulation, vehicle) [m/s].
-        pushes: Lateral pushes and a reduced sight distance in place of all physical effects of the
-            weather, on a dry road, the same for the batch; None for the physical effects.
+        pushes: How weather acts in all simulations. With `LateralPushes` it pushes vehicles
+            sideways and shortens sight, on a dry road and without any physical effect; None for the
+            physical effects.
     """
 
     profile: str
@@ -124,7 +126,7 @@ class Scenario(IdentityBatch):
         ),
     ]
     start_lane: Annotated[
-        # `axis_lengths` defines the length of the axis that limits the index.
+        # Largest index: the entry "lane or oncoming" of `axis_lengths`, less one.
         U8,
         FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_VEHICLE_AXES),
     ]
@@ -134,7 +136,10 @@ class Scenario(IdentityBatch):
     pushes: LateralPushes | None = None
 
     def __post_init__(self) -> None:
-        """Convert a seed of a NumPy integer type to a Python integer."""
+        """Convert a seed of a NumPy integer type to a Python integer.
+
+        Functions split the seed into words of 32 bits; narrow integers of NumPy would overflow.
+        """
         convert_integers(self, "seed")
 
     @property
@@ -159,7 +164,7 @@ class Scenario(IdentityBatch):
             "road": self.road.name,
             "seed": self.seed,
             "simulations": self.num_simulations,
-            "vehicles": self.num_slots,
+            "vehicles": self.num_slots,  # One number, although simulations may leave slots empty.
         }
 
     def axis_lengths(self) -> Mapping[str, int]:
@@ -198,14 +203,16 @@ class ForcedDecision(IntEnum):
 class Intervention:
     """Changes of all simulations of a batch from a frame on; a default value changes nothing.
 
-    The constructor checks no ranges; `overtaking.branch` does.
+    The constructor checks no ranges. The function `overtaking.branch`, which simulates branches,
+    raises a `ConfigError` for a value out of range.
 
     Attributes:
         frame: First frame that can differ; at 0 the start itself changes.
         decision: Decision forced on every ego until an intervention at a later frame states another
             one; None leaves the decision that an earlier intervention forced.
         weather: Weather from this frame on, shape (simulation,), or (1,) for all simulations.
-        without: Factors removed from the weather: names in `model.weather.REMOVABLE_FACTORS`.
+        without: Factors removed from the weather, also from a new one: names in
+            `model.weather.REMOVABLE_FACTORS`.
         slot: Slot of the vehicle that the fields below change, in every simulation.
         traits: New traits of its driver: names of fields of `model.vehicles.DriverTraits` to values
             in SI units.
@@ -233,7 +240,10 @@ class Intervention:
         convert_integers(self, "frame", "slot")
 
     def to_dict(self) -> dict[str, Any]:
-        """The intervention as values for JSON, without defaults; `from_dict` is the inverse."""
+        """The intervention as values for JSON, without defaults and without a meaningless `slot`.
+
+        `from_dict` makes an intervention of the same effect.
+        """
         values: dict[str, Any] = {"frame": self.frame}
         if self.decision is not None:
             values["decision"] = self.decision.name
@@ -273,8 +283,8 @@ class BranchOrigin(Batch):
     """Origin of a batch of branches, stored with their recording.
 
     Attributes:
-        scenario: The scenarios without any intervention.
-        interventions: The interventions, in the order of their frames.
+        scenario: The scenarios from which the branches differ by the interventions alone.
+        interventions: The interventions in each of the simulations, in the order of their frames.
     """
 
     scenario: Scenario

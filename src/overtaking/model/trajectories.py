@@ -6,9 +6,9 @@ the floats of the simulation, so that labels from memory and from a file agree.
 
 Terms:
     slot: number of a vehicle within its simulation; the ego, the vehicle under study, has 0.
-    frame: a recorded instant, `Scenario.frame_interval_ms` apart; all arrays end with the longest
-        simulation of the batch.
-    decision: an instant, 20 times a second, at which drivers look and decide.
+    frame: a recorded instant, `Scenario.frame_interval_ms` apart. Axes of time have the length of
+        the longest simulation of the batch; the ends of shorter ones are padding.
+    decision: the ego driver's choice to change lanes, or to cancel a lane change.
     percept: the ego driver's belief about a neighbour at a decision, beside the true values.
     step (of an integer): the amount that the integer 1 stands for, such as 1 mm.
     engines: the compiled one and a readable reference in Python, which record the same bits.
@@ -78,9 +78,9 @@ BEYOND_KERB_EDGE = 255
 LANE_CHANGE_SPEED = 0.15
 """Lateral speed above which a vehicle changes lanes instead of wandering in its lane [m/s].
 
-The search for overtakes in recordings and the stages of SUMO's drivers use it. Labels use the same
-number as float32, from `event_detection.toml` (`least_speed`), which states its reason; a float64
-there would change recorded labels."""
+The search for overtakes in recordings uses it, and the traffic simulator SUMO gets the `Stage` of
+the ego from it. Labels read the same number, with its reason, from `event_detection.toml`
+(`least_speed`). They need it as float32, in which 0.15 is another number."""
 
 POSITION_RESOLUTION = 1e-3  # [m]
 SPEED_RESOLUTION = 1e-3  # [m/s]
@@ -88,8 +88,8 @@ ANGLE_RESOLUTION = 1e-4  # [rad]
 ACCEL_RESOLUTION = 1e-3  # [m/s^2]
 
 _MAX_POSITION_STEPS = 2.0e9
-"""Positions are clipped to this many millimetres, 2,000 km, as in the engines. The largest int32,
-2**31 - 1, is no float32: it would round up and overflow."""
+"""Positions are clipped to this many millimetres, 2,000 km, as in the engines. No valid road gets
+so far. The largest int32, 2**31 - 1, is no float32: it would round up and overflow."""
 
 
 class Stage(IntEnum):
@@ -148,7 +148,10 @@ class States(Batch):
     other forms from them.
 
     To add a state, add a field here, and its formula in `sim.reference.recorder` and in the file
-    `recorder.rs` of the engine. Memory, hash, tables and pages follow, in the order of the fields.
+    `recorder.rs` of the engine. The recorded arrays, the columns of tables and their documentation
+    follow, in the order of the fields. The hashes of all simulations change.
+
+    The ranges of speed and angles are chosen: 1000 m/s, to catch wrong units, and half a turn.
     """
 
     AXES = ("simulation", "vehicle", "time")
@@ -179,6 +182,7 @@ class States(Batch):
     lane: Annotated[
         U8,
         FieldSpec(
+            # The fast edge is on the overtaking side, the slow edge on the kerb side.
             "Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge",
             "1",
             0,
@@ -191,7 +195,9 @@ class States(Batch):
 
 
 STATE_DTYPES = {
-    name: field.dtype.type for name, field in batch_fields(States).items() if field.dtype
+    name: field.dtype.type
+    for name, field in batch_fields(States).items()
+    if field.dtype  # For type checkers: fields that are no arrays have no dtype, but here all are.
 }
 """Integer type of each field of `States`, in their order."""
 
@@ -200,7 +206,8 @@ STATE_RESOLUTION = {
     for name, field in batch_fields(States).items()
     if field.spec.unit in units.INTEGER_UNITS
 }
-"""Step of each field of `States` that has a unit [SI unit of the field]."""
+"""Step of each field of `States` that has a unit [SI unit of the field]. For the unit "mm",
+`INTEGER_UNITS` holds ("m", 1000): 1000 steps make 1 m."""
 
 NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
 """Fields of `States` that readers of recordings compute as derivatives of measured positions and
@@ -224,9 +231,12 @@ def largest_state(name: str) -> float:
 def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
     """The recorded integers of a field of `States`, rounded half to even as in the engines.
 
+    The integer type alone limits the values here. `model.checks` and the readers of recordings
+    compare them with the declared range, which is narrower for speed and angles.
+
     Args:
         name: The field, a key of `STATE_RESOLUTION`.
-        steps: Its values divided by its resolution, any shape.
+        steps: Its values divided by its resolution, any shape; in `NOISY_STATES` without NaN.
         where: Name of the recording or simulation, for the message.
 
     Returns:
@@ -348,7 +358,8 @@ class Percepts(Batch):
 
         Args:
             num_simulations: Number of simulations.
-            num_rows: Length of the axis of decisions.
+            num_rows: Length of the axis of decisions: 0 for a recording without percepts, more if
+                the caller fills in decisions later.
         """
         decisions = (num_simulations, num_rows)
         neighbours = (*decisions, len(PerceivedVehicle))
@@ -421,6 +432,7 @@ class Trajectories(IdentityBatch):
     """A batch of recorded simulations with everything needed to label them.
 
     A recording of real traffic is stored as if it had been simulated, a simulation per overtake.
+    As an `IdentityBatch` it equals only itself under `==`; `equals` compares the content.
 
     Attributes:
         scenario: The simulated scenarios, with road, vehicles, drivers and weather.
@@ -442,8 +454,8 @@ class Trajectories(IdentityBatch):
         actions: Actions of a user's own driver; None if the model driver drove the ego.
         branch_origin: Origin and interventions of branches (`model.scenario`); None for other
             simulations.
-        import_findings: Rows of `import_report`. Comparisons and hashes ignore them, because they
-            describe the source and not the traffic.
+        import_findings: Rows of `import_report`. `equals` and `trace_hash` ignore them, because
+            they describe the source and not the traffic.
     """
 
     scenario: Scenario
@@ -530,15 +542,16 @@ class Trajectories(IdentityBatch):
 
     @property
     def headings_and_origin(self) -> tuple[NDArray[np.int16], float]:
-        """Two values whose difference is the angle from the road to each vehicle.
+        """Headings and a direction; their difference is the angle from the road to each vehicle.
 
         A straight road has one direction, so the recorded integers stay as they are, and a caller
         needs no copy of them.
 
         Returns:
-            Headings, shape (simulation, vehicle, time) [0.1 mrad], and the direction to subtract
-            [rad]: on a straight road the recorded headings and the direction of the road, on a
-            curved road the angles to the road and 0.
+            Headings, shape (simulation, vehicle, time) [0.1 mrad], which a caller multiplies by
+            `ANGLE_RESOLUTION`, and the direction to subtract then [rad]: on a straight road the
+            recorded headings and the direction of the road, on a curved road the angles to the road
+            and 0. The difference is not reduced to half a turn.
         """
         if not self.road.is_curved:
             return self.states.heading, self.road.heading
@@ -557,6 +570,7 @@ class Trajectories(IdentityBatch):
         yield Constraint("num_frames", expected, is_invalid, frames)
         invalid_names = sorted(self.unknown - set(UNKNOWNS))
         expected = f"names among {', '.join(UNKNOWNS)}"
+        # A mask of shape () is about the batch as a whole; the message shows the first wrong name.
         yield Constraint(
             "unknown", expected, np.array(bool(invalid_names)), np.array(invalid_names)
         )

@@ -45,14 +45,16 @@ class VehicleTracks(ContentEquality):
     their values are.
 
     Attributes:
-        simulation_id: Number of the simulation in its data set, or its row in a batch.
+        simulation_id: Number of the simulation in its data set; its row in the batch if the caller
+            of `from_trajectories` states none.
         slots: Slot of each vehicle, in ascending order, shape (vehicle,).
         time: Time of each frame since the start of the recording, shape (frame,) [s].
         s: Station of the centre: distance along the road from its start [m].
         d: Position of the centre across the road, growing to the left of `s` [m].
         heading: Direction in which the body points, anticlockwise from world x [rad].
-        road_angle: Angle from the direction of the road to `heading`, anticlockwise; about pi, of
-            either sign, for an oncoming vehicle [rad].
+        road_angle: Angle from the direction of the road to `heading`, anticlockwise; about pi for
+            an oncoming vehicle [rad]. Whole turns may be added to it or left out, so compare its
+            sine and cosine.
         speed: Speed, never negative [m/s].
         accel: Acceleration forwards, without the jumps of speed in collisions [m/s^2].
         yaw_rate: Rate of turning, anticlockwise [rad/s].
@@ -98,8 +100,8 @@ class VehicleTracks(ContentEquality):
             trajectories: A batch of recorded simulations.
             row: Position of the simulation in the batch, from 0.
             events: Events of the same batch, which name the target. Without them the target is the
-                vehicle that the ego last decided to overtake, or else the nearest one ahead in its
-                lane in the first frame.
+                leader at the ego's last decision to pull out. If the ego never so decided, it is
+                the nearest vehicle ahead in the ego's lane in the first frame.
             simulation_id: Number of the simulation in its data set; `row` by default.
 
         Raises:
@@ -158,7 +160,7 @@ class VehicleTracks(ContentEquality):
         selected = {
             name: array[:, frames]
             for name, array in values.items()
-            if isinstance(array, np.ndarray) and array.ndim == 2  # Shape (vehicle, frame).
+            if isinstance(array, np.ndarray) and array.ndim == 2  # (vehicle, frame), as stated.
         }
         return dataclasses.replace(self, time=self.time[frames], **selected)
 
@@ -180,7 +182,8 @@ class VehicleTracks(ContentEquality):
         """Stations relative to a point that moves along the road at a constant speed.
 
         Space-time diagrams use it, because vehicles of similar speeds are then easy to tell apart.
-        The point starts at the target in the first frame; without a target it starts at the ego.
+        The point starts at the target in the first frame, in which the target has to be recorded;
+        without a target it starts at the ego.
 
         Args:
             speed: Speed of the point [m/s].
@@ -209,13 +212,15 @@ def _likely_target(simulation: Trajectories) -> int:
         simulation: A batch of one simulation.
 
     Returns:
-        The leader at the last recorded decision to pull out; else the nearest vehicle ahead in the
-        ego's lane in the first frame; else `NO_VEHICLE`.
+        With a recorded decision to pull out, the leader at the last one, `NO_VEHICLE` if there was
+        no leader. Else the nearest vehicle ahead in the ego's lane in the first frame, `NO_VEHICLE`
+        without one.
     """
     percepts = simulation.percepts
     pull_outs = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in simulation.unknown and len(pull_outs):
         return int(percepts.slot[0, pull_outs[-1], PerceivedVehicle.LEADER])
+    # Unrecorded states are 0, so such a vehicle counts as ahead only before the start of the road.
     lane, s = simulation.states.lane[0, :, 0], simulation.states.s[0, :, 0]
     is_ahead = simulation.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
     distance = np.where(is_ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)

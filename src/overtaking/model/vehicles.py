@@ -80,7 +80,10 @@ def may_be_kind(kind: ArrayLike, length: ArrayLike) -> Mask:
 
 
 class Colour(IntEnum):
-    """The paper's eight colours of vehicles. They change the distance of sight in fog."""
+    """The paper's eight colours of vehicles. A colour sets the contrast of the body.
+
+    From the contrast (`VehicleSpecs.contrast`) follows how far the vehicle is seen in fog.
+    """
 
     YELLOW = 0
     BLUE = 1
@@ -97,7 +100,12 @@ class Colour(IntEnum):
 class VehicleSpecs(Batch):
     """Bodies of all vehicles; every array has shape (simulation, vehicle).
 
-    The ranges of the numbers are chosen: wider than real vehicles, to catch wrong units.
+    The ranges of the numbers are chosen: wider than real vehicles, to catch wrong units. Length,
+    width and distances between axles share one limit. The values of empty slots have no effect, but
+    have to be in range, because whole arrays are checked.
+
+    Where vehicles are drawn, `two_wheeler` and `unlawful_presence` follow from the kind. Another
+    simulator can state them without a kind.
     """
 
     AXES = ("simulation", "vehicle")
@@ -166,6 +174,7 @@ class VehicleSpecs(Batch):
     wind_side_coefficient: Annotated[
         F32, FieldSpec("Side force over wind pressure and side area", "1", 0.0, 5.0)
     ]
+    # Distance of that centre ahead of the middle between the axles, over the wheelbase.
     wind_centre_ratio: Annotated[
         F32,
         FieldSpec("Centre of wind pressure ahead of mid-wheelbase, per wheelbase", "1", -2.0, 2.0),
@@ -204,8 +213,10 @@ class VehicleSpecs(Batch):
         yield Constraint("cg_to_front", "less than the wheelbase", is_behind_axle, self.cg_to_front)
 
 
-_DISABLED = 1e9
-"""Largest value of a threshold; no driver ever reaches it, so the behaviour never occurs."""
+_UNLIMITED = 1e9
+"""Largest value of traits that may be set beyond anything that happens on a road. With such a
+`lane_change_threshold` a driver never changes lanes; with such a `patience` waiting changes
+nothing."""
 
 
 @with_field_docs
@@ -218,8 +229,9 @@ class DriverTraits(Batch):
     `docs/explanation/model.md` has the formulas. Most traits depend on a hidden driving style from
     careful to reckless, which is drawn and not stored.
 
-    To add a trait, add a field here, a line for each population and each end of the style in
-    `knowledge/data/drivers.toml`, and its use in the simulation step. The ranges are chosen: wider
+    To add a trait, add a field here and use it in the simulation step. The file
+    `knowledge/data/drivers.toml` describes populations, such as motorway drivers: add to each its
+    two distributions of the trait, of careful and of reckless drivers. The ranges are chosen: wider
     than real drivers, to catch wrong units.
     """
 
@@ -258,7 +270,10 @@ class DriverTraits(Batch):
     lane_change_threshold: Annotated[
         F32,
         FieldSpec(
-            "Smallest advantage that a lane change has to bring, in MOBIL", "m/s^2", 0.0, _DISABLED
+            "Smallest advantage that a lane change has to bring, in MOBIL",
+            "m/s^2",
+            0.0,
+            _UNLIMITED,
         ),
     ]
     keep_right_bias: Annotated[
@@ -285,20 +300,23 @@ class DriverTraits(Batch):
             "Least excess of the desired over the leader's speed at which the driver overtakes",
             "m/s",
             0.0,
-            _DISABLED,
+            _UNLIMITED,
         ),
     ]
     patience: Annotated[
         F32,
-        FieldSpec("Time of waiting in which the demands on gaps fall to 1/e", "s", 0.01, _DISABLED),
+        FieldSpec(
+            "Time of waiting in which the demands on gaps fall to 1/e", "s", 0.01, _UNLIMITED
+        ),
     ]
+    # For a driver that closes in on a leader and pulls out without following it first.
     pull_out_ttc: Annotated[
         F32,
         FieldSpec(
             "Time to collision at which the driver pulls out when it overtakes without following",
             "s",
             0.0,
-            _DISABLED,
+            _UNLIMITED,
         ),
     ]
     gap_demand_factor: Annotated[
@@ -319,6 +337,7 @@ class DriverTraits(Batch):
             "Share of lane changes before which the driver looks over the shoulder", "1", 0.0, 1.0
         ),
     ]
+    # At 1 the driver keeps the limit, at 0 it drives at its desired speed.
     speed_limit_compliance: Annotated[
         F32,
         FieldSpec(

@@ -5,7 +5,8 @@
 Terms:
     ego, target: the vehicle under study, and the vehicle that it overtakes.
     rule: one duty of a law as a check, such as the safe distance; a pack holds the rules of a law.
-    policy: a choice of rules that make an overtake illegal if they are broken, such as "strict".
+    policy: a choice of required rules and of the breaches that count, such as "strict". An overtake
+        with a breach of a required rule that counts is illegal.
     margin: distance of the ego's conduct from the limit of a rule; a negative margin is a breach.
     belief: the driver's perceived distances and speeds, which can differ from the true ones.
     paper: `pinto-2023` in docs/reference/sources.md, the study that this package reproduces.
@@ -55,14 +56,19 @@ class Severity(IntEnum):
 
 
 class OvertakeClass(IntEnum):
-    """Class of a simulation: the paper's five classes (0 to 4) and three further ones."""
+    """Class of a simulation: the paper's five classes (0 to 4) and three further ones.
+
+    A policy may do without the further ones. Then `SUCCESS_U` counts as `SUCCESS_L`, `CENSORED` as
+    `UNSUCCESS_NCOL`, and `UNSUCCESS_DEP` as `UNSUCCESS_NCOL`, or as `NO_ATTEMPT` if the ego had
+    begun no overtake. Data sets store the integers, so a new class gets the next one.
+    """
 
     NO_ATTEMPT = 0  # The ego begins no overtake.
     SUCCESS_I = 1  # Completed, and illegal.
     SUCCESS_L = 2  # Completed, and legal.
     UNSUCCESS_COL = 3  # Collision.
     UNSUCCESS_NCOL = 4  # Begun and not completed, without a collision.
-    SUCCESS_U = 5  # Completed, and a required rule is undecidable.
+    SUCCESS_U = 5  # Completed; no required rule is broken, but one is undecidable.
     CENSORED = 6  # The recording ends during the overtake; left out of rates.
     UNSUCCESS_DEP = 7  # The ego leaves the road or spins, without a collision.
 
@@ -72,7 +78,8 @@ class OvertakeClass(IntEnum):
         return _TITLES[self]
 
 
-_TITLES = (  # In the order of the integers of `OvertakeClass`.
+# In the order of the integers of `OvertakeClass`. Data sets hold these texts, so they stay.
+_TITLES = (
     "No_attempt",
     "Success_I",
     "Success_L",
@@ -95,7 +102,7 @@ class Case(IdentityBatch):
         trajectories: The recorded states, with road, weather and vehicles.
         signals: Signals of the ego and its neighbours, frame by frame.
         events: Events of the overtake as frame numbers.
-        target: Signals of the target, frame by frame.
+        target: Signals of the target, frame by frame; without a target `target.valid` is false.
     """
 
     trajectories: Trajectories
@@ -135,6 +142,7 @@ class Finding(Batch):
         I32,
         FieldSpec("Last frame of the breach", missing=int(NEVER)),
     ]
+    # For policies that tolerate a short breach.
     longest_run: Annotated[
         I32, FieldSpec("Number of frames of the longest unbroken run of the breach", column=None)
     ]
@@ -162,8 +170,8 @@ class Findings(Finding):
 class Labels(Batch):
     """The class of each simulation under each policy.
 
-    Arrays have shape (simulation, policy); `outcome` and `detail` have shape (simulation,). A
-    required rule is a rule that a legal overtake must not break under the policy.
+    Arrays have shape (simulation, policy); `outcome` and `detail` have shape (simulation,). The
+    policy states which rules are required.
     """
 
     policies: Annotated[

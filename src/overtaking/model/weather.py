@@ -31,16 +31,18 @@ NO_PRESET = np.uint8(255)
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralPushes(Batch):
-    """Effects of weather as in the study `pinto-2023`: lateral pushes and less sight.
+    """Effects of weather as in the study that this package reproduces: pushes and less sight.
 
-    They replace physics: the road is dry, and air, rain and wind have no other effect. In CARLA,
-    where the study was made, weather does not act on vehicles. Every vehicle is pushed to the
-    leeward side, the more often the more rain and wind there is; `docs/explanation/pushes.md` has
-    the formula.
+    They replace physics: the road is dry, and fog, rain and wind have no other effect. In CARLA,
+    where the study (`pinto-2023` in docs/reference/sources.md) was made, weather does not act on
+    vehicles. Every vehicle is pushed to the leeward side, the more often the more rain and wind
+    there is; `docs/explanation/pushes.md` has the formula. Weather reduces sight only under the
+    conditions of `sight_distance`, which are the study's.
     """
 
     accel: Annotated[float, FieldSpec("Lateral acceleration of a push", "m/s^2", 0.0, 50.0)]
-    # The shortest times are one decision of the drivers, 0.05 s.
+    # The shortest times are one decision of the drivers, 0.05 s. The other bounds are chosen: wider
+    # than any sensible value, to catch wrong units.
     duration: Annotated[float, FieldSpec("Duration of a push", "s", 0.05, 10.0)]
     interval: Annotated[
         float,
@@ -62,7 +64,12 @@ class LateralPushes(Batch):
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather(Batch):
-    """Weather of each simulation; every array has shape (simulation,)."""
+    """Weather of each simulation; every array has shape (simulation,).
+
+    The direction of travel is the ego's, along the road. Where weather is drawn, `night` is true
+    for a negative altitude of the sun, and `low_sun` follows from the position of the sun and the
+    clouds. Recordings may state these two flags themselves; readers then assume a position.
+    """
 
     preset: Annotated[
         U8,
@@ -113,8 +120,9 @@ class Weather(Batch):
         """The same weather without some factors.
 
         Args:
-            factors: Names in `REMOVABLE_FACTORS`, in any order. Without rain there are no puddles,
-                and where it rained no clouds either. Without night or glare the sun stands high.
+            factors: Names in `REMOVABLE_FACTORS`; their order has no effect. Without rain there are
+                no puddles, and where it rained no clouds either. Without night the sun stands high
+                where it was night, and without glare where it was day.
 
         Returns:
             The weather with preset `NO_PRESET`; without any factor, the weather itself.
@@ -127,9 +135,8 @@ class Weather(Batch):
                 what="without", where="weather", choices=REMOVABLE_FACTORS, got=unknown[0]
             )
         weather = self
-        # In a fixed order, because night and glare both move the sun.
-        for name, remove_factor in _REMOVERS.items():
-            weather = remove_factor(weather) if name in factors else weather
+        for name in factors:
+            weather = _REMOVERS[name](weather)
         return weather
 
 
@@ -167,7 +174,10 @@ def _without_night(weather: Weather) -> Weather:
 
 
 def _without_glare(weather: Weather) -> Weather:
-    """Weather without glare: the sun stands high by day, also where it did not dazzle."""
+    """Weather without glare: the sun stands high by day, also where it did not dazzle.
+
+    Chosen: the sun is then the same in all simulations by day.
+    """
     altitude = np.where(weather.night, weather.sun_altitude, _HIGH_SUN)
     return _with_consequences(weather.replace(sun_altitude=altitude))
 
@@ -189,10 +199,8 @@ def _with_consequences(weather: Weather) -> Weather:
 
     A changed weather is no preset. The sun dazzles where it is low, ahead, and not behind clouds.
     """
-    low, high = (
-        constant("weather.glare.min_sun_altitude"),
-        constant("weather.glare.max_sun_altitude"),
-    )
+    low = constant("weather.glare.min_sun_altitude")
+    high = constant("weather.glare.max_sun_altitude")
     is_low = (weather.sun_altitude >= low) & (weather.sun_altitude <= high)
     is_ahead = np.abs(weather.sun_azimuth) < constant("weather.glare.half_width")
     is_clear = weather.cloudiness < constant("weather.glare.max_cloud_percent")
