@@ -26,7 +26,7 @@ from examples.rl.learn_to_overtake import HOLD, STEPS, Learned, train
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.core.intervals import wilson_interval
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 from overtaking.model.overtake_events import NEVER
 
 PROFILES = ("motorway-risk", "pinto2023-physical")

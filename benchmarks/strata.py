@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measure import parser
-from overtaking.core.intervals import wilson_interval
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
 from overtaking.model.overtake_events import Outcome

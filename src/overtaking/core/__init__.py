@@ -5,7 +5,6 @@ equality: equality by content for objects that hold arrays, tables and NaN.
 errors: error classes with one message format, checks of arguments, packages of extras.
 files: reading up to a size; writing that leaves complete files and folders only.
 float32_math: elementary functions in float32 that have the same bits on every machine.
-intervals: confidence intervals of counted shares.
 native: the functions of float32_math and random_numbers, compiled.
 notebook: output in IPython: HTML messages, and the progress of long calls below a cell.
 process_limits: limits of processors, threads, memory and time, and pools of threads.

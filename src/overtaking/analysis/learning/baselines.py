@@ -13,8 +13,8 @@ from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.rules import BASELINE, LEAST
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.tasks import Names
+from overtaking.analysis.stats.weighted_statistics import Z95
 from overtaking.core.arrays import Mask
-from overtaking.core.intervals import Z95
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import wilson_interval
 from overtaking.core.representation import json_values
 
 

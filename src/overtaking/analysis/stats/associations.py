@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, CLASS, FEATURES
-from overtaking.analysis.stats.moments import sums
 from overtaking.analysis.stats.sample import Sample
 from overtaking.analysis.stats.table import Style, Table
+from overtaking.analysis.stats.weighted_statistics import sums
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import MissingExtraError
 

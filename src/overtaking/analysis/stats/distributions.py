@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import BY_NAME, CLASS, EGO_TYPES, NUMERIC, Feature
-from overtaking.analysis.stats.moments import quantiles, sums
 from overtaking.analysis.stats.sample import Sample
+from overtaking.analysis.stats.weighted_statistics import quantiles, sums
 from overtaking.core.arrays import F64, Mask
 
 MAX_BINS = 24

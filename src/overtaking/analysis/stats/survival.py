@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.stats.columns import CLASS, NO_ATTEMPT
-from overtaking.analysis.stats.moments import sums
 from overtaking.analysis.stats.sample import Sample
+from overtaking.analysis.stats.weighted_statistics import Z95, sums
 from overtaking.core.arrays import F64, Mask
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import Z95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.stats.columns import BY_NAME, CENSORED, EGO_TYPES, FEATURES, Feature
-from overtaking.analysis.stats.moments import Moments, moments
 from overtaking.analysis.stats.sample import Sample, effective_size
 from overtaking.analysis.stats.table import Style, Table
+from overtaking.analysis.stats.weighted_statistics import Moments, moments, wilson_interval
 from overtaking.core.arrays import Mask
-from overtaking.core.intervals import wilson_interval
 
 ALL = "All"
 """Column of all simulations together."""

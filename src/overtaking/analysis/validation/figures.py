@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 from overtaking.analysis.validation import overtakes, passes
 from overtaking.analysis.validation.accidents import Severity
 from overtaking.analysis.validation.changes import (
@@ -27,7 +28,6 @@ from overtaking.analysis.validation.tally import Tally, quantile, ratio
 from overtaking.analysis.validation.targets import FigureTarget, TargetRole, targets
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH, limit
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import wilson_interval
 from overtaking.core.representation import json_values
 from overtaking.model.verdicts import OvertakeClass
 

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.result_methods import Plottable
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.arrays import I64
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import check_choice
-from overtaking.core.intervals import wilson_interval
 from overtaking.labels.label import label
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named

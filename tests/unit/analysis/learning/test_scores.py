@@ -7,7 +7,7 @@ import pytest
 from sklearn import metrics
 
 from overtaking.analysis.learning.scores import best_threshold, grouped_interval, score
-from overtaking.core.intervals import wilson_interval
+from overtaking.analysis.stats.weighted_statistics import wilson_interval
 
 DRAW = np.random.default_rng(7)
 SAID, POSITIVE = DRAW.random(500) < 0.3, DRAW.random(500) < 0.2
