@@ -106,7 +106,12 @@ class Scenario(IdentityBatch):
     attempt_deadline: Annotated[
         F32,
         FieldSpec(
-            "A simulation without an attempt ends here", "s", 0.0, _MAX_DEADLINE, low_is_open=True
+            # In short for the table; after an attempt that was given up, it ends here, too.
+            "A simulation without an attempt ends here",
+            "s",
+            0.0,
+            _MAX_DEADLINE,
+            low_is_open=True,
         ),
     ]
     weight: Annotated[
