@@ -3,13 +3,17 @@
 A *trait* is a number or flag of a driver, such as the desired time gap. A *population* in
 `knowledge/data/drivers.toml` has two distributions of each trait: among *careful* drivers (driving
 style 0) and among *reckless* ones (1). A driving style is drawn for each driver, and its traits are
-drawn from distributions in between. `sample_traits` draws everything but speeds;
-`drivers_from_speeds` and `drivers_with_speed` then make a `DriverTraits`, the drivers of a batch of
-scenarios. The samplers of traffic in this package call these functions.
+drawn from distributions in between. `sample_traits` draws all traits. Then `drivers_from_speeds` or
+`drivers_with_speed` adds the desired speeds and returns the drivers as `DriverTraits`, a dataclass
+of arrays.
+
+The samplers of the three kinds of traffic call these functions. In *placed traffic* a few vehicles
+start at random speeds in a short zone, the ego behind a leader, and desired speeds follow from the
+drawn speeds. On motorways and two-way roads the samplers compute the desired speeds.
 
 Arrays have shape (simulation, vehicle). The position of a vehicle in the second axis is its *slot*;
-slot 0 is the ego, the driver whose overtaking is studied. All numbers are float32, so that a seed
-gives the same bits on every machine.
+slot 0 is the ego, the driver whose overtaking is studied. Numbers are computed in float32 with the
+functions of `core.native`, which give the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -47,23 +51,25 @@ if TYPE_CHECKING:
     from overtaking.scenarios.traffic_specification import PlacedTraffic
 
 LEADER_SLOT = 1
-"""The slot of the vehicle that the ego follows at the start in placed traffic (see
-`placed_traffic`). On a motorway any vehicle may have this slot."""
+"""In placed traffic, the slot of the leader: the vehicle that the ego follows at the start. In
+other traffic the slot has no special meaning."""
 
 _POPULATIONS_FILE = "drivers.toml"
 
 SPEED_TRAITS = {
-    "cruise_factor": FieldSpec("Desired speed of the traffic over the speed drawn for it"),
-    "speed_over_leader": FieldSpec("How much faster than its leader an ego wants to drive", "m/s"),
+    "cruise_factor": FieldSpec("Factor on a driver's drawn or usual speed: its desired speed"),
+    "speed_over_leader": FieldSpec(
+        "Least excess of an ego's desired speed over its leader's", "m/s"
+    ),
     "wants_to_overtake": FieldSpec("Whether an ego wants to drive faster than its leader at all"),
 }
-"""Drawn traits from which `DriverTraits.desired_speed` is computed. No scenario stores them, so
-their meanings and units are stated here."""
+"""Traits from which desired speeds are computed; the last two count in placed traffic alone. They
+are not fields of `DriverTraits`, so their meanings and units are declared here."""
 
 RECORDED_TRAITS = {
     name: field for name, field in batch_fields(DriverTraits).items() if name != "desired_speed"
 }
-"""Drawn traits that scenarios store: the fields of `DriverTraits` except for the desired speed."""
+"""Traits that scenarios store: the fields of `DriverTraits` except for the desired speed."""
 
 ALL_TRAITS = {name: field.spec for name, field in RECORDED_TRAITS.items()} | SPEED_TRAITS
 """Meaning, unit and range of every trait that is drawn, by name."""
@@ -73,8 +79,8 @@ CLASS_FACTORS = {
     "accel_factor": "accel",
     "lane_change_factor": "lane_change_duration",
 }
-"""Factors by which drivers of a vehicle class differ from car drivers: key in `drivers.toml`, and
-the trait that the factor multiplies."""
+"""Factors by which drivers of a vehicle class, such as trucks, differ from car drivers: key in
+`drivers.toml`, and the trait that the factor multiplies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +106,7 @@ class Population:
         The parameters of a distribution in between are interpolated, so both extremes need the same
         kind of distribution. Discrete values ("choice") cannot be interpolated.
         """
+        # "another list" below: a trait is missing, or the extremes differ in traits or order.
         for name in ALL_TRAITS:
             if name not in self.careful or list(self.careful) != list(self.reckless):
                 raise _file_error(name, "each trait in both extremes, in one order", "another list")
@@ -127,7 +134,7 @@ def load_population(name: str) -> Population:
     if name not in population_names():
         raise _file_error(f"population {name}", f"one of {', '.join(population_names())}", name)
     # By dotted key: `<population>.careful.<trait>`, `<population>.reckless.<trait>` or
-    # `<population>.classes.<vehicle class>.<factor>`.
+    # `<population>.classes.<vehicle class>.<factor>`. The factors are taken out first.
     entries = {
         key: entry
         for key, entry in all_quantities(_POPULATIONS_FILE).items()
@@ -140,13 +147,14 @@ def load_population(name: str) -> Population:
         )
         for key, trait in CLASS_FACTORS.items()
     }
-    # Populations state the comfortable deceleration of car drivers. `vehicle_classes.toml` has the
-    # usual one of each class; "M", the medium car, is the reference.
+    # Populations state the comfortable deceleration of car drivers, without factors of classes.
+    # These are quotients of the decelerations that `vehicle_classes.toml` states for each class;
+    # "M", the medium car, is the reference.
     decels = [entry.comfort_decel.number for entry in vehicle_classes().values()]
     car_decel = vehicle_classes()["M"].comfort_decel.number
     factors["decel"] = tuple(decel / car_decel for decel in decels)
     extremes: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
-    for key, entry in entries.items():  # The factors were removed from `entries` above.
+    for key, entry in entries.items():
         _, extreme, trait = key.split(".", 2)
         if extreme not in extremes or trait not in ALL_TRAITS:
             raise _file_error(
@@ -157,7 +165,9 @@ def load_population(name: str) -> Population:
 
 
 def trait_range(population_name: str, trait: str) -> tuple[float, float]:
-    """Smallest and largest value that any driver of a population can have, in its unit.
+    """Smallest and largest value of a trait that a driver of a population can draw, in its unit.
+
+    The check of a specification multiplies them by the factors that the specification states.
 
     Args:
         population_name: One of `population_names()`.
@@ -207,9 +217,11 @@ def sample_traits(
             traits that are fixed or scaled for all drivers.
         kind: Vehicle class of each vehicle, its position in `VEHICLE_CLASS_NAMES`, shape
             (simulation, vehicle).
-        transform: Called with the name and the random numbers, shape (simulation,), of each driving
-            style and of each trait of the ego; returns the numbers to use. Importance sampling
-            replaces the numbers here; by default they stay.
+        transform: Called with a name and random numbers, shape (simulation,); returns the numbers
+            to use. Importance sampling replaces numbers here; by default they stay. The names are
+            "ego_driving_style", "others_driving_style" (once for each other driver), and
+            "ego_<trait>" for each trait of the ego with a normal, lognormal or Bernoulli
+            distribution. Importance sampling has no names of uniform traits.
 
     Returns:
         Values of `ALL_TRAITS` by name, each with the shape of `kind`; flags are 1 or 0.
@@ -231,8 +243,9 @@ def sample_traits(
     for name, factors in population.factors.items():
         traits[name] = traits[name] * as_f32(factors)[kind]
     # After the factors of vehicle classes: a fixed value holds in every vehicle.
-    for name, value in section.fixed.values().items():
+    for name, value in section.fixed.value_by_trait().items():
         traits[name] = np.full(kind.shape, value, np.float32)
+    # A trait may be both fixed and scaled; then the product holds.
     for name, factor in (section.scale or {}).items():
         traits[name] = traits[name] * np.float32(factor)
     return traits
@@ -243,8 +256,10 @@ def drivers_from_speeds(
 ) -> DriverTraits:
     """Drivers of placed traffic, whose desired speeds follow from the speeds at the start.
 
-    The other drivers want about the speed at which they start. The ego wants to be faster than its
-    leader if it draws the trait `wants_to_overtake`, and otherwise at most as fast.
+    The other drivers want their drawn speed times `cruise_factor`. An ego with the trait
+    `wants_to_overtake` wants its drawn speed, but at least its leader's desired speed plus
+    `speed_over_leader`. Any other ego wants its drawn speed, but at most its leader's desired
+    speed. No driver wants more than the top speed of its vehicle.
 
     Args:
         traits: As `sample_traits` returns them.
@@ -263,7 +278,8 @@ def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverT
     """Drivers with the given desired speeds, in traffic of any kind.
 
     Args:
-        traits: As `sample_traits` returns them; the traits of speeds are not used.
+        traits: As `sample_traits` returns them. `SPEED_TRAITS` are left out, because
+            `desired_speed` takes their place.
         desired_speed: Desired speeds on a free road, shape (simulation, vehicle) [m/s].
     """
     recorded: dict[str, Any] = {
@@ -276,7 +292,8 @@ def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverT
 def max_placed_desired_speed(drivers: DriversSection, traffic: PlacedTraffic) -> float:
     """Largest desired speed that `drivers_from_speeds` can give a driver [m/s].
 
-    Decides how long the road must be so that no vehicle leaves it.
+    Decides how long the road must be so that no vehicle leaves it. A specification cannot fix or
+    scale the traits of `SPEED_TRAITS`, so their distributions bound them.
 
     Args:
         drivers: Section `[drivers]` of the specification.
@@ -288,13 +305,15 @@ def max_placed_desired_speed(drivers: DriversSection, traffic: PlacedTraffic) ->
     cruise_factor = max_cruise_factor(drivers)
     max_others_speed = cruise_factor * mps_from_kmh(traffic.speed_kmh[1])
     max_leader_speed = cruise_factor * mps_from_kmh(traffic.leader_speed_kmh[1])
+    # An ego that keeps its drawn speed, from `speed_kmh`, too, is not above `max_others_speed`: in
+    # every population the largest cruise factor is 1 or more.
     return max(max_others_speed, max_leader_speed + max_gain)
 
 
 def max_cruise_factor(drivers: DriversSection) -> float:
     """Largest value of the trait `cruise_factor` in the population of a section `[drivers]` [1].
 
-    In traffic other than placed traffic, the trait multiplies the usual speed of the vehicle class.
+    On motorways and two-way roads, the trait multiplies the usual speed of the vehicle class.
     """
     population = load_population(drivers.population)
     extremes = (population.careful, population.reckless)
@@ -310,8 +329,8 @@ def _draw_trait(
 ) -> F32:
     """Draw one trait of each driver, shape (simulation, vehicle).
 
-    A constant trait takes no random number from the stream, any other trait takes one. Another
-    count would change all traits that follow.
+    A constant trait takes no random number from the stream, any other trait takes one: another
+    count would change all traits drawn after it.
     """
     extremes = (population.careful[name], population.reckless[name])
 
@@ -328,7 +347,7 @@ def _draw_trait(
         return (u < interpolate_parameter("probability")).astype(np.float32)
     low = _interpolate(driving_style, *(entry.low for entry in extremes))
     high = _interpolate(driving_style, *(entry.high for entry in extremes))
-    if kind == "uniform":
+    if kind == "uniform":  # Without `transform`, which has no names of uniform traits.
         return scale_to_range(stream.uniform(), low, high)
     # `truncate` limits the number to 2.5 standard deviations. It follows the transform, because the
     # weights of importance sampling hold for numbers of the unbounded normal distribution.

@@ -1,18 +1,21 @@
 """Draws the traffic of a road with one direction at a density, as in profile `motorway`.
 
-`sample_motorway_traffic` takes section `[traffic]` of a specification with `mode = "flow"` and
-returns vehicles, drivers, lanes and a function for stations and speeds. `sampler` calls it once for
-each block of simulations. The *ego* is the vehicle whose overtaking is studied; it has slot 0. A
-*slot* is the position of a vehicle in the second axis of arrays, a *station* a distance along the
-road.
+`sample_motorway_traffic` takes section `[traffic]` of a specification with `mode = "flow"`, the
+mode of such roads, and returns vehicles, drivers, lanes and a function for stations and speeds.
+`sampler` calls it once for each block of simulations. The *ego* is the vehicle whose overtaking is
+studied; it has slot 0. A *slot* is the position of a vehicle in the second axis of arrays, a
+*station* a distance along the road. The *deadline* is the time at which a simulation ends if the
+ego has not begun to overtake.
 
 The traffic has ends: in each lane, the outermost vehicle ahead of the ego and the outermost one
-behind it. Vehicles are placed from the ego outwards, until the ego would see no end before its last
-overtake is over, or until all slots are filled. Traffic on a ring would show the ego the same truck
-every minute and a half, and vehicles that are moved from far behind to far ahead would make
-recorded states jump by a kilometre.
+behind it. Vehicles are placed from the ego outwards, until the ego would see no end before an
+overtake that begins at the deadline is over, or until all slots are filled. Two simpler ways were
+rejected: on a ring the ego would meet the same trucks again, and vehicles that are moved from far
+behind to far ahead would make recorded states jump by a kilometre.
 
-Arrays that decide scenarios are float32, so that a seed gives the same bits on every machine.
+Arrays that decide scenarios are computed in float32 with the functions of `core.native`, which give
+the same bits on every machine. *Importance sampling* draws rare scenarios more often: it may
+replace random numbers, by name, and gives each simulation a weight (`random_draws`).
 """
 
 from dataclasses import dataclass
@@ -61,21 +64,21 @@ MIN_SPACING = number("sampling.flow.min_spacing")
 """Smallest distance between the centres of two vehicles of a lane at standstill [m]."""
 
 MIN_TIME_GAP = number("sampling.flow.min_time_gap")
-"""The smallest distance of centres grows with the speed of the lane, by this time times the speed
-[s]."""
+"""The smallest distance between centres is `MIN_SPACING` plus this time times the mean speed of the
+lane [s]."""
 
 RELAXING_DECEL = number("sampling.flow.relaxing_decel")
 """Deceleration of a vehicle that rolls without brakes [m/s^2]. A vehicle with a larger gap than its
-driver wants may start faster than its leader, but only by the speed that rolling takes away until
-the gap is the desired one. So no driver has to brake because of the start."""
+driver wants may start faster than its leader. The difference is limited, so that rolling alone
+brings the vehicle to its leader's speed while the gap shrinks to the desired one. So no driver has
+to brake because of the start."""
 
 PASSING_MARGIN = number("sampling.flow.passing_margin")
 """Largest speed while overtaking, over the desired speed [1]."""
 
 RETURN_TIME = number("sampling.flow.return_time")
 """Duration of a common overtake [s]. Vehicles are placed so that the ego sees no end of the traffic
-for this long after the deadline of an attempt, unless the slots run out. The deadline is the time
-at which a simulation ends if the ego has not begun to overtake."""
+for this long after the stated deadline, unless the slots run out."""
 
 _FREE = np.float32(1e6)
 """Station [m] and speed [m/s] of an imaginary leader where the lane ahead is free: far away and
@@ -84,20 +87,18 @@ fast, so that it limits no follower."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLayout:
-    """Lanes and stations of the ego and the vehicles around it.
+    """Lanes and stations of the ego and the vehicles around it, shape (simulation, vehicle).
 
     Attributes:
-        valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
-        lane: Lane, 0 the slowest, shape (simulation, vehicle).
-        s: Station of the centre relative to the ego, negative behind it, shape (simulation,
-            vehicle) [m].
-        time: Earliest time at which the ego may see an end of the traffic, shape (simulation,) [s].
+        valid: Whether the slot holds a vehicle.
+        lane: Lane, 0 the slowest.
+        s: Station of the centre [m]. The zero does not matter: motorway traffic counts from the ego
+            and has negative stations behind it.
     """
 
     valid: Mask
     lane: U8
     s: F32
-    time: F32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,12 +122,14 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         flow: Section `[traffic]` of the specification.
 
     Returns:
-        Vehicles and drivers. Stations follow later, when the desired speeds in the weather of each
-        simulation are known: the caller passes them to `states_at_speed`.
+        Vehicles and drivers. Rain, fog and night lower the desired speeds, and with them the gaps.
+        So the caller computes these speeds first and passes them to `states_at_speed`, which
+        returns the stations.
     """
     lane = draw_ego_lane(block, flow)
     desired_speed, transform = _ego_desired_speed(block, flow, lane)
-    layout = place_around_ego(block, flow, EgoStart(lane=lane, desired_speed=desired_speed))
+    ego = EgoStart(lane=lane, desired_speed=desired_speed)
+    layout, end_in_sight_time = place_around_ego(block, flow, ego)
     kinds = partial(vehicle_kinds, flow, lane=layout.lane)
     max_vehicles = flow.vehicles[1]
     # All slots get a vehicle and a driver; `layout.valid` selects the vehicles that take part.
@@ -134,20 +137,22 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
     traits = sample_traits(block, vehicles.kind, transform)
     speeds = desired_speeds(flow, traits["cruise_factor"], vehicles.kind, layout.lane)
     speeds = minimum(speeds, top_speeds()[vehicles.kind])
-    deadline = np.float32(block.specification.time.attempt_deadline_s)
+    stated_deadline = np.float32(block.specification.time.attempt_deadline_s)
     return TrafficStart(
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
-        # The repair of starts may move a vehicle back. In a short zone, vehicles keep a share of
-        # the space behind them, so that they do not pile up at its end. On a whole road they need
-        # not.
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader. This
+        # is the share of the space behind it that the vehicle keeps. On a whole road it may give up
+        # all of that space: 0.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
-        # Where the slots run out, the deadline is the time at which the ego may see an end of the
-        # traffic: later attempts would meet an empty road.
-        deadline=minimum(layout.time, deadline),
+        # Where the slots run out, the deadline is the time at which an end may come into sight: an
+        # attempt after it would meet an empty road. `RETURN_TIME` is not subtracted, so a late
+        # attempt may see an end before it is over. In traffic so dense that an end is in sight at
+        # the start, the deadline is negative, and the simulation refuses the scenario.
+        deadline=minimum(end_in_sight_time, stated_deadline),
     )
 
 
@@ -155,16 +160,21 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     """Length of a road that no vehicle leaves before the end of the simulation [m].
 
     The road is the sum of the longest traffic at the start and the longest way of its foremost
-    vehicle. With the duration T, the ego's speed v and the mean speed u of a lane, the traffic of
-    that lane begins at most
+    vehicle. `place_around_ego` adds no vehicle beyond an end that stays out of sight until the
+    deadline plus `RETURN_TIME`. With the duration T, the traffic of a lane reaches about
 
-        sight ahead  + (v - u + margin) T + one spacing   ahead of the ego, and ends at most
-        sight behind + (u - v + margin) T + one spacing   behind it,
+        sight ahead  + (closing speed ahead  + margin) T + one spacing   ahead of the ego,
+        sight behind + (closing speed behind + margin) T + one spacing   behind it.
 
-    because `_TrafficEnds` adds no vehicle beyond if the deadline and `RETURN_TIME` end within T.
-    The foremost and the rearmost vehicle may be in lanes of different speeds. Added up, the two
-    speed differences are at most the speed range of the lanes, or v if only the first is positive;
-    the bound takes the sum of the range and the largest v.
+    The closing speed ahead is the ego's speed minus the mean speed of the lane, the one behind the
+    reverse; a negative one counts as 0. The foremost and the rearmost vehicle may be in different
+    lanes. If both closing speeds are positive, their sum is at most the speed range of the lanes.
+    If only one is positive, it is at most the speed of a vehicle.
+
+    The bound adds the range and the largest speed, so one of them remains as a reserve, which
+    covers what the formula leaves out: `RETURN_TIME` after T, vehicles that are added to reach the
+    fewest of the specification, and followers that start farther back than they were placed. In
+    profile `motorway`, the road is 7 km longer than the foremost vehicle needs.
 
     Args:
         specification: The specification of the scenarios: its duration and its drivers.
@@ -182,10 +192,11 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     density_ratio /= min(lane.density for lane in flow.lanes)
     max_mean_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
     # A drawn spacing exceeds the mean by at most this factor, as normal numbers end at MAX_SIGMAS.
-    # The last bit of `np.exp` depends on the machine; the length is rounded up to 100 m later.
+    # The last bit of `np.exp` depends on the machine; `sampler` rounds the length up to 100 m.
     max_spacing = max_mean_spacing * float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
     traffic = sum(flow.sight_m) + (speed_range + max_speed) * duration + 2.0 * max_spacing
-    return END_MARGIN + traffic + PASSING_MARGIN * max_speed * duration
+    longest_way = PASSING_MARGIN * max_speed * duration
+    return END_MARGIN + traffic + longest_way  # The rearmost vehicle starts at END_MARGIN.
 
 
 def draw_ego_lane(block: SampleBlock, flow: FlowTraffic) -> U8:
@@ -203,7 +214,9 @@ def draw_ego_lane(block: SampleBlock, flow: FlowTraffic) -> U8:
     return np.array(flow.ego_lanes, np.uint8)[choose_weighted(u, weights)]
 
 
-def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> VehicleLayout:
+def place_around_ego(
+    block: SampleBlock, flow: FlowTraffic, ego: EgoStart
+) -> tuple[VehicleLayout, F32]:
     """Place vehicles around the ego until the traffic is long enough or all slots are filled.
 
     Args:
@@ -212,13 +225,16 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
         ego: The ego's lane and desired speed.
 
     Returns:
-        The vehicles with the ego in slot 0, at station 0. Filled slots come before empty ones.
+        The vehicles, with the ego in slot 0, at station 0, and filled slots before empty ones; and
+        the earliest time at which the ego may see an end of the traffic, negative if it may see one
+        at the start, shape (simulation,) [s].
     """
     stream = block.stream(Stream.LAYOUT)  # It begins anew, so its first number comes once more.
     stream.uniform()  # Skips the number that `draw_ego_lane` used.
     # Importance sampling may replace the number, so that some densities are drawn more often.
     u = block.proposal.transform("density", stream.uniform())
     vehicles_per_metre = scale_to_range(u, *_vehicles_per_metre(flow))
+    # Each lane takes one number, the ego's lane, too, so that all simulations take equally many.
     first_positions = [stream.uniform() for _ in flow.lanes]
     ends = _TrafficEnds(flow, vehicles_per_metre, ego, first_positions)
     end_time = np.float32(block.specification.time.attempt_deadline_s + RETURN_TIME)
@@ -226,17 +242,16 @@ def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> Ve
     valid = [np.ones(len(ego.lane), np.bool_)]
     lanes, stations = [ego.lane], [np.zeros_like(ego.desired_speed)]
     for slot in range(1, max_vehicles):
+        # Needed: an end would come into sight, or the fewest vehicles are not reached.
         is_needed = (ends.time < end_time) | (slot < min_vehicles)
         lane, station = ends.add(stream.normal(), is_needed)
         valid.append(is_needed)
         lanes.append(lane)
         stations.append(station)
-    return VehicleLayout(
-        valid=np.stack(valid, axis=1),
-        lane=np.stack(lanes, axis=1),
-        s=np.stack(stations, axis=1),
-        time=ends.time,
+    layout = VehicleLayout(
+        valid=np.stack(valid, axis=1), lane=np.stack(lanes, axis=1), s=np.stack(stations, axis=1)
     )
+    return layout, ends.time
 
 
 def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
@@ -275,8 +290,8 @@ def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) ->
         kind: Vehicle classes, the same shape.
         lane: Lanes, 0 the slowest, the same shape.
     """
-    # `FlowTraffic` checks that each class of its lanes has a speed. Other classes are not drawn, so
-    # nothing reads their number.
+    # `FlowTraffic` checks that each class of its lanes has a speed. Other classes are not drawn:
+    # the 1 km/h only fills their places in the table.
     free = [mps_from_kmh(flow.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
     factors = [flow_lane.speed_factor for flow_lane in flow.lanes]
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(factors, np.float32)[lane]
@@ -287,10 +302,10 @@ def following_starts(
 ) -> StartStates:
     """Stations and speeds at which every vehicle follows the vehicle ahead of it in its lane.
 
-    No vehicle is faster or nearer than its driver wants: a vehicle that was drawn nearer starts
-    farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`. Vehicles are
-    treated from the foremost to the rearmost, so that each leader is placed before its follower.
-    `two_way_traffic` uses this function, too.
+    No vehicle is faster than its driver wants, or nearer to its leader: a vehicle that was drawn
+    nearer starts farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`.
+    Vehicles are treated from the foremost to the rearmost, so that each leader is placed before its
+    follower. `two_way_traffic` uses this function, too.
 
     Args:
         layout: Lanes and stations; all other arrays have the shape of its lanes.
@@ -305,7 +320,8 @@ def following_starts(
     """
     order = np.argsort(np.where(layout.valid, layout.s, np.inf), axis=1, kind="stable")
     # From here on, lists hold one array of shape (simulation,) for each rank; rank 0 is the
-    # rearmost vehicle of a simulation. Empty slots come last, in lane 255, which no vehicle has.
+    # rearmost vehicle of a simulation. Empty slots come last, in lane 255, which no vehicle has:
+    # roads have at most 8 lanes.
     lane = sort_columns(np.where(layout.valid, layout.lane, np.uint8(255)), order)
     s, half = sort_columns(layout.s, order), sort_columns(half_length, order)
     desired, gap_time, standstill_gap = (
@@ -322,7 +338,8 @@ def following_starts(
         following_speed = minimum(desired[rank], leader_speed)
         nearest_s = rear_s - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
         s[rank] = minimum(s[rank], nearest_s)
-        # The speed that rolling takes away over the distance to `nearest_s`: v^2 = 2 b distance.
+        # The speed that rolling takes away over the distance to `nearest_s`, which is not negative
+        # now: v^2 = 2 b distance.
         closing_speed = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest_s - s[rank]))
         speed[rank] = minimum(desired[rank], leader_speed + closing_speed)
         for lane_index in range(num_lanes):
@@ -341,7 +358,9 @@ def _ego_desired_speed(
 
     The traffic is placed by the ego's desired speed, so the ego is drawn alone first and once more
     with the other vehicles. Both times it gets the same random numbers: each slot has a stream of
-    its own, which `SampleBlock` begins anew for each caller.
+    its own, which `SampleBlock` begins anew for each caller. Only importance sampling may see each
+    number once: each call of `block.proposal.transform` multiplies the weight of the simulation.
+    So the returned transform keeps the replaced numbers of the ego for the second draw.
 
     Args:
         block: The simulations that are drawn together.
@@ -349,16 +368,14 @@ def _ego_desired_speed(
         lane: The ego's lane, shape (simulation,).
 
     Returns:
-        Desired speeds, shape (simulation,) [m/s], and a transform for the second draw, which
-        returns the ego's numbers of the first. The proposal of importance sampling may see each
-        number only once: each call of `block.proposal.transform` multiplies the weight of the
-        simulation by the density ratio of the number.
+        Desired speeds, shape (simulation,) [m/s], and the transform for the second draw.
     """
     u = kind_number(block, EGO_SLOT)[:, None]
     kind = vehicle_kinds(flow, u, lane[:, None])
     ego_numbers: dict[str, F32] = {}
 
     def replay_ego_numbers(name: str, number: F32) -> F32:
+        # Names of the ego's numbers begin with "ego_". The others come in the second draw alone.
         if not name.startswith("ego_"):
             return block.proposal.transform(name, number)
         if name not in ego_numbers:
@@ -379,10 +396,7 @@ def _states_at_speed(
     """
     half_length, time_gap = 0.5 * vehicles.length, traits["time_gap"]
     states = following_starts(layout, half_length, desired_speed, time_gap, traits["min_gap"])
-    rearmost_s = states.s[:, 0]
-    for slot in range(1, states.s.shape[1]):
-        station = np.where(layout.valid[:, slot], states.s[:, slot], rearmost_s)
-        rearmost_s = minimum(rearmost_s, station)
+    rearmost_s = np.where(layout.valid, states.s, np.float32(np.inf)).min(axis=1)
     return states._replace(s=states.s - rearmost_s[:, None] + np.float32(END_MARGIN))
 
 
@@ -408,8 +422,9 @@ def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:
 class _TrafficEnds:
     """The ends of the traffic, in each lane ahead and behind, and when the ego may see them.
 
-    The estimate takes all vehicles of a lane to drive at the speed of the lane, and the ego at the
-    speed that `EGO_SPEED_SHARE` describes. The ego sees an end as soon as it is within sight.
+    The estimate takes all vehicles of a lane to drive at the mean speed of the lane. The ego drives
+    at a speed between this mean and its desired speed (`EGO_SPEED_SHARE`). It sees an end as soon
+    as it is within `FlowTraffic.sight_m`, which states a distance behind and one ahead.
     """
 
     def __init__(
@@ -426,9 +441,7 @@ class _TrafficEnds:
         """
         mean_density = np.float32(sum(lane.density for lane in flow.lanes) / len(flow.lanes))
         speeds = [np.float32(mps_from_kmh(lane.speed_kmh)) for lane in flow.lanes]
-        lane_speed = np.zeros_like(ego.desired_speed)
-        for lane_index, speed in enumerate(speeds):
-            lane_speed = np.where(ego.lane == lane_index, speed, lane_speed)
+        lane_speed = np.array(speeds, np.float32)[ego.lane]
         speed_gain = np.float32(EGO_SPEED_SHARE) * (ego.desired_speed - lane_speed)
         self._ego_speed = lane_speed + speed_gain
         self._speeds = speeds
@@ -469,7 +482,8 @@ class _TrafficEnds:
                 shape (simulation,).
 
         Returns:
-            Lanes and stations [m] of the vehicle, shape (simulation,).
+            Lanes and stations [m] of the vehicle, shape (simulation,), without meaning where none
+            is needed.
         """
         times = self._times()
         # Ends are numbered as in `_times`: 2 * lane for the end ahead, 2 * lane + 1 for the end
@@ -499,7 +513,7 @@ class _TrafficEnds:
 
         Each array has shape (simulation,). A time is negative if the end is in sight at the start.
         """
-        zero, margin = np.zeros_like(self._ego_speed), np.float32(APPROACH_MARGIN)
+        zero, margin = np.float32(0.0), np.float32(APPROACH_MARGIN)
         times: list[F32] = []
         for lane_index, speed in enumerate(self._speeds):
             speed_difference = self._ego_speed - speed
@@ -520,7 +534,7 @@ class _TrafficEnds:
         shortest = self._min_spacing[lane]
         # In a lane so dense that the mean spacing exceeds the minimum by less than 1 m, the free
         # part is 1 m (a choice): spacings still vary, and the density is a little lower than drawn.
-        mean_free = maximum(self._mean_spacing[lane] - shortest, np.full_like(z, np.float32(1.0)))
+        mean_free = maximum(self._mean_spacing[lane] - shortest, np.float32(1.0))
         # The mean of exp(sigma z - sigma^2 / 2) is 1 for standard normal z.
         exponent = self._sigma * z - np.float32(0.5) * self._sigma * self._sigma
         spacing = shortest + mean_free * exp(exponent)

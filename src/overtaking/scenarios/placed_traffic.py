@@ -4,8 +4,9 @@ A few vehicles get random lanes, stations and speeds in a short *zone* of a road
 The *ego* (slot 0), whose overtaking is studied, starts behind a *leader* (slot 1) in its lane; a
 *slot* is the position of a vehicle in the second axis of arrays. `sampler` calls `start_zone` once,
 which checks that the specification fits the road, and `sample_placed_traffic` for each block of
-simulations. The drawn starts may overlap or leave no time to brake; `safe_start.repair_starts`
-repairs them later.
+simulations. The drawn starts may overlap or leave no time to brake. Later
+`safe_start.repair_starts` moves and slows the vehicles; its smallest gap, `starts.min_gap_m`,
+decides how many vehicles fit into a zone.
 """
 
 import math
@@ -41,8 +42,8 @@ from overtaking.scenarios.vehicle_sampling import (
 )
 
 _ROUNDING_MARGIN = 0.01
-"""Length of a zone that rounding may take [m], far above the errors of float32 stations: half a
-millimetre at 5 km."""
+"""Length of a zone that rounding may take [m], far above the errors of float32 stations: less than
+half a millimetre on roads up to 5 km."""
 
 
 def sample_placed_traffic(
@@ -59,14 +60,16 @@ def sample_placed_traffic(
     max_vehicles = traffic.vehicles[1]
     # All slots get a vehicle and a driver; `drawn.valid` selects the vehicles that take part.
     vehicles = sample_vehicles(block, kinds, traffic.colours, max_vehicles)
-    # The transform lets importance sampling replace some of the random numbers.
+    # The transform lets importance sampling, which draws rare scenarios more often, replace some of
+    # the random numbers.
     traits = sample_traits(block, vehicles.kind, block.proposal.transform)
     drawn = draw_placed_starts(block, traffic, zone, vehicles.kind)
     drivers = drivers_from_speeds(traits, drawn.speed, top_speeds()[vehicles.kind])
     vehicles = vehicles.replace(valid=drawn.valid)
     deadline = np.float32(block.specification.time.attempt_deadline_s)
     return TrafficStart(
-        # The study has bicycles at 50 km/h and more, so bicycles get the power that this takes.
+        # The study has bicycles at 50 km/h and more, so bicycles have no top speed here and get the
+        # power that their speed takes.
         vehicles=with_able_bicycles(vehicles, drivers.desired_speed),
         drivers=drivers,
         lane=drawn.lane,
@@ -88,8 +91,9 @@ def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> Start
         road: The road.
 
     Raises:
-        ConfigError: The zone or a lane is not on the road.
-        InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
+        ConfigError: A value is wrong for this road: the zone or a lane is not on it.
+        InfeasibleError: The values contradict each other: too many vehicles for the zone, or a
+            vehicle type too slow for its lowest speed.
     """
     ego_lanes = _ego_lanes(spec, traffic, road)
     low, high = _start_range(spec, traffic, road)
@@ -103,6 +107,7 @@ def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> Start
     max_vehicles = traffic.vehicles[1]
     # The ego and its leader share a lane, so each lane must hold two.
     if max_in_lane < 2 or max_in_lane * road.num_lanes < max_vehicles:
+        # A lane that holds one vehicle has no space for a leader: the ego alone is feasible.
         feasible_vehicles = max_in_lane * road.num_lanes if max_in_lane > 1 else 1
         raise InfeasibleError(
             what="traffic.vehicles",
@@ -127,7 +132,7 @@ def draw_placed_starts(
     """Draw the number of vehicles and their lanes, stations and speeds, independently.
 
     Two corrections follow: a vehicle in a full lane moves to another lane, and stations are
-    exchanged until the leader is the next vehicle ahead of the ego.
+    exchanged until the leader is the next vehicle ahead of the ego in its lane.
 
     Args:
         block: The simulations that are drawn together.
@@ -153,6 +158,7 @@ def draw_placed_starts(
         lanes.append(stream.integer(zone.num_lanes).astype(np.uint8))
         is_leader = slot == LEADER_SLOT
         speeds.append(_start_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
+        # For the repair: the share of the space behind it that a vehicle keeps if it is moved back.
         kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
     lanes[EGO_SLOT] = lanes[LEADER_SLOT] = ego_lane
     valid = [slot < num_vehicles for slot in slots]
@@ -250,14 +256,15 @@ def _start_speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -
     low, high = np.float32(mps_from_kmh(low_kmh)), np.float32(mps_from_kmh(high_kmh))
     if is_leader:
         # An exponent above 1 makes slow leaders more frequent.
-        u = power(u, np.full_like(u, traffic.leader_speed_exponent))
-    return scale_to_range(u, low, minimum(np.full_like(u, high), top_speeds()[kind]))
+        u = power(u, np.float32(traffic.leader_speed_exponent))
+    return scale_to_range(u, low, minimum(top_speeds()[kind], high))
 
 
 def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone) -> None:
     """Move each vehicle in a full lane to the next lane with space; changes `lanes`.
 
-    The ego and its leader keep their lane: they come first, and each lane holds at least two.
+    Slots are treated in order. The ego and its leader have the first two slots and keep their lane,
+    because each lane holds at least two vehicles.
 
     Args:
         lanes: For each slot the lanes, shape (simulation,).
@@ -283,8 +290,8 @@ def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone)
 def _put_leader_ahead_of_ego(stations: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
     """Exchange stations until the leader is the next vehicle ahead of the ego; changes `stations`.
 
-    The ego gets the smaller and the leader the larger of their two stations. A vehicle between them
-    in their lane exchanges its station with the leader.
+    The ego gets the smaller and the leader the larger of their two stations. Each vehicle between
+    them in their lane exchanges its station with the leader, which so comes nearer to the ego.
 
     Args:
         stations: For each slot the stations, shape (simulation,) [m].

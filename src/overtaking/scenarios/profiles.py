@@ -27,16 +27,17 @@ PROFILE_FOLDER = Path(__file__).with_name("profiles")
 """The folder of the profiles that are part of the package."""
 
 _MAX_BYTES = 1 << 20
-"""A larger file is not a profile and is not read. The longest profile of the package has 2.4 kB."""
+"""Size above which a file is refused unread [bytes], a choice far above the 3 kB of the longest
+profile."""
 
 _MAX_SUBKEYS = 8
-"""Largest number of parts of a key after its section; keys of a specification have up to two.
-`_with_override` calls itself once for each part, so a long key could exceed Python's limit of
-recursion."""
+"""Largest number of parts of a key after its section. Keys of a specification have up to two; the
+check of the specification refuses more. The limit is a choice: `_with_override` calls itself once
+for each part, and a key of a thousand parts would exceed Python's limit of recursion."""
 
 _SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
-"""The two ways to state where placed vehicles start: by world x, or by distance along the road.
-Only `[traffic]` has them; in any other section the check of the specification refuses them."""
+"""The two ways to state where vehicles start: by the world coordinate x, or by distance along the
+road. Section `[traffic]` states one of them."""
 
 
 def profile_names() -> tuple[str, ...]:
@@ -53,12 +54,14 @@ def load_specification(
     Args:
         source: Name of a profile, path of a TOML file, a `Specification`, or the mapping that
             `Specification.to_dict` returns. Only a file may have the key `base`, the name of a
-            profile from which it takes all values that it does not state.
+            profile from which it takes all values that it does not state; in a mapping it is an
+            unknown key, an error.
         overrides: Value by dotted key, applied in their order. A text with `..` between two values
             is a range; any other text is read as TOML, and as a name if it is not TOML, so that
-            `{"traffic.vehicles": "2..6"}` is the same as `{"traffic.vehicles": [2, 6]}`. An
-            override of `weather.mode` with another mode drops all other keys of `[weather]`, so it
-            must precede the overrides of these keys.
+            `{"traffic.vehicles": "2..6"}` is the same as `{"traffic.vehicles": [2, 6]}`. A key of
+            one part, such as "weather", replaces the whole section. An override of `weather.mode`
+            with another mode drops all other keys of `[weather]`, which the new mode does not have.
+            So it must precede the overrides of these keys.
 
     Returns:
         The specification, with defaults for all keys that are not stated.
@@ -102,14 +105,14 @@ def _unchecked_table(
 
 
 def path_exists(name: str) -> bool:
-    """Whether a text is the path of a file or folder.
+    """Whether a text is the path of a file or folder, for texts that may be names as well.
 
     Args:
-        name: Any text; a name too long for the file system is not a path.
+        name: Any text.
     """
     try:
         return Path(name).exists()
-    except OSError:
+    except OSError:  # The text is too long for the name of a file.
         return False
 
 
@@ -120,9 +123,9 @@ def _profile_path(name: str) -> Path:
 def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
     """The table merged into the table of its base profile, if it names one.
 
-    A base may have a base, too. A file must fit its base: unlike an override, it drops no keys, so
-    the check of the specification refuses a file with another weather mode or another spawn key
-    than its base.
+    A base may have a base, too; profiles of the package have no circle of bases. A file must fit
+    its base: unlike an override, it drops no keys, so the check of the specification refuses a file
+    with another weather mode or another of `_SPAWN_KEYS` than its base.
     """
     if "base" not in table:
         return table
@@ -191,9 +194,8 @@ def _folder_error(path: Path) -> ConfigError:
 def _parse_override(text: str) -> Any:
     """The value that a text on the command line stands for.
 
-    The range is tried first, because `2..6` is not TOML. Wrong texts need no error here: the check
-    of the specification refuses the nested list that `1..2..3` becomes, and the list that a name
-    with two dots becomes.
+    The range is tried first, because `2..6` is not TOML. Wrong texts need no error here: `1..2..3`
+    becomes `[1, [2, 3]]`, which the check of the specification refuses.
     """
     low, dots, high = text.partition("..")
     if dots and low.strip() and high.strip():
@@ -208,11 +210,12 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
     """A copy of `table` with the value at a dotted key replaced.
 
     Keys that exclude the new one are dropped: the other of `_SPAWN_KEYS`, and all keys of the
-    weather if its mode changes. The mode has no default, so each complete table states it.
+    weather if its mode changes. A table that states no mode counts as having another one.
 
     Args:
-        table: The whole specification, or a table inside it in calls of this function by itself.
-        key: Key in `table`, with dots between its parts.
+        table: The whole specification, or a table inside it where this function calls itself.
+        key: Key in `table`, with dots between its parts. Where this function calls itself, it is
+            the rest of the key; no rest is "weather.mode", because no section has such a table.
         value: The new value, of any type; checked later with the specification.
         where: Name of the source of the table in errors.
     """

@@ -1,13 +1,18 @@
 """Random numbers of scenarios, and importance sampling.
 
 A scenario is drawn from the seed of its data set and its *scenario index*, a 64-bit number. Each
-purpose, such as weather or layout, has a *stream* of random numbers of its own, so that a draw more
-for one purpose changes no other. `SampleBlock` gives the samplers of this package their streams.
+purpose has a *stream* of random numbers of its own, for example the weather, or the lanes and
+stations at the start (the *layout*). So an additional draw for the weather leaves the layout as it
+is. `SampleBlock` gives the samplers of this package their streams.
 
 *Importance sampling* draws rare scenarios more often. A specification may have *components*, which
 change the distributions of some random numbers; the *profile* is the specification without them.
 `ProposalSampler` replaces the numbers of the profile and computes the weight by which each
 simulation counts in statistics.
+
+A *slot* is the position of a vehicle in the second axis of arrays, shape (simulation, vehicle).
+`sort_columns` and `unsort_columns` order the vehicles of such arrays along the road; samplers use
+them for the layout.
 
 A scenario has the same bits on every machine. NumPy chooses an implementation of `exp` and `power`
 by the CPU, and their last bits differ; `core.native` computes the same float32 bits everywhere.
@@ -38,7 +43,8 @@ Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 
 NumberTransform = Callable[[str, F32], F32]
 """Takes the name of a random number and its value in each simulation, uniform in (0, 1) or standard
-normal, shape (simulation,); returns the values to use in its place."""
+normal, shape (simulation,); returns the values to use in its place. Samplers pass
+`ProposalSampler.transform`, or `identity_transform` for no change."""
 
 MAX_SIGMAS = np.float32(number("sampling.draws.max_sigmas"))
 """Normal numbers are limited to this many standard deviations on either side of zero, so that
@@ -58,9 +64,9 @@ class RandomStream:
         Args:
             seed: Seed of the data set, 0 <= seed < 2**64.
             scenario_index: Index of each scenario, any shape.
-            stream: Number of a purpose, see `core.random_numbers.Stream`. For streams of single
-                vehicles the slots are added to it, an array that broadcasts against
-                `scenario_index`.
+            stream: Number of a purpose, one of `core.random_numbers.Stream`. For a stream of each
+                vehicle: an array that broadcasts against `scenario_index`, with the number of the
+                purpose plus the slot of each vehicle.
         """
         self._draws = PhiloxStream(seed, scenario_index, stream)
         self._second_normal: F32 | None = None
@@ -88,7 +94,7 @@ class RandomStream:
         """The next integer in [0, count), each equally likely.
 
         Args:
-            count: Number of integers, at most 65536.
+            count: Number of integers, at most 65536, because 16 random bits decide.
         """
         return self._draws.integer(count)
 
@@ -103,7 +109,7 @@ class SampleBlock:
         seed: Seed of the data set.
         scenario_index: Index of each scenario, shape (simulation,).
         proposal: Replaces the numbers that importance sampling may change. It collects the weights
-            of these simulations, so each block needs its own instance.
+            of these simulations, so each block needs its own instance (`from_indices` makes it).
     """
 
     specification: Specification
@@ -145,7 +151,7 @@ class SampleBlock:
     def slot_streams(self, stream: int, num_slots: int) -> RandomStream:
         """A stream for each vehicle slot; its numbers have shape (simulation, vehicle).
 
-        With a stream of its own, a vehicle stays the same if the number of slots changes.
+        So the first vehicles stay the same if a simulation gets more slots.
 
         Args:
             stream: `Stream.VEHICLE`, `Stream.DRIVER` or another one of which each slot has its own.
@@ -209,13 +215,15 @@ def weights_of(weights: Mapping[str, float], order: Sequence[str]) -> list[float
 def sort_columns(values: NDArray[T], order: IndexArray) -> list[NDArray[T]]:
     """Sort the vehicles of each simulation, and return one array for each rank.
 
+    Samplers place and repair vehicles one after the other, a rank of all simulations at a time.
+
     Args:
         values: Values of the vehicles, shape (simulation, vehicle).
         order: Slots of the vehicles in sorted order, as `np.argsort` returns them, the same shape.
 
     Returns:
-        For each rank from first to last, the values of the vehicles with that rank, a contiguous
-        array of shape (simulation,).
+        For each rank from first to last, the values of the vehicles with that rank, an array of
+        shape (simulation,), contiguous in memory for speed.
     """
     return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
 
@@ -236,7 +244,7 @@ def identity_transform(name: str, profile_number: F32) -> F32:
     """Return the number itself: a `NumberTransform` without effect.
 
     Args:
-        name: Any name; it makes no difference.
+        name: Name of the number; it makes no difference.
         profile_number: The number as drawn.
     """
     del name
@@ -247,16 +255,17 @@ class ProposalSampler:
     """Replaces random numbers as the proposal of a specification asks, and weighs each simulation.
 
     The *proposal* is a mixture: each simulation is drawn from component k with probability
-    `share[k]`, and from the profile, without a change, with the remaining probability. A component
-    replaces each of its numbers independently; v is the number that replaces u or z:
+    `share[k]`, and from the profile, without a change, with the remaining probability, which is
+    positive (`Specification` refuses shares with a sum of 1). A component replaces each of its
+    numbers independently; v is the number that replaces u or z:
 
-        powers   v = u^a for a uniform number u                    density ratio v^(1/a - 1) / a
-        parts    v uniform between two limits, from a uniform u    density ratio 1 / (high - low)
+        powers   v = u^a for a uniform number u, a > 0             density ratio v^(1/a - 1) / a
+        parts    v uniform in a part (low, high) of (0, 1)         density ratio 1 / (high - low)
         shifts   v = z + d for a standard normal number z          density ratio exp(d v - d^2 / 2)
 
     A density ratio is the component's density over the profile's, at the value v. The weight of a
     simulation is the profile's density over the mixture's. Each number may be transformed only
-    once, because each call multiplies the ratios.
+    once, because each call multiplies the ratios. Numbers of several vehicles may have one name.
 
     Source:
         Owen and Zhou (2000), "Safe and effective importance sampling".
@@ -272,7 +281,7 @@ class ProposalSampler:
         """
         num_simulations = len(scenario_index)
         # A component may have several *tempers*: weaker copies of itself, whose powers and shifts
-        # change less. The copies divide its share equally.
+        # change less, so that weights do not differ widely. The copies divide its share equally.
         self._components = tuple(
             copy for component in components for copy in component.at_each_temper()
         )
@@ -329,7 +338,7 @@ class ProposalSampler:
 def _transform_number(component: Component, name: str, profile_number: F32) -> F32:
     """The numbers as the component draws them, shape (simulation,)."""
     if name in component.powers:
-        return power(profile_number, np.full_like(profile_number, component.powers[name]))
+        return power(profile_number, np.float32(component.powers[name]))
     if name in component.parts:
         return scale_to_range(profile_number, *component.parts[name])
     # Numbers that a component does not name stay as they are: shift 0, ratio 1.
@@ -340,7 +349,7 @@ def _density_ratio(component: Component, name: str, drawn: F32) -> F64:
     """The component's density over the profile's, at the drawn values, shape (simulation,)."""
     if name in component.powers:
         inverse = np.float32(1.0 / component.powers[name])
-        ratio = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
+        ratio = inverse * power(drawn, inverse - np.float32(1.0))
     elif name in component.parts:
         low, high = (np.float32(limit) for limit in component.parts[name])
         is_inside = (drawn >= low) & (drawn <= high)

@@ -2,9 +2,9 @@
 
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
 its driver. Importers of recordings (`recordings`, `data.tables.restore`) fill the missing fields
-from here, and name them in `Trajectories.unknown`, so that no result depends on them. The default
-values depend on recorded quantities alone: a recording has the same ones when it is imported and
-when a file with it is read again.
+from here. They list the groups of such fields, for example "weather", in `Trajectories.unknown`, so
+that no result depends on them. The default values depend on recorded quantities alone: a recording
+has the same ones when it is imported and when a file with it is read again.
 """
 
 from typing import Any
@@ -19,26 +19,27 @@ from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.vehicle_sampling import typical_vehicles
 
 DEFAULT_KIND = VehicleKind.MEDIUM_CAR
-"""Type of a vehicle whose type is not known."""
+"""Type of a vehicle without a type in a recording that states the types of other vehicles. Where a
+recording states no type at all, `kinds_by_length` guesses the types."""
 
 _SUN_ALTITUDE = np.float32(0.8)
-"""Height of the sun [rad], 46 degrees: neither night nor glare, which ends at 18 degrees."""
+"""Height of the sun [rad], 46 degrees, a choice: by day, and too high to dazzle drivers, as the
+model has glare below 18 degrees alone."""
 
 _SUN_AZIMUTH = np.float32(1.57)
-"""Direction of the sun, at a right angle to the road, so that it dazzles in neither direction
-[rad]."""
+"""Direction of the sun from the direction of travel [rad], a choice: at its side."""
 
 
 def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
     """Guess vehicle types from lengths where a source states at most "car" and "truck".
 
     Cars are small, medium or large, with limits half-way between the typical lengths of these
-    classes. A vehicle without a stated type is a truck if its length exceeds half-way between van
-    and truck, otherwise a car. Vans, motorcycles and bicycles are not distinguished.
+    classes. A vehicle without a stated type is a truck from half-way between the lengths of van and
+    truck on, otherwise a car. Vans, motorcycles and bicycles are not distinguished.
 
     Args:
         length: Length, bumper to bumper, shape (vehicle,) [m].
-        is_truck: Whether the source states a truck or bus, the same shape.
+        is_truck: Whether the source states a truck or bus, the same shape. Both get type truck.
         is_car: Whether the source states a car, the same shape. False in both masks: no type is
             stated.
 
@@ -66,13 +67,15 @@ def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleS
         length: Recorded length, bumper to bumper, same shape [m].
         width: Recorded width, same shape [m].
     """
-    colour = np.full(kind.shape, Colour.GREY, np.uint8)
+    colour = np.full(kind.shape, Colour.GREY, np.uint8)  # A choice.
     vehicles = typical_vehicles(kind, colour)
     return vehicles.replace(valid=valid, length=length, width=width)
 
 
 def default_drivers(shape: tuple[int, int]) -> DriverTraits:
-    """Drivers without meaning, in range: each number is 1 in its unit, each flag is false.
+    """Drivers without meaning: each number is 1 in its unit, each flag is false.
+
+    The number 1 is within the range of every trait, and no formula divides by 0 with it.
 
     Args:
         shape: Numbers of simulations and vehicles.
@@ -96,6 +99,7 @@ def default_weather(num_simulations: int) -> Weather:
         ("cloudiness", "rain", "puddles", "wind", "fog"), zero
     )
     return Weather(
+        # Not one of the named weathers of CARLA.
         preset=np.full(num_simulations, NO_PRESET, np.uint8),
         wind_direction=zero,
         sun_altitude=zero + _SUN_ALTITUDE,

@@ -426,8 +426,8 @@ class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixed_trait_
     (None) is drawn from the population.
     """
 
-    def values(self) -> dict[str, float]:
-        """Fixed values by the names of traits, without a unit."""
+    def value_by_trait(self) -> dict[str, float]:
+        """Fixed values by name of the trait, without the unit of the key, such as `time_gap`."""
         fixed = self.model_dump(exclude_none=True)
         names = {
             name + NAME_SUFFIXES[field.spec.unit]: name for name, field in RECORDED_TRAITS.items()
@@ -466,7 +466,7 @@ class DriversSection(Section):
 
     @model_validator(mode="after")
     def _check_scaled_ranges(self) -> Self:
-        fixed = self.fixed.values()
+        fixed = self.fixed.value_by_trait()
         for name, factor in (self.scale or {}).items():
             fixed_value, spec = fixed.get(name), TRAIT_RANGES[name]
             min_allowed, max_allowed = spec.limits

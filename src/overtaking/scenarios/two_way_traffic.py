@@ -153,14 +153,7 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
     first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
     slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
     lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.
-    layout = VehicleLayout(
-        valid=slots.vehicles.valid,
-        lane=lane,
-        s=slots.s,
-        # Time at which the ego sees an end of motorway traffic. Nothing reads it here:
-        # `_attempt_deadline` handles the end of the oncoming traffic.
-        time=np.full(len(lane), block.specification.time.horizon_s, np.float32),
-    )
+    layout = VehicleLayout(valid=slots.vehicles.valid, lane=lane, s=slots.s)
     return TrafficStart(
         vehicles=slots.vehicles,
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),

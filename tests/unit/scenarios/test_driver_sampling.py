@@ -223,14 +223,16 @@ ALL_FIXED = dict.fromkeys(FixedTraits.model_fields, 0.5)
 
 def test_every_parameter_can_be_fixed():
     fixed = FixedTraits(**ALL_FIXED)
-    assert fixed.values().keys() == ALL_TRAITS.keys() - SPEED_TRAITS.keys() - FLAGS
+    assert fixed.value_by_trait().keys() == ALL_TRAITS.keys() - SPEED_TRAITS.keys() - FLAGS
     drawn = traits(50, kind=VehicleKind.TRUCK, fixed=fixed)
-    for name in fixed.values():
+    for name in fixed.value_by_trait():
         assert set(drawn[name]) == {0.5}
 
 
 def test_what_may_be_fixed_is_what_drivers_may_have():
-    names = dict(zip(FixedTraits.model_fields, FixedTraits(**ALL_FIXED).values(), strict=True))
+    names = dict(
+        zip(FixedTraits.model_fields, FixedTraits(**ALL_FIXED).value_by_trait(), strict=True)
+    )
     assert set(names.values()) == set(TRAIT_RANGES) - {"desired_speed"}
     for key, name in names.items():
         ends = (TRAIT_RANGES[name].low, float(TRAIT_RANGES[name].high))
