@@ -1,11 +1,12 @@
 """Array types with their dtypes, and a pool that reuses the memory of large arrays.
 
-All packages annotate their arrays with the types, such as `F32`. `model.batch` reads the dtype of a
-field from its type at run time.
+All packages annotate their arrays with the types, such as `F32`. `model.batch` checks the arrays in
+a dataclass: it reads the expected dtype of a field from the annotation.
 
 The pool is for arrays that the engine fills; the engine is the compiled simulator in
 `crates/overtaking-core`. It computes many simulations at a time, a batch, whose arrays take 80 to
-160 MB. The system clears each page of new memory first, which took a seventh of the engine's time.
+160 MB. The system clears new memory before it hands it out, which took a seventh of the engine's
+time. Memory from the pool is not cleared.
 """
 
 import contextlib
@@ -42,11 +43,12 @@ MIN_POOLED_BYTES = 1 << 20
 MAX_POOLED_BYTES = 256 << 20
 """Largest amount of unused memory that the pool keeps. Chosen: one large batch and its results."""
 
-# Linux maps memory in pages of 4 KiB or, on request, in huge pages of this size (x86 and ARM). With
-# small pages, the engine works on more pages than the CPU keeps addresses of.
+# Linux maps memory in pages of 4 KiB or, on request, in huge pages of this size (x86 and ARM). The
+# CPU stores the addresses of a limited number of pages, and has to look up the others. The arrays
+# of a batch have more small pages than that, but few huge ones.
 _HUGE_PAGE_BYTES = 2 << 20
 
-_CACHE_LINE_BYTES = 64  # Also the widest vector of a CPU, with AVX-512.
+_CACHE_LINE_BYTES = 64  # As many bytes as the widest vectors of a CPU (AVX-512).
 
 
 class ArrayLayout(NamedTuple):
@@ -58,7 +60,7 @@ class ArrayLayout(NamedTuple):
 
 
 class _PoolKey(NamedTuple):
-    """Memory serves a new array only if its purpose and its size are equal.
+    """An array takes memory from the pool only if the key of the memory equals its own key.
 
     Arrays whose initial values do not matter have the purpose None.
     """
@@ -68,8 +70,9 @@ class _PoolKey(NamedTuple):
 
 
 _pool: dict[_PoolKey, list[mmap.mmap]] = {}
-"""Unused blocks of memory. Only `append` and `pop`, which are atomic, change the lists: Python may
-call a finaliser in the middle of these functions, where a lock would wait for itself."""
+"""Unused blocks of memory. Python can call `_return_to_pool` at any moment, also while this thread
+takes memory from the pool. A lock would then wait for itself. Instead, lists change only by
+`append` and `pop`, which are atomic."""
 
 
 def empty_array(size: int, dtype: Any) -> NDArray[Any]:
@@ -93,8 +96,8 @@ def empty_array(size: int, dtype: Any) -> NDArray[Any]:
 def reused_bytes(purpose: Hashable, size: int) -> NDArray[np.uint8]:
     """Allocate bytes that are zero, or that hold the values of an earlier array.
 
-    If callers store in the bytes how far they have filled them, the next caller clears only the
-    part that was filled, not the whole.
+    A caller can store in the bytes themselves how far it has filled them. The next caller with the
+    same purpose reads this, and clears only the filled part.
 
     Args:
         purpose: Key of the caller: it receives only values of earlier arrays with the same key.
@@ -112,7 +115,7 @@ def _pooled_bytes(size: int, purpose: Hashable) -> NDArray[np.uint8]:
     key = _PoolKey(purpose, num_pages * _HUGE_PAGE_BYTES)
     memory = _take_from_pool(key)
     block = np.frombuffer(memory, np.uint8)
-    begin = -block.ctypes.data % _HUGE_PAGE_BYTES
+    begin = -block.ctypes.data % _HUGE_PAGE_BYTES  # The first huge page in the block.
     # Every view keeps a reference to `block`, so the finaliser runs after the last view is gone. At
     # the exit of Python it must not run: then arrays can still be in use.
     weakref.finalize(block, _return_to_pool, memory, key).atexit = False
@@ -140,6 +143,8 @@ def _take_from_pool(key: _PoolKey) -> mmap.mmap:
 def _return_to_pool(memory: mmap.mmap, key: _PoolKey) -> None:
     """Put memory into the pool, or leave it to the system if the pool is full."""
     pooled = tuple(_pool.items())  # A copy: another thread may add a key.
+    # The additional huge page of each block is not counted: the part of a block outside its array
+    # is never touched, so it takes no memory.
     pooled_bytes = sum(pooled_key.num_bytes * len(blocks) for pooled_key, blocks in pooled)
     if pooled_bytes + key.num_bytes <= MAX_POOLED_BYTES:
         _pool.setdefault(key, []).append(memory)
@@ -161,8 +166,8 @@ class Buffers:
         """An array with arbitrary values, valid until the next call with the same name.
 
         Args:
-            name: Name of the array. All calls with this name must pass the same dtype, because they
-                share the memory of the largest array so far.
+            name: Name of the array, which `arrays` must not use. All calls with this name must pass
+                the same dtype, because they share the memory of the largest array so far.
             shape: Shape of the array.
             dtype: Type of its elements.
         """
@@ -176,8 +181,9 @@ class Buffers:
         """A group of arrays that are zero, or that hold the values of an earlier group.
 
         The earlier group has equal layouts; it may come from another `Buffers` object that was
-        deleted. The arrays are valid until the next call with the same name. `reused_bytes` tells
-        how a caller makes use of the earlier values.
+        deleted. A caller can store in one of the arrays how far it has filled the others; the next
+        caller then clears only that part. The arrays are valid until the next call with the same
+        name.
 
         Args:
             name: Name of the group.
@@ -187,13 +193,14 @@ class Buffers:
             The arrays by the names in their layouts.
         """
         sizes = [math.prod(layout.shape) * np.dtype(layout.dtype).itemsize for layout in layouts]
-        # Each array begins at a cache line, so that no vector of its numbers lies in two of them.
+        # Each array begins at a cache line, so that each vector of its numbers lies in one line.
         begins = [
             0,
             *accumulate(-(-size // _CACHE_LINE_BYTES) * _CACHE_LINE_BYTES for size in sizes),
         ]
         total_bytes = begins.pop()
         if self._layouts.get(name) != layouts:
+            # The layouts are the purpose: then earlier values belong to arrays of the same names.
             self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, total_bytes)
         memory = self._memory[name]
         return {

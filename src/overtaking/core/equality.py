@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 _DTYPE_KINDS_WITH_NAN = "fcmM"
-"""Values of `dtype.kind` for float, complex, timedelta and datetime. NaT (not a time) is the NaN of
-the last two. `numpy.array_equal` raises an error if it is to look for NaN in text."""
+"""Values of `dtype.kind` of arrays that can hold NaN: float, complex, timedelta and datetime. The
+NaN of the last two is NaT (not a time). With `equal_nan`,
+`numpy.array_equal` raises an error for other kinds, such as text."""
 
 
 class ContentEquality:
@@ -29,7 +30,9 @@ class ContentEquality:
     def __init_subclass__(cls) -> None:
         """Copy `__eq__` and `__hash__` into each subclass.
 
-        The decorator `dataclass` replaces inherited methods, but not methods of the class itself.
+        The decorator `dataclass` writes its own methods in place of inherited ones, but keeps those
+        that the class itself defines. With its own `__eq__`, a class needs its own `__hash__`:
+        otherwise Python sets that to None.
         """
         super().__init_subclass__()
         for name in ("__eq__", "__hash__"):
@@ -81,13 +84,14 @@ def is_same_content(first: Any, second: Any) -> bool:
     # of their classes would load pandas and pyarrow, also in calls that need neither.
     if hasattr(first, "equals"):
         return type(first) is type(second) and bool(first.equals(second))
-    # The first value is a scalar; `==` with an array or a table would not be True or False.
+    # The first value is of another type, such as a number, a text or a set. Its `==` with an array
+    # or a table would not be True or False.
     if isinstance(second, np.ndarray) or hasattr(second, "equals"):
         return False
-    return _is_same_scalar(first, second)
+    return _is_equal_or_both_nan(first, second)
 
 
-def _is_same_scalar(first: Any, second: Any) -> bool:
+def _is_equal_or_both_nan(first: Any, second: Any) -> bool:
     try:
         return bool(first == second) or (_is_nan(first) and _is_nan(second))
     except TypeError:  # `==` with the missing value `pandas.NA` is neither true nor false.
@@ -126,7 +130,7 @@ def _is_nan(value: Any) -> bool:
     """Whether a value is NaN or NaT, the only values that differ from themselves."""
     try:
         return bool(value != value)
-    except TypeError:  # `pandas.NA`, as in `_is_same_scalar`.
+    except TypeError:  # `pandas.NA`, as in `_is_equal_or_both_nan`.
         return False
 
 

@@ -96,7 +96,7 @@ class OvertakingError(Exception):
         """The error for a name that is not one of the valid names.
 
         Args:
-            what: The kind of name, such as `policy`.
+            what: The kind of name, such as `colour`.
             where: The call or option that received the name.
             choices: The valid names.
             got: The invalid name.
@@ -137,7 +137,8 @@ class ConfigError(OvertakingError, ValueError):
 class NoSuchSimulationError(ConfigError, IndexError):
     """A simulation number outside the data set.
 
-    It is also an `IndexError`, so that `for simulation in dataset` ends after the last one.
+    `for simulation in dataset` asks for the simulations 0, 1, 2 and so on until an `IndexError`, so
+    this error is one as well.
     """
 
 
@@ -169,7 +170,7 @@ class ImportFormatError(OvertakingError, ValueError):
 class RecordingWarning(UserWarning):
     """A recording of real traffic has implausible or missing values, but is imported.
 
-    `import_report` of the imported data lists these values, and what the reader did about each.
+    The property `import_report` of the imported data lists these values, and their treatment.
     """
 
 
@@ -215,15 +216,18 @@ class KnowledgeError(OvertakingError, ValueError):
 
 
 class InfeasibleError(OvertakingError, ValueError):
-    """A valid request for traffic that does not fit on the road, or is too fast for a vehicle."""
+    """A valid request that cannot be met.
+
+    Its vehicles do not fit on the road, or one of them cannot reach its speed.
+    """
 
 
 def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
-    """Refuse a call whose extra is not installed.
+    """Refuse a call whose extra is not installed. Versions are not checked.
 
     Args:
         extra: Name of the extra, such as `sql`.
-        modules: Names of the modules of the extra that the call imports.
+        modules: Modules of the extra that the call imports, such as "PIL" of the package Pillow.
         what: The package, and its purpose.
         where: The function or command that needs the package.
         otherwise: An alternative without the extra, as an imperative; may be empty.
@@ -283,7 +287,8 @@ def check_in_range(
         ConfigError: The number is smaller or larger, or NaN.
     """
     if not low <= value <= high:
-        # Not `out_of_range`, whose message has no unit.
+        # Not `out_of_range`, whose message has no unit. `:g` writes 0.0 as "0", and `:,` separates
+        # thousands, as in "1,000,000".
         at_least = f"{low:g} {unit}".strip() + " or more"
         raise ConfigError(
             what=what,
@@ -371,6 +376,7 @@ class Requirement:
         Args:
             version: The installed version, such as "1.0.3".
         """
+        # Without a lowest version, every version is new enough.
         lowest = re.search(r"[>=]=\s*([\w.]+)", self.specifier)  # The version after >= or ==.
         return lowest is not None and _release_numbers(version) < _release_numbers(lowest[1])
 
@@ -395,9 +401,9 @@ def requirements() -> tuple[Requirement, ...]:
         specifier, _, marker = line.partition(";")
         extra = re.search(r"\bextra\s*==\s*['\"]([\w-]+)['\"]", marker)
         package = re.split(r"[^\w.-]", specifier.strip(), maxsplit=1)[0]
-        if package != DISTRIBUTION:  # The line of a group of extras, see `extra_groups`.
-            name = extra[1] if extra else ""
-            packages.append(Requirement(package, specifier.strip(), name))
+        if package == DISTRIBUTION:  # A group of extras, which lists extras of this package.
+            continue
+        packages.append(Requirement(package, specifier.strip(), extra[1] if extra else ""))
     return tuple(packages)
 
 
@@ -428,8 +434,8 @@ def extra_groups() -> dict[str, tuple[str, ...]]:
 def install_command(extra: str) -> str:
     """The shell command that installs an extra, or a group of extras.
 
-    It names the packages of the extra, not `overtaking[extra]`: a package index does not have this
-    package if it was installed from a clone.
+    It names the packages of the extra. With `overtaking[extra]`, pip would look for `overtaking` in
+    a package index, but a user may have installed it from a clone of the repository.
 
     Args:
         extra: Name of an extra or a group.

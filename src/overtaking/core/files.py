@@ -36,12 +36,12 @@ MISSING_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 def unreadable_error(
     error: BaseException, where: str, kind: type[OvertakingError]
 ) -> OvertakingError | None:
-    """Translate an exception of a reader if the system did not let this process read the file.
+    """Translate an exception from reading a file if the system did not let this process read it.
 
     Such a file may be intact, so the message advises to try again, not to write the file again.
 
     Args:
-        error: Exception of the reader.
+        error: The exception.
         where: The file.
         kind: Class of the error if permissions or the disk are the cause. If the system lacks
             memory, threads or open files, the error is a `SystemLimitError`.
@@ -55,7 +55,7 @@ def unreadable_error(
         return refusal
     if not isinstance(error, OSError) or isinstance(error, MISSING_FILE_ERRORS):
         return None
-    if error.errno is None:  # Arrow found the file damaged: then its OSError has no `errno`.
+    if error.errno is None:  # From Arrow, which reads Parquet files: the file is damaged.
         return None
     return kind(
         what="file",
@@ -79,8 +79,9 @@ def check_output_path(path: str | Path) -> None:
     """
     absolute = str(path)
     if "://" not in absolute:
-        with suppress(OSError):  # The working directory no longer exists.
-            absolute = os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links.
+        with suppress(OSError):  # Without a working directory, the path is checked as it is.
+            # `resolve` would check the target of a link instead of its name.
+            absolute = os.path.abspath(path)  # noqa: PTH100
     if as_utf8(absolute) != absolute:  # It replaces bytes that are not UTF-8 by the text `\xe9`.
         raise ConfigError(
             what="output",
@@ -126,10 +127,10 @@ def open_regular_file(path: Path) -> BufferedReader:
 
 
 def read_bounded(file: BufferedIOBase, max_bytes: int) -> bytes:
-    """Read the rest of an open file if it is not too large.
+    """Read an open file if it is not too large.
 
     Args:
-        file: The file, at its beginning. It is open because a file in a remote store has no path.
+        file: The file, at its beginning. Files in remote stores have no path to open.
         max_bytes: Largest size of the file [bytes].
 
     Raises:
@@ -174,7 +175,8 @@ def atomic_file(path: Path) -> Generator[Path]:
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    # Hidden by its dot, and unique, because several processes may write this file.
+    # Hidden by its dot, and unique, because several processes may write this file. Chosen: 8 digits
+    # keep the name short, because names of files have at most 255 bytes.
     partial = path.with_name(f".{path.stem}.{uuid4().hex[:8]}.partial{path.suffix}")
     try:
         yield partial
@@ -184,12 +186,13 @@ def atomic_file(path: Path) -> Generator[Path]:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
-        # An error about another file, such as an input that the block reads, stays as it is.
+        # Errors of `os.fsync` name no file. An error about another file, such as an input that the
+        # block reads, stays as it is.
         if error.filename in (None, str(partial)):
             raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise
     finally:
-        partial.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)  # After success the file has its final name.
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -217,8 +220,8 @@ def atomic_folder(out: Path) -> Generator[Path]:
         A temporary folder beside `out`, which the block fills. It is deleted if the block fails.
 
     Raises:
-        ConfigError: `out` is a file, a link, or a folder with files.
-        OSError: The folder cannot be made or renamed.
+        ConfigError: `out` is a file, a link to nothing, or a folder with files.
+        OSError: The folder cannot be made or renamed, or `out` is a link to an empty folder.
     """
     check_folder_is_free(out)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -235,13 +238,13 @@ def atomic_folder(out: Path) -> Generator[Path]:
 
 
 def check_folder_is_free(out: Path) -> None:
-    """Refuse a path that exists, unless it is an empty folder.
+    """Refuse a path that exists, unless it is an empty folder or a link to one.
 
     Args:
         out: The path of a folder to make.
 
     Raises:
-        ConfigError: The path is a file, a link, or a folder with files.
+        ConfigError: The path is a file, a link to nothing, or a folder with files.
     """
     if out.is_dir() and not any(out.iterdir()):
         return
@@ -265,8 +268,8 @@ def describe_place(path: Path) -> str:
 def write_new_file(path: Path, text: str) -> None:
     """Write a text to a new file in UTF-8 and force it to the disk.
 
-    A temporary name, as in `atomic_file`, is not necessary: callers write in a folder of
-    `atomic_folder`, or hold a lock on the folder.
+    It uses no temporary name, unlike `atomic_file`: most callers write into a folder that no other
+    process reads yet, such as one of `atomic_folder`.
 
     Args:
         path: The file; its folder exists.
@@ -286,6 +289,7 @@ def fsync_folder(folder: Path) -> None:
     """Force the names of the files in a folder to the disk, after a file was made or renamed.
 
     Without it, a power failure can undo the new name although the file is on the disk.
+    `atomic_file` takes this risk, because the earlier file, if any, is complete as well.
 
     Args:
         folder: The folder of that file.

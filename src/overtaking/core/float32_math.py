@@ -82,7 +82,8 @@ def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
 def exp(x: F32Like) -> F32:
     """The number e to the power `x`, error below 2 ulp.
 
-    An `x` below -87 or above 88 counts as that limit, so that the result is neither 0 nor infinite.
+    An `x` below -87 or above 88 counts as that limit, so that the result is neither 0 nor infinite;
+    NaN counts as -87.
     """
     x = clamp(as_f32(x), np.float32(-87.0), np.float32(88.0))
     # exp(x) = 2**k * exp(r) with |r| <= ln(2) / 2.
@@ -94,7 +95,7 @@ def exp(x: F32Like) -> F32:
     p = p * r + np.float32(1.666_666_5e-1)
     p = p * r + HALF
     exp_r = p * (r * r) + r + ONE
-    # A float32 has its exponent, plus 127, from bit 23 on: the shifted number has the bits of 2**k.
+    # A float32 stores the exponent of its power of 2, plus 127, from bit 23 on: this makes 2**k.
     return exp_r * ((k.astype(np.int32) + 127) << 23).view(np.float32)
 
 
@@ -105,8 +106,9 @@ def log(x: F32Like) -> F32:
     never infinite.
     """
     x = maximum(as_f32(x), _SMALLEST_NORMAL)
-    # x = fraction * 2**exponent with the fraction in [0.5, 1). Both come from the bits of x: the
-    # exponent, plus 126, begins at bit 23; 0x3F00_0000 are the bits of 0.5.
+    # x = fraction * 2**exponent with the fraction in [0.5, 1). Both come from the bits of x. From
+    # bit 23 on, a float32 stores the exponent for a fraction in [1, 2), plus 127; the exponent for
+    # half that fraction is larger by 1, so 126 is subtracted. 0x3F00_0000 are the bits of 0.5.
     bits = x.view(np.int32)
     exponent = ((bits >> 23) - 126).astype(np.float32)
     fraction = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
@@ -130,13 +132,14 @@ def log(x: F32Like) -> F32:
 def power(base: F32Like, exponent: F32Like) -> F32:
     """`base ** exponent` for a positive base, computed as exp(exponent * log(base)).
 
-    The rounding of that product limits the accuracy: some 2 + 2 (1 + |exponent * log(base)|) ulp.
+    The rounding of that product limits the accuracy: with p = |exponent * log(base)|, the error is
+    some 4 + 2 p ulp. A base below 2**-126, also 0, counts as 2**-126.
     """
     return exp(as_f32(exponent) * log(base))
 
 
 def sincos(x: F32Like) -> tuple[F32, F32]:
-    """Sine and cosine of an angle [rad], absolute error below 1e-7 for |x| <= 1000."""
+    """Sine and cosine of an angle [rad]; absolute error below 1e-7 if |x| <= 1000, else larger."""
     x = as_f32(x)
     # x = k * pi / 2 + r with |r| <= pi / 4: `s` and `c` are the sine and cosine of r, and the
     # quadrant, k modulo 4, decides which of them is the sine of x, and the signs.
@@ -159,7 +162,7 @@ def sincos(x: F32Like) -> tuple[F32, F32]:
 
 
 def atan(x: F32Like) -> F32:
-    """Inverse tangent [rad], in [-pi / 2, pi / 2], error below 3 ulp."""
+    """Inverse tangent [rad], in [-pi / 2, pi / 2], error below 3 ulp; NaN for NaN."""
     x = as_f32(x)
     magnitude = np.abs(x)
     # atan(magnitude) = base + atan(r) with |r| <= tan(pi / 8), in three ranges of the magnitude:

@@ -1,9 +1,9 @@
 """Compiled versions of functions of `core.float32_math` and `core.random_numbers`.
 
 The engine (Rust, module `overtaking._core`) computes them. Results have the same bits as in those
-two modules, whose docstrings describe the functions. The sampling of scenarios uses this module.
-The readable simulator in `sim.reference` uses the other two: it must not depend on the engine,
-which it verifies.
+two modules, whose docstrings describe the functions. This module serves the code that draws
+scenarios (the road, traffic and weather at the start of a simulation). The readable simulator in
+`sim.reference` uses the other two: it must not depend on the engine, which it verifies.
 """
 
 import os
@@ -17,10 +17,10 @@ from overtaking.core.arrays import F32, U32, U64, F32Like
 from overtaking.core.errors import ConfigError
 
 
-# Without compiled draws the sampling of a scenario takes 6 µs more: 2.7 % of the time to make a
-# data set of the profile `pinto2023`.
+# In pure Python, the random numbers of a scenario take 6 µs more: 2.7 % of the time to make a data
+# set with the traffic of the study pinto-2023.
 class PhiloxStream(random_numbers.PhiloxStream):
-    """Successive numbers of a stream, as `random_numbers.PhiloxStream`."""
+    """Successive random numbers, with the arguments of `random_numbers.PhiloxStream`."""
 
     def __init__(self, seed: int, scenario_index: U64, stream: U32 | int) -> None:
         """Start at the first number of the stream."""
@@ -34,17 +34,18 @@ class PhiloxStream(random_numbers.PhiloxStream):
         self._flat_streams = np.ascontiguousarray(streams).reshape(-1)
 
     def _block_words(self, block_number: int) -> tuple[U32, U32, U32, U32]:
+        """Four random words for each scenario and stream; `next_word` returns them one by one."""
         words = _core.words(
             seed=self._seed,
             index=self._flat_indices,
             stream=self._flat_streams,
-            draw=block_number,
+            draw=block_number,  # Name of the block number in the engine.
         )
         first, second, third, fourth = (word.reshape(self._shape) for word in words)
         return first, second, third, fourth
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> F32:
-        """The next number between `low` and `high`; 0 and 1 themselves never occur."""
+        """The next number between `low` and `high`; by default it is never 0 or 1."""
         if (low, high) != (0.0, 1.0):  # The engine has no function for other limits.
             return super().uniform(low, high)
         return _core.uniforms(self.next_word().reshape(-1)).reshape(self._shape)

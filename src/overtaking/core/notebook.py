@@ -34,7 +34,7 @@ def show_progress(function: Callable[P, T]) -> Callable[P, T]:
 
     Args:
         function: A function with an argument `progress`: a `ProgressCallback`, which the function
-            calls with the numbers of completed and of all steps, or None.
+            calls with the numbers of completed and of all steps, or None for no callback.
 
     Returns:
         The function. If a notebook runs the call and the caller passes no callback, it gets one
@@ -65,7 +65,7 @@ def notebook_progress(title: str) -> ProgressCallback | None:
     """
     if "ipykernel" not in sys.modules:  # The package that connects IPython with a notebook.
         return None
-    # A script can have loaded ipykernel as well: then there is no shell, or a shell without kernel.
+    # A script can load ipykernel as well, but it has no IPython shell, or one without a kernel.
     shell = _import_loaded("IPython").get_ipython()
     return _CellProgress(title) if getattr(shell, "kernel", None) is not None else None
 
@@ -104,7 +104,7 @@ class _CellProgress:
         self._displayed_line: Any = None  # IPython's handle of the line; None before its display.
 
     def __call__(self, num_completed: int, num_steps: int) -> None:
-        """Update the line, at most once in `_INTERVAL_S`; a displayed line always gets its end.
+        """Update the line, at most once in `_INTERVAL_S`; the last step always updates it if shown.
 
         Args:
             num_completed: Number of completed steps.

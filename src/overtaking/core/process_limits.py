@@ -1,14 +1,16 @@
 """Limits of processors, threads, memory and time: how much is left, and errors that name them.
 
-The module has four parts:
+The module has five parts:
 
 - numbers of processors and threads to use;
-- checks before a call (`check_address_space`, `check_memory`), and the translation of errors that a
-  limit caused (`refusal_of`, `explain_refusals`) into a `SystemLimitError`. A refusal is such an
-  error: the operating system refused memory, a thread, a process or an open file. Without the
-  checks, compiled code would end the process when an allocation fails;
-- limits for a child process that answers a query (a question in SQL or in logic) or reads a file of
-  unknown origin, so that it cannot harm the machine;
+- checks before a call: `check_address_space` for the libraries and threads of any call,
+  `check_memory` for the arrays of a large one. Without them, compiled code would end the process
+  when an allocation fails;
+- the translation of errors that a limit caused into a `SystemLimitError` (`refusal_of`,
+  `explain_refusals`). A refusal is such an error: the operating system refused memory, a thread, a
+  process or an open file;
+- limits for a child process that answers a query (a question in SQL or in logic), or that runs a
+  file of unknown origin, such as a map or a neural network, so that it cannot harm the machine;
 - pools of threads (`thread_pool`, `ordered_map`).
 """
 
@@ -36,11 +38,12 @@ THREADS_VARIABLE = "RAYON_NUM_THREADS"
 The name is fixed by Rayon, the Rust library that starts the threads."""
 
 CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
-"""Linux's file with the processor time of a container (a cgroup of version 2): microseconds that
-all its processes may use together in a period, or "max", and the microseconds of the period.
+"""Linux's file with the processor time of a container: microseconds that all its processes may use
+together in a period, or "max", and the microseconds of the period.
 
-Containers with cgroups of version 1 are not detected, unlike in `_memory_of_cgroups`: a process
-that overlooks this limit runs slower, but a process that overlooks a limit of memory is killed."""
+Linux calls the group of processes of a container a cgroup. Only cgroups of version 2 have this
+file. Version 1 is not read here, unlike in `_memory_of_cgroups`: a process that overlooks this
+limit runs slower, but a process that overlooks a limit of memory is killed."""
 
 
 def available_processors() -> int:
@@ -49,6 +52,7 @@ def available_processors() -> int:
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else num_installed
     with suppress(OSError, ValueError):  # No such file, or "max": no limit.
         time, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
+        # Rounded down: with one thread more, all would be paused for a part of each period.
         return max(1, min(allowed, int(time) // int(period)))
     return allowed
 
@@ -88,7 +92,8 @@ cleans up for its allocator."""
 _ADDRESS_SPACE, _DATA_AND_STACK = 0, 5
 """Columns of Linux's `/proc/self/statm`: address space, and private memory that can be written."""
 
-_M_ARENA_MAX = -8  # Value of M_ARENA_MAX in glibc's malloc.h.
+# Option of `mallopt` in glibc's malloc.h: the number of arenas, from which threads take memory.
+_M_ARENA_MAX = -8
 
 # How to recognize an error that a limit caused: by the number of an OSError, or by a part of the
 # text of an error of a library, which has no number.
@@ -135,11 +140,10 @@ def check_address_space(where: str) -> None:
         SystemLimitError: The limit leaves too little.
     """
     limit = _address_space_limit()
-    used = None if limit is None else _bytes_in_use(_ADDRESS_SPACE)
-    if limit is None or used is None:
+    if limit is None or (used := _bytes_in_use(_ADDRESS_SPACE)) is None:
         return
-    _reduce_reservations()
-    # The package imports Arrow last, so with Arrow all of them are loaded and count as used.
+    _reduce_reservations()  # Now, before the call loads libraries and starts threads.
+    # The package imports Arrow last: if it is loaded, so are the others, and `used` includes them.
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
@@ -187,7 +191,7 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
         The error to raise instead, which names the resource and a next step; None if the error has
         another cause.
     """
-    if isinstance(error, OvertakingError):  # It explains itself, but its text may quote another.
+    if isinstance(error, OvertakingError):  # Its text may quote an error of the system.
         return None
     text = str(error)
     number = error.errno if isinstance(error, OSError) else None
@@ -280,8 +284,8 @@ def _reduce_reservations() -> None:
     OpenBLAS, which NumPy uses, a buffer for each processor. The cache of the function makes the
     second and later calls do nothing.
     """
-    # Variables are for libraries that are not loaded yet, and for child processes, which have the
-    # same limit; a variable that the user has set stays. The calls below are for loaded libraries.
+    # The variables act on libraries that are loaded later, and on child processes, which have the
+    # same limit. A variable that the user has set stays. The calls below act on loaded libraries.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MALLOC_ARENA_MAX", "1")
@@ -298,14 +302,15 @@ def _memory_limits() -> Iterator[tuple[int, str]]:
 
     The words follow a size: "at most the 16.0 GB" "of this machine".
     """
-    # Linux grants more memory than the machine has, and kills the process when it uses it. Windows
-    # refuses such an allocation itself. All memory counts, because other processes may free theirs.
+    # Linux grants more memory than the machine has, and kills the process when it uses it. Windows,
+    # which has no `sysconf`, refuses such an allocation itself. The limit is the whole memory, not
+    # the free part, because other processes may free theirs.
     if hasattr(os, "sysconf"):
         yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
     if limit is not None and (used := _bytes_in_use(_ADDRESS_SPACE)) is not None:
-        # Modules that the work loads take `WORKING_BYTES` of addresses. The other limits do not
-        # count the mapped files of modules.
+        # Of the limits, only this one counts the files of modules that the work loads. They take
+        # `WORKING_BYTES`.
         free = max(0, limit - used - WORKING_BYTES)
         yield free, f"that the limit of {_size_text(limit)} leaves (ulimit -v)"
     limit = _soft_limit("RLIMIT_DATA")
@@ -368,8 +373,9 @@ def _missing_threads() -> int:
 def _stack_bytes() -> int:
     """Address space that a new thread's stack takes [bytes].
 
-    Arrow's threads take the limit of stacks (`ulimit -s`). The engine's threads take 2 MiB whatever
-    the limit is. A very large limit would count too much for them, so it counts as 16 MiB (chosen).
+    Arrow's threads take as much as the limit of stacks (`ulimit -s`), so this is the result. The
+    engine's take only 2 MiB. The result is at most 16 MiB (chosen): with a very large limit, it
+    would be far too much for them.
     """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
@@ -397,6 +403,7 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
         lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
         for line in lines:
             _, controllers, name = line.split(":", 2)
+            # The limit, and the line of `memory.stat` with the memory that is not a cached file.
             if not controllers:  # Version 2.
                 root, files = mount, ("memory.max", "anon")
             elif "memory" in controllers.split(","):
@@ -450,6 +457,7 @@ def limit_process(
         return
     # RLIMIT_DATA counts private memory that can be written. RLIMIT_AS would also count addresses
     # that threads reserve and never use.
+    # macOS has no /proc, but does not limit memory either: there the 0 does not matter.
     memory = (_bytes_in_use(_DATA_AND_STACK) or 0) + memory_mib * _MIB
     limits = {
         resource.RLIMIT_DATA: (memory, memory),
@@ -588,17 +596,17 @@ def submit(
         The future result of the function.
 
     Raises:
-        SystemLimitError: The system starts no more threads. The pool has then carried out or
-            dropped all its work, and the next call of `thread_pool` returns a new pool.
+        SystemLimitError: The system starts no more threads. The pool is then closed: its threads,
+            if it has any, have done all queued work. `thread_pool` returns a new pool from now on.
     """
     try:
         return pool.submit(work, item)
     except RuntimeError as error:
-        # The pool does not know the name of the call, so the message begins with the package.
+        # The public function that the user called is not known here: the message names the package.
         if (refusal := refusal_of(error, "overtaking")) is None:
             raise
-        # A cache drops all its entries or none. The other pools go on for their present callers;
-        # later callers get new pools.
+        # This drops all pools from the cache, because a single entry cannot be dropped. The present
+        # callers of the other pools still hold them; later callers get new ones.
         _process_pool.cache_clear()
         # The pool has queued the work before it failed to start a thread for it. `shutdown` waits
         # until its other threads, if any, have done all queued work.
@@ -612,9 +620,9 @@ def ordered_map(
     """Call a function with each item in several threads, and yield the results in order.
 
     Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
-    At most `threads` + 1 results are computed ahead of the caller, so that memory does not grow
-    with the number of items. The additional one keeps the last thread busy while the caller waits
-    for the first result.
+    At most `threads` + 1 items are underway, so that memory does not grow with the number of items.
+    The additional one is for the thread that is ready first, while the caller still waits for the
+    result of the first item.
 
     Args:
         work: The function. Its result must not depend on earlier items.

@@ -3,7 +3,8 @@
 The generator has no state. It maps four numbers to a block of four random 32-bit words:
 
 seed: 64-bit number that the user chooses for a data set.
-scenario index: 64-bit number that identifies a scenario, from which its simulation is made.
+scenario index: 64-bit number of a scenario, the road, traffic and weather at the start of a
+    simulation.
 stream: purpose of the draws, a `Stream`. Purposes that concern single vehicles add the slot (the
     number of a vehicle in its simulation) or the role of a neighbour (leader, follower, ...), both
     less than 256.
@@ -42,9 +43,9 @@ class Stream(enum.IntEnum):
     WEATHER = 1
     LAYOUT = 2  # Positions and speeds of the vehicles at the start.
     WIND_AND_WATER = 3  # Wind, and positions of puddles.
-    MATCHED_INSTANT = 4  # Time that stands for the start of an overtake in a drive without one.
+    MATCHED_INSTANT = 4  # Instant at which a drive without an overtake is described.
     SIMULATOR = 5  # Seeds for simulators of others, such as SUMO.
-    PROPOSAL = 6  # Component of the proposal (importance sampling) that a scenario is drawn from.
+    PROPOSAL = 6  # In importance sampling: the distribution from which a scenario is drawn.
     EXTERNAL_DRIVER = 7  # For a function of the user that drives the ego, the vehicle under study.
     # Purposes that draw for each slot or for each role leave 256 numbers to the next purpose.
     VEHICLE = 0x100  # + slot: size and performance of the vehicle
@@ -62,7 +63,7 @@ def philox4x32(
 
     Args:
         counter: The first, second, third and fourth words of the counters, arrays of one shape.
-        key: Two 32-bit words; the same counter with another key has another block.
+        key: Two 32-bit words; another key maps the same counters to other blocks.
 
     Returns:
         The first, second, third and fourth words of the blocks, each with that shape.
@@ -93,8 +94,8 @@ def philox_words(
         seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario; broadcasts with `stream`.
         stream: A `Stream`, plus slots or roles for some purposes.
-        block_number: Block number in the stream, 0 <= block_number < 2**32. For draws at each
-            decision of a driver, the simulator passes the number of the decision.
+        block_number: Block number in the stream, 0 <= block_number < 2**32. Where drivers draw at
+            each decision, the number of the decision: so earlier draws have no influence.
 
     Returns:
         The four words, each with the common shape of `scenario_index` and `stream`.
@@ -111,8 +112,9 @@ def philox_words(
 def uniform_from_word(word: U32) -> F32:
     """Convert 32-bit words to numbers in the open interval (0, 1).
 
-    A float32 has 24 binary digits, so the upper 23 bits of the word, plus a half, are exact. The
-    half excludes 0, of which `box_muller` could not take the logarithm.
+    Only the upper 23 bits of the word count: together with the digit of the added half they fill
+    the 24 binary digits of a float32, so nothing is rounded. The half excludes 0, of which
+    `box_muller` could not take the logarithm.
     """
     return ((word >> np.uint32(9)).astype(np.float32) + HALF) * np.float32(2.0**-23)
 

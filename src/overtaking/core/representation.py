@@ -106,6 +106,7 @@ class CompactRepr:
         """
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
+            # Not simply `cls.__repr__`: another base class with a `repr` may come first.
             bases = [base for base in cls.__mro__ if issubclass(base, CompactRepr)]
             cls.__repr__ = next(base.__repr__ for base in bases if "__repr__" in vars(base))
 
@@ -120,11 +121,11 @@ class CompactRepr:
 
         summary: dict[str, object] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
-            # Some classes compute a field at its first use, in `__getattr__`, which the method of
-            # `object` does not call: a field that is not computed yet raises AttributeError.
+            # Some classes compute a field at its first use, in `__getattr__`. The method of
+            # `object` does not call it, so a field that is not computed yet is left out.
             with contextlib.suppress(AttributeError):
                 value = object.__getattribute__(self, field.name)
-                if isinstance(value, np.ndarray):  # The first axis of all arrays is simulation.
+                if isinstance(value, np.ndarray):  # In results, the first axis is simulation.
                     summary.setdefault("simulations", len(value))
                 elif isinstance(value, _VALUE_TYPES):
                     summary[field.name] = value
@@ -164,5 +165,6 @@ class ShownAsTable(CompactRepr):
 
     def _repr_html_(self) -> str:
         """The same in HTML; notebooks call this method."""
+        # Unlike `to_string`, `to_html` cuts long cells by default.
         rows = self.to_pandas().to_html(max_rows=MAX_SHOWN_ROWS)
         return f"<p>{escape(super().__repr__())}</p>{rows}"

@@ -5,7 +5,8 @@ Values in the code are in SI units and their names have no suffix. Other units o
 - names of columns and keys in files tell the unit by a suffix (`NAME_SUFFIXES`), also an SI unit;
 - trajectories are recorded as integers, in small units such as mm (`INTEGER_UNITS`);
 - the constants of the model, in the TOML files of `overtaking/knowledge/data` ("knowledge"), state
-  units as texts such as `km/h`; `unit_converter` converts most of them to SI when they are read;
+  units as texts such as `km/h`; when they are read, `unit_converter` converts them to SI, except
+  those whose name ends in one of `UNCONVERTED_SUFFIXES`;
 - commands and functions of the API take speeds in km/h and angles in degrees (`mps_from_kmh` and
   its kind).
 """
@@ -62,8 +63,7 @@ INTEGER_UNITS = {
     "0.1 mrad": ("rad", 10_000),
     "0.1 mrad/s": ("rad/s", 10_000),
 }
-"""For each unit of recorded integers, the SI unit and how many steps of the integer make one of it:
-1000 mm are 1 m."""
+"""For each unit of recorded integers, the SI unit and its size in the small one: 1 m is 1000 mm."""
 
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
@@ -90,13 +90,14 @@ def deg_from_rad(angle: FloatOrArray) -> FloatOrArray:
     return angle * _DEG_PER_RAD
 
 
-# Symbols that are not converted: SI units, 1 for a number without a unit, and a counting unit.
+# Symbols that are not converted: SI units, 1 for a number without a unit, and counted vehicles.
 _SI_SYMBOLS = frozenset(
     ["1", "m", "s", "kg", "rad", "N", "W", "J", "Pa", "Hz", "K", "cd", "lx", "vehicle"]
 )
 
-# Symbol: (SI symbol, numerator, denominator of the factor). Two numbers, because no float is equal
-# to 1 / 1000: 0.2 mm is computed as 0.2 * 1 / 1000 and rounded at the division only.
+# Symbol: (SI symbol, numerator, denominator of the factor). Not one factor, because no float is
+# equal to 1 / 1000: with it, a value in mm would be rounded twice. 0.2 * 1 / 1000 is rounded only
+# in the division.
 _OTHER_SYMBOLS = {
     "km": ("m", 1000.0, 1.0),
     "Mm": ("m", 1e6, 1.0),
@@ -113,8 +114,8 @@ _OTHER_SYMBOLS = {
     "percent": ("1", 1.0, 100.0),
 }
 
-# These two units also occur in commands and in the API. One formula for all of them: 120 km/h in a
-# TOML file and 120 km/h in a command have the same bits.
+# Commands and the API convert these two units with the same functions. So 120 km/h in a TOML file
+# and 120 km/h in a command have the same bits.
 _SHARED_CONVERSIONS: dict[str, Callable[[float], float]] = {
     "km/h": mps_from_kmh,
     "deg": rad_from_deg,
@@ -129,8 +130,8 @@ UNCONVERTED_SUFFIXES = {
     "_deg": "deg",
     "_kmh": "km/h",
 }
-"""Unit by suffix, for names of constants that keep their unit: formulas from the literature use
-`film_mm` in mm. All other constants are converted to SI."""
+"""Unit by suffix, for names of constants that keep their unit when a TOML file is read:
+formulas from the literature use `film_mm` in mm. All other constants are converted to SI."""
 
 # A unit such as `kg m^2`, `m/s^2` or `1/(m s)`: a product; after a slash, one factor or a product
 # in parentheses.
@@ -160,7 +161,7 @@ def si_unit(unit: str) -> str:
     """The SI unit of the same dimension: `m/s` for `km/h`, `1` for `percent`.
 
     Args:
-        unit: A unit that `unit_converter` accepts.
+        unit: A unit that `unit_converter` accepts, so that all its symbols are known.
     """
     return re.sub(r"[A-Za-z]+", lambda match: _OTHER_SYMBOLS.get(match[0], (match[0],))[0], unit)
 

@@ -99,8 +99,9 @@ class ParentConnection:
     def __iter__(self) -> Iterator[Any]:
         """Wait for messages and yield them until the parent asks this process to stop.
 
-        Messages that the parent sent before and that still wait are then dropped.
+        Messages that then still wait are dropped.
         """
+        # `_is_stopped` is set when the stop frame arrives, behind frames that still wait.
         while (frame := self._received_frames.get()) != STOP_FRAME and not self._is_stopped:
             yield pickle.loads(frame)
 
@@ -123,12 +124,12 @@ class ParentConnection:
                 if frame == STOP_FRAME:
                     self._is_stopped = True
                     # Call the module's handler of SIGTERM, which can interrupt its work. Without a
-                    # handler this does nothing, and the worker stops before its next message.
+                    # handler this does nothing, and the worker first finishes its present message.
                     _thread.interrupt_main(signal.SIGTERM)
                 self._received_frames.put(frame)
         except BaseException:  # The parent has ended, or a message is larger than the memory.
-            # At once and without cleaning up: the system has released the parent's lock on the
-            # folder of its data set, and another process may already write there.
+            # At once and without cleaning up: if the parent was writing a data set, the system has
+            # released its lock on the folder, and another process may already write there.
             os._exit(1)
 
 
@@ -169,7 +170,7 @@ _MAX_PRINTED_BYTES = 4096
 """Length of the end of the printed text that is stored. Chosen: an exception and its cause fit."""
 
 _MAX_WAIT = 1.0
-"""Longest time of one wait [s]. On Windows a wait blocks Ctrl-C until it ends."""
+"""Longest time of one wait [s]; longer ones are split. On Windows, Ctrl-C waits for their ends."""
 
 
 class WorkerEnded:
@@ -189,7 +190,8 @@ class WorkerProcess:
     """The end of the connection in the parent: it starts a worker, and sends and receives messages.
 
     As a context manager it kills the worker at the end of the block. The worker also ends when this
-    process ends. It ignores Ctrl-C and imports modules from the same folders as this process.
+    process ends. The worker ignores Ctrl-C, and imports modules from the same folders as this
+    process.
 
     Args:
         module: Name of the module that the worker runs.
@@ -206,7 +208,7 @@ class WorkerProcess:
     ) -> None:
         """Start the process."""
         search_path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-        self._frames: deque[bytes | None] = deque()  # None stands for the end of the worker.
+        self._frames: deque[bytes | None] = deque()  # None stands for `WORKER_ENDED`.
         self._printed = b""
         # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks,
         # and its "spawn" runs the script of the user again, so that every script would have to ask
@@ -301,7 +303,7 @@ class WorkerProcess:
         return worker, WORKER_ENDED if frame is None else pickle.loads(frame)
 
     def stop(self) -> None:
-        """Ask the worker to end, and return at once. Then `close` with a timeout waits for it."""
+        """Ask the worker to end, and return at once; `close` with a timeout waits for the end."""
         self._send_frame(STOP_FRAME)
 
     def close(self, timeout: float = 0.0) -> None:

@@ -3,7 +3,8 @@
 The package draws its weather from the named weathers, and the server that imitates CARLA offers the
 vehicles and props. The TOML files of `knowledge/data` hold the values; `read_records` checks them
 and returns one dataclass for each table of a file, in SI units unless a name ends in another unit.
-The mappings are cached and shared by all callers, therefore read-only.
+Its mapping is by name of the table. All mappings are cached and shared by all callers, therefore
+read-only.
 """
 
 from collections.abc import Mapping
@@ -33,7 +34,7 @@ class CarlaVehicle:
 
 @cache
 def carla_vehicles() -> Mapping[str, CarlaVehicle]:
-    """The vehicles by `blueprint`, in alphabetical order."""
+    """The vehicles by `blueprint`, in the alphabetical order of the file."""
     vehicles = read_records(CarlaVehicle, "carla_vehicles.toml").values()
     return MappingProxyType({vehicle.blueprint: vehicle for vehicle in vehicles})
 
@@ -53,13 +54,13 @@ class PropBlueprint:
 
 @cache
 def props() -> Mapping[str, PropBlueprint]:
-    """The props by `blueprint`, in alphabetical order."""
+    """The props by `blueprint`, in the alphabetical order of the file."""
     props_by_key = read_records(PropBlueprint, "carla_props.toml").values()
     return MappingProxyType({prop.blueprint: prop for prop in props_by_key})
 
 
-# Fields of `WeatherPreset` to fields of `carla.WeatherParameters`, in CARLA's order. Our names end
-# in a unit, because values with such names are not converted to SI.
+# Fields of `WeatherPreset` to fields of `carla.WeatherParameters`, in CARLA's order. CARLA takes
+# percent and degrees; names that end in these units keep `read_records` from converting them to SI.
 _CARLA_FIELDS = {
     "cloudiness_percent": "cloudiness",
     "precipitation_percent": "precipitation",
@@ -91,7 +92,7 @@ class WeatherPreset:
         precipitation_percent: Rain.
         precipitation_deposits_percent: Puddles.
         wind_intensity_percent: Wind.
-        sun_azimuth_deg: Direction of the sun; in CARLA -1 keeps the sun where it is.
+        sun_azimuth_deg: Direction of the sun; -1 asks CARLA to keep the sun of the map.
         sun_altitude_deg: Angle of the sun above the horizon; negative at night.
         fog_density_percent: Fog.
         fog_distance: Distance at which the fog begins [m].
@@ -126,8 +127,8 @@ class WeatherPreset:
 
 @cache
 def weather_presets() -> Mapping[str, WeatherPreset]:
-    """The presets by name; `Weather.preset` is the position in this order.
+    """The presets by name, in the order of the file; the study `pinto-2023` used the first eight.
 
-    The eight presets of the study `pinto-2023` come first.
+    The weather of a simulation stores a preset as its position in this order.
     """
     return read_records(WeatherPreset, "carla_weather.toml")

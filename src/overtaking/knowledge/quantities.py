@@ -26,8 +26,8 @@ ENGINEERING_CHOICE = "choice"
 """Source of a number that the authors chose; its entry must state a rationale."""
 
 SUPPORT_SIGMAS = 2.0
-"""Samples of a quantity stay within this many standard deviations of its value, on a side where the
-entry states no limit (`low`, `high`). Chosen: rarer values make implausible vehicles."""
+"""Where an entry states no limit (`low` or `high`), samples of the quantity stay within this many
+standard deviations of its value. Chosen: rarer values make implausible vehicles."""
 
 SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
 """Kinds of sources; files with any other kind are refused."""
@@ -60,7 +60,8 @@ class Quantity:
         sigma: Standard deviation within the population, in `unit`; None if all members have the
             same value.
         low: Smallest value of a sample, in `unit`; if the entry states none, `SUPPORT_SIGMAS`
-            standard deviations below `value`. Equals `value` for a table.
+            standard deviations below `value`. Equals `value` for a table, and if neither `low` nor
+            `sigma` is stated.
         high: Largest value of a sample, in `unit`; likewise.
         unit: The SI unit, or the unit in the suffix of the entry's name.
         quoted_unit: The unit in the file, which is the unit of its source.
@@ -114,7 +115,7 @@ class Distribution:
         normal: mean, sigma
         lognormal: median, sigma (of the natural logarithm, so without unit)
         bernoulli: probability of 1; else 0
-        choice: values, weights (as many, summing to 1)
+        choice: values, weights (as many, summing to 1); not related to the source "choice"
 
     Attributes:
         kind: A kind in this list.
@@ -169,10 +170,10 @@ class Distribution:
 _ENTRY_KEYS = frozenset(["value", "distribution", "unit", "source"])
 """Any of these keys makes a table an entry."""
 
-_PROVENANCE = frozenset(["unit", "source"])
+_REQUIRED_KEYS = frozenset(["unit", "source"])
 """Keys that every entry must have."""
 
-_OPTIONAL = frozenset(["rationale"])
+_OPTIONAL_KEYS = frozenset(["rationale"])
 """Keys that every entry may have."""
 
 # Kind of distribution to the keys that it needs beside `distribution`, `unit` and `source`.
@@ -199,7 +200,8 @@ def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
     if not isinstance(item, dict):
         return False
     table = cast("dict[str, object]", item)
-    # In a table of entries, an entry may be named "value" or "source"; that item is a dict.
+    # A table of entries may hold an entry with the name "value" or "source". That item is a dict,
+    # unlike the number or text at such a key of an entry.
     return any(key in table and not isinstance(table[key], dict) for key in _ENTRY_KEYS)
 
 
@@ -221,7 +223,9 @@ def parse_quantity(
         KnowledgeError: A key is missing or unknown, or its value is invalid.
     """
     spread = frozenset(["sigma", "low", "high"])
-    _check_entry(entry, needed=_PROVENANCE | {"value"}, also=spread, where=where, sources=sources)
+    _check_entry(
+        entry, needed=_REQUIRED_KEYS | {"value"}, also=spread, where=where, sources=sources
+    )
     unit, convert = _unit_and_converter(entry, name, where)
     value = _convert_values(entry["value"], convert, where)
     sigma = _convert_number(entry["sigma"], convert, where) if "sigma" in entry else None
@@ -257,13 +261,13 @@ def parse_distribution(
     kind = entry.get("distribution")
     if kind not in _KEYS_BY_KIND:
         raise _error("distribution", where, f"one of {', '.join(_KEYS_BY_KIND)}", kind)
-    needed = _PROVENANCE | {"distribution"} | _KEYS_BY_KIND[kind]
+    needed = _REQUIRED_KEYS | {"distribution"} | _KEYS_BY_KIND[kind]
     _check_entry(entry, needed=needed, also=frozenset(), where=where, sources=sources)
     unit, convert = _unit_and_converter(entry, name, where)
     unitless = _UNITLESS_BY_KIND.get(kind, frozenset())
     numbers = {
         key: _convert_values(entry[key], float if key in unitless else convert, where)
-        for key in sorted(_KEYS_BY_KIND[kind])
+        for key in sorted(_KEYS_BY_KIND[kind])  # The order of a set differs between processes.
     }
     low, high = _range_of_draws(kind, numbers, where)
     return Distribution(
@@ -304,11 +308,13 @@ def _check_entry(
         where: File and entry, for messages.
         sources: The ids that `source` may have.
     """
-    for key in sorted(needed - entry.keys()):
-        raise _error(f"missing {key}", where, f"the keys {', '.join(sorted(needed))}", entry)
-    for key in sorted(entry.keys() - needed - also - _OPTIONAL):
-        allowed = ", ".join(sorted(needed | also | _OPTIONAL))
-        raise _error(f"unknown key {key}", where, f"only the keys {allowed}", key)
+    allowed = needed | also | _OPTIONAL_KEYS
+    if missing := needed - entry.keys():
+        expected = f"the keys {', '.join(sorted(needed))}"
+        raise _error(f"missing {min(missing)}", where, expected, entry)
+    if unknown := entry.keys() - allowed:
+        expected = f"only the keys {', '.join(sorted(allowed))}"
+        raise _error(f"unknown key {min(unknown)}", where, expected, min(unknown))
     source = entry["source"]
     if source == ENGINEERING_CHOICE and not str(entry.get("rationale", "")).strip():
         raise _error("missing rationale", where, "a reason beside source = 'choice'", "none")
@@ -321,7 +327,7 @@ def _unit_and_converter(
 ) -> tuple[str, Callable[[Any], float]]:
     """The unit of the parsed numbers, and the function that converts numbers of the entry to it."""
     quoted_unit: str = entry["unit"]
-    # `str`, because the file may state anything: the converter then names it in its message.
+    # `str`, because the file may state anything, also a number, whose text the converter refuses.
     convert_to_si = unit_converter(str(quoted_unit), where=where)
     suffix_unit = unit_of_suffix(name)
     if suffix_unit is None:
@@ -333,10 +339,9 @@ def _unit_and_converter(
 
 def _convert_values(item: Any, convert: Callable[[Any], float], where: str) -> Values:
     """Convert a number, or nested lists of numbers to nested tuples; an empty list is invalid."""
-    if isinstance(item, list):
+    if isinstance(item, list) and item:
         elements = cast("list[Any]", item)
-        if elements:
-            return tuple(_convert_values(element, convert, where) for element in elements)
+        return tuple(_convert_values(element, convert, where) for element in elements)
     return _convert_number(item, convert, where)
 
 
@@ -390,7 +395,8 @@ def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[
             raise _error("probability", where, "0 to 1", numbers["probability"])
         return 0.0, 1.0
     low, high = numbers["low"], numbers["high"]
-    centre = numbers.get("mean", numbers.get("median", low))  # A uniform distribution has neither.
+    # A uniform distribution has no centre and no sigma: these substitutes pass the check.
+    centre = numbers.get("mean", numbers.get("median", low))
     sigma = numbers.get("sigma", 1.0)
     has_logarithm = kind != "lognormal" or low > 0.0
     if not (low < high and low <= centre <= high and sigma > 0.0 and has_logarithm):

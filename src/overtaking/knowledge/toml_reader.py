@@ -14,10 +14,10 @@ one entry for each number:
 
 - `[columns]` and `[rows]`: one row for each item, such as a vehicle, with values in the order of
   the columns. A column has a unit and a source; a column `{}` holds texts or flags.
-- `[labels]` and `[quantities]`: one line for each quantity, with a value for each item and with
-  unit, source and rationale for the whole line. A value may be a table with its own source or
-  rationale; a value with its own source does not get the rationale of the line. Labels are texts or
-  flags.
+- `[labels]` and `[quantities]`: one line for each quantity, with a value for each item, and with
+  unit, source and rationale of all values. An item can replace them: `S = { value = 1.2, source =
+  "..." }`. The rationale of the line explains its source, so it does not hold for such an item. The
+  lines of labels hold texts or flags.
 - `base = "name"` in a table: the table takes each entry that it does not state itself from the
   table `name`, which must stand above it.
 """
@@ -94,7 +94,7 @@ def load_toml(file: str | Path) -> dict[str, Any]:
 def sources() -> Mapping[str, Source]:
     """Every source that entries may refer to, by id."""
     return MappingProxyType(
-        {id_: _parse_source(id_, item) for id_, item in load_toml(_SOURCES_FILE).items()}
+        {name: _parse_source(name, item) for name, item in load_toml(_SOURCES_FILE).items()}
     )
 
 
@@ -146,7 +146,7 @@ def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapp
         A read-only mapping from the name of each table.
 
     Raises:
-        KeyError: There is no such section.
+        KeyError: There is no such section (for which `read_record` raises KnowledgeError).
         KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
     """
     names = load_toml(file)[section] if section else load_toml(file)
@@ -211,8 +211,8 @@ def number(path: str) -> float:
 def constant(path: str) -> np.float32:
     """The value of one quantity, as `number`, rounded to float32.
 
-    The simulation step and the labels compute in float32, in Python and in Rust. With a float64
-    constant Python would compute in float64, with results that differ from Rust's.
+    The simulation step and the labels (events and results of overtakes) are computed in float32, in
+    Python and in Rust. A product of two Python floats would be rounded to float64, unlike in Rust.
 
     Args:
         path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".
@@ -287,7 +287,7 @@ def _expand_lines(
     Returns:
         The tables by item, in the order of the first line.
     """
-    items = list(next(iter(labels.values()), {}))
+    items = list(next(iter(labels.values()), {}))  # All lines must have the items of the first.
     document: dict[str, Any] = {item: {} for item in items}
     for name, line in (*labels.items(), *quantities.items()):
         shared = {key: line[key] for key in _KEYS_OF_WHOLE_LINE if key in line}
@@ -316,10 +316,10 @@ def _entry_from_line(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _expand_bases(table: dict[str, Any], document: Mapping[str, Any], file: str) -> None:
-    """Replace each `base` in nested tables by the entries of the table that it names, in place.
+    """Replace each `base` in nested tables by the entries of the table that it names.
 
     Args:
-        table: The table to change; the whole document at first.
+        table: The table, which is changed; at first the whole document, then the tables in it.
         document: The whole document, in which bases are looked up.
         file: Name of the file, for messages.
     """
@@ -363,12 +363,12 @@ def _merge_tables(base: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str
     return merged
 
 
-def _parse_source(id_: str, item: Any) -> Source:
-    """One source from its table in the file of sources."""
-    where = f"{_SOURCES_FILE} [{id_}]"
+def _parse_source(name: str, item: Any) -> Source:
+    """One source from its table in the file of sources; the name of the table is its id."""
+    where = f"{_SOURCES_FILE} [{name}]"
     if not isinstance(item, dict):
         raise _error(where, "a table", item)
-    table = {"id": id_, **cast("dict[str, Any]", item)}
+    table = {"id": name, **cast("dict[str, Any]", item)}
     source = _record_from_table(Source, table, where=where)
     if source.kind not in SOURCE_KINDS:
         raise _error(where, f"a kind out of {', '.join(SOURCE_KINDS)}", source.kind)
@@ -413,7 +413,7 @@ def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: st
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
     }
     _check_keys(set(table), allowed=set(fields), required=required, where=where)
-    # Both types by name, so that a module may import them for type checkers only.
+    # `localns` is for modules that import these types for type checkers only.
     hints = get_type_hints(cls, localns={"Quantity": Quantity, "Distribution": Distribution})
     values = {
         key: _field_value(item, hints[key], key, f"{where} {key}") for key, item in table.items()
@@ -476,12 +476,16 @@ def _text_or_flag(item: Any, hint: Any, where: str) -> Any:
 def _bare_value(quantity: Quantity, hint: Any, where: str) -> Any:
     """The value of a quantity without unit and source, for a field of type float, int or tuple."""
     value = quantity.value
-    is_table = isinstance(value, tuple)
-    if is_table != (hint not in (float, int)):
-        raise _error(where, "a list" if not is_table else "one number", value)
-    if hint is not int:
+    expects_number = hint in (float, int)
+    if isinstance(value, tuple):
+        if expects_number:
+            raise _error(where, "one number", value)
         return value
-    if not is_table and value == int(value):
+    if not expects_number:
+        raise _error(where, "a list", value)
+    if hint is float:
+        return value
+    if value == int(value):
         return int(value)
     raise _error(where, "a whole number", value)
 

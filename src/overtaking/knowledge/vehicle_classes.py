@@ -1,8 +1,9 @@
 """The seven vehicle classes and the eight colours of vehicles, from two TOML files.
 
 `scenarios` draws the bodies of vehicles from the classes. `read_record` fills a dataclass from a
-table of a file. A `Quantity` is a number with unit and source, and with `sigma`, `low` and `high`
-where the vehicles of a class differ; its `value` is in SI units.
+table of a file. A `Quantity` is a number with unit and source; its `value` is in SI units. Where
+the vehicles of a class differ, it also has a standard deviation `sigma` and limits, `low` and
+`high`.
 
 The file `vehicle_classes.toml` has the classes in the order of their codes 0 to 6, which the study
 `pinto-2023` defined and recordings store. The code is the position in `VEHICLE_CLASS_NAMES`.
@@ -34,7 +35,8 @@ class VehicleClass:
 
     Attributes:
         name: The class in words, such as "small car".
-        two_wheeler: Whether it leans, and moves as a point mass: inertia and stiffness are unused.
+        two_wheeler: Whether it leans, and moves as a point mass, which does not use inertia and
+            stiffness.
         motorway_allowed: Whether the law lets it on a motorway.
         length: Length from bumper to bumper [m].
         width: Width of the body without mirrors [m].
@@ -50,7 +52,7 @@ class VehicleClass:
         rear_stiffness: Cornering stiffness of the rear axle over its load [1/rad].
         front_drive_share: Part of the drive force that acts at the front axle.
         launch_accel: Largest acceleration at low speed [m/s^2].
-        specific_power: Power at the wheels over `mass` [W/kg].
+        specific_power: Power at the wheels over `mass.value` [W/kg].
         drag_area: Drag coefficient times frontal area [m^2].
         side_area: Area seen from the side [m^2].
         rolling_resistance: Rolling resistance over weight.
@@ -63,7 +65,8 @@ class VehicleClass:
         spray_factor: Spray thrown up from a wet road, relative to a car.
         lamp_separation: Distance between the rear position lamps; diameter of a single lamp [m].
         track_width: Distance between the front tyres; width of a two-wheeler's tyre [m].
-        motorway_limit: Speed limit of the class on Portuguese motorways [m/s].
+        motorway_limit: Speed limit of the class on Portuguese motorways [m/s]; bicycles, which
+            are not allowed there, have the limit of cars.
     """
 
     name: str
@@ -116,7 +119,7 @@ class Paint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ColourEntry:
-    """A table of `colours.toml`; `read_record` reads a list of numbers as floats."""
+    """A table of `colours.toml`. `read_record` returns floats for a list; a `Paint` has integers."""
 
     contrast: Quantity
     rgb: tuple[float, float, float]
