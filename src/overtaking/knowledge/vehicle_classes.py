@@ -119,7 +119,7 @@ class Paint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ColourEntry:
-    """A table of `colours.toml`. `read_record` returns floats for a list; a `Paint` has integers."""
+    """A table of `colours.toml`. `read_record` returns a list as floats; a `Paint` has integers."""
 
     contrast: Quantity
     rgb: tuple[float, float, float]
