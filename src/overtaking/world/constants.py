@@ -41,7 +41,10 @@ _UNLIMITED = 1e6
 
 
 def _constant_field(path: str) -> Any:
-    """A dataclass field whose default is an entry; its unit is SI, or the suffix of its name."""
+    """A dataclass field whose default is an entry, in SI units.
+
+    An entry with a unit at the end of its name, such as `_mm`, stays in that unit.
+    """
     return field(default_factory=lambda: constant(path))
 
 
@@ -66,11 +69,11 @@ def _to_float32(values: Values) -> Any:
 class ModelConstants:
     """Constants of the step: single float32 numbers, then the tables of friction as tuples.
 
-    The engine has a field of the same name for each, in the same order: run `crates/fields.py`
-    after a change of names or order. The *overtaking lane* is the next lane towards the overtaking
-    side; on a two-way road it is the opposing lane. The *target* is the vehicle that the driver
-    overtakes. TTC is the time to collision. "Others" are all vehicles but the ego. Looming is the
-    growth of the visual angle of a vehicle that comes nearer.
+    The engine has fields of the same names in the same order. `crates/fields.py` writes them: run
+    it after a change of names or order. The *ego* is the vehicle under study, "others" are all
+    other vehicles. The *overtaking lane* is the next lane towards the overtaking side; on a two-way
+    road it is the opposing lane. The *target* is the vehicle that the driver overtakes. TTC is the
+    time to collision. Looming is the growth of the visual angle of a vehicle that comes nearer.
 
     Attributes:
         step: Duration of a step [s].
@@ -79,29 +82,33 @@ class ModelConstants:
         after_collision: Time simulated after the ego has collided or left the road [s].
         min_effective_gap: Smaller gaps count as this in car following [m].
         jerk_up: Fastest growth of the acceleration, from zero or more [m/s^3].
-        jerk_down: Fastest fall of the acceleration, unless `brake_ramp` gives more [m/s^3].
-        brake_ramp: Time in which a driver reaches the wanted braking [s].
+        jerk_down: Fastest fall of the acceleration for moderate braking [m/s^3].
+        brake_ramp: The wanted braking divided by this is the fastest fall of the acceleration, if
+            it exceeds `jerk_down` [s].
         stop_lamp_max_time_gap: Time gap above which a driver ignores stop lamps of its leader [s].
         stop_lamp_full_time_gap: Time gap below which it brakes as its braking leader demands [s].
         jerk_release: Fastest growth of the acceleration while it is negative [m/s^3].
-        coolness: Where the car-following model brakes harder than a leader of constant braking
-            demands: weight of the demanded braking; 1 minus it is the weight of the model's [1].
+        coolness: The car-following model can brake harder than is needed for a leader that keeps
+            its acceleration. Then this is the weight of the needed braking, and 1 minus it the
+            weight of the model's [1].
         signalling_time_gap: Share of the desired time gap that a driver keeps while it signals to
             pull out [1].
         corridor_margin: A vehicle occupies a lane that it overlaps by more than this [m].
-        footprint_margin: Lateral gap from which the leader of the old lane no longer matters [m].
+        footprint_margin: A driver that changes lane follows the leader of its old lane until their
+            lateral gap is larger than this [m].
         lane_cleared_share: Share of the duration of a lane change after which the vehicle has left
             its old lane [1].
         lane_clearance_time: A driver plans to leave its old lane this long before it would reach
             the leader there [s].
-        visible_fraction: Share of the duration of a lane change after which drivers around see it
+        visible_fraction: Share of the duration of a lane change after which other drivers notice it
             [1].
-        cooldown: Time from the start of a lane change of the others to their next one [s].
+        cooldown: Time from the start of a lane change of the others to their next one that is no
+            overtake, see `abort_cooldown` [s].
         min_lane_change_duration: Shortest duration of a lane change that avoids a leader [s].
         abort_duration_share: Duration of the way back of a cancelled lane change, over the usual
             duration of a lane change [1].
-        claim_time: Of two drivers that signal from both sides for one lane, one waits if they are
-            nearer than this time apart along the road [s].
+        claim_time: Two drivers may signal for the same lane, one from its left and one from its
+            right. One of them waits if they are less than this time apart along the road [s].
         foresight: Time for which a new follower is judged ahead [s].
         foresight_accel: Acceleration assumed of it during that time [m/s^2].
         no_passing_right_speed: Speed above which drivers do not pass on the kerb side [m/s].
@@ -112,7 +119,8 @@ class ModelConstants:
             [m/s^2].
         abort_imposed_factor: Factor on the braking accepted for the follower; more braking cancels
             the lane change [1].
-        patience_floor: Factor to which waiting lowers the demands of a driver, at least [1].
+        patience_floor: Smallest factor on the demands of a driver; it falls from 1 during a wait
+            [1].
         close_time_gap: A leader within this many desired time gaps is close enough to overtake [1].
         waiting_time_gap: A driver behind a slower leader waits if its time gap is shorter [s].
         accelerate_gain: Factor on the acceleration while passing [1].
@@ -133,9 +141,10 @@ class ModelConstants:
         lamp_decel: Deceleration that stop lamps suggest, until looming shows it [m/s^2].
         error_fade_time: TTC below which errors of judgement fade [s].
         urgent_time: TTC below which drivers react with their shorter, urgent reaction time [s].
-        brake_memory: Decisions over which drivers judge the braking of a leader [1].
+        brake_memory: Number of decisions over which drivers judge the braking of a leader [1].
         stop_lamp_decel: Deceleration from which the stop lamps are lit [m/s^2].
-        detection_growth: Relative growth of the detection time up to the limit of sight [1].
+        detection_growth: Detection time at the limit of sight over the time in plain view, minus 1
+            [1].
         blind_spot: Length of the area behind the rear bumper that the mirrors do not show [m].
         alongside: Lateral gap below which a driver notices a vehicle in that area [m].
         glance_interval: Decisions between two looks at mirrors and other lanes [1].
@@ -143,15 +152,15 @@ class ModelConstants:
         glance_stagger: Decisions from the look of a vehicle to the look of the next vehicle [1].
         glance_time: Time in view that one such look adds for a vehicle [s].
         looming_threshold: Growth of the visual angle from which an approach is noticed [rad/s].
-        looming_growth: Excess over that threshold, relative to it, at which drivers perceive all of
-            the closing speed [1].
+        looming_growth: Drivers perceive a part of the closing speed above that threshold, and all
+            of it from 1 plus this times the threshold [1].
         lane_deviation: Standard deviation of the wandering in the lane [m].
         error_time: Correlation time of errors of judgement [s].
         lane_time: Correlation time of the wandering in the lane [s].
         inverse_puddle_wave_1: One over the length of the first wave of the puddles [1/m].
         inverse_puddle_wave_2: One over the length of the second wave [1/m].
-        puddle_slope: Share of the full depth of a puddle per unit below the threshold of
-            `road_surface.puddle_depth_share` [1].
+        puddle_slope: A puddle has its full depth where the two waves add up to 1 / `puddle_slope`
+            below the threshold of `road_surface.puddle_depth_share` [1].
         spray_coefficient: Extinction in the spray of a car at `spray_speed` [1/m].
         spray_film: Film of water from which the spray grows no more [mm].
         spray_speed: Reference speed of the spray, which grows with the square of speed [m/s].
@@ -161,14 +170,15 @@ class ModelConstants:
         position_gain: Lateral acceleration per lateral error in steering [1/s^2].
         velocity_gain: Lateral acceleration per error of the lateral speed [1/s].
         yaw_gain: Gain on the wanted lateral acceleration minus speed times yaw rate [1].
-        slip_share: Front slip angle that drivers steer at most, in units of friction over cornering
-            stiffness [1].
+        slip_share: Largest front slip angle that drivers steer, divided by friction / cornering
+            stiffness per load [1].
         wind_lag: Time constant with which drivers steer against side wind [s].
         steering_lag: Time constant of the wheel angle [s].
         steering_rate: Largest speed of the wheel angle [rad/s].
         steering_limit: Largest wheel angle [rad].
         bend_accel: Lateral acceleration that drivers choose in bends, if friction allows [m/s^2].
-        per_station: One over the spacing at which the step knows the geometry of a road [1/m].
+        per_station: One over the distance between the stations of a `CourseTable`, at which the
+            step knows the geometry of a road [1/m].
         per_approach: One over the time in which the speed approaches a falling limit [1/s].
         passing_speed_factor: Factor on the desired speed while passing [1].
         slip_speed: Smaller speeds count as this where a formula divides by speed [m/s].
@@ -218,9 +228,10 @@ class ModelConstants:
         urgent_accel_factor: Factor on the acceleration in an urgent return [1].
         abort_speed_difference: An aborting driver brakes until it is slower than the target by this
             [m/s].
-        abort_decel_share: Share of the strongest braking, `max_assumed_decel`, in an abort [1].
+        abort_decel_share: Braking in an abort, as a share of the strongest braking that the driver
+            counts on [1].
         eye_offset: Distance of the driver's eye from the vehicle's path towards the opposing lane,
-            with the shift by which it looks past a leader [m].
+            including the shift by which it looks past a leader [m].
         line_lookahead: Distance ahead at which drivers heed a solid line [m].
         oncoming_flash_time: Time to meet a vehicle in the driver's own lane below which the driver
             flashes and lifts the throttle [s].
@@ -384,7 +395,7 @@ class ModelConstants:
         """Copy the constants with some single numbers changed.
 
         Args:
-            changes: New values by name; they are rounded to float32.
+            changes: New values by name, not for tables; they are rounded to float32.
 
         Raises:
             TypeError: A name is not a constant.
@@ -393,7 +404,7 @@ class ModelConstants:
         return dataclasses.replace(self, **numbers)
 
 
-# The comparison needs annotations that are types: no `from __future__ import annotations` here.
+# With `from __future__ import annotations`, `entry.type` would be a string and equal to no type.
 CONSTANT_NAMES = tuple(
     entry.name for entry in dataclasses.fields(ModelConstants) if entry.type is np.float32
 )
@@ -402,7 +413,7 @@ CONSTANT_NAMES = tuple(
 
 @cache
 def model_constants() -> ModelConstants:
-    """The constants as the knowledge files state them, with all effects; one shared instance."""
+    """The constants as the knowledge files state them, no effect disabled; one shared instance."""
     return ModelConstants()
 
 
@@ -437,9 +448,9 @@ class EnabledEffects:
 def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects) -> ModelConstants:
     """Constants with neutral values where they express a disabled effect.
 
-    Some effects act through parameters of vehicles and simulations instead (all of `film`,
-    `distance_error`, `occlusion` and `mobil`, part of `gusts`, `range` and `delay`). The modules
-    `world.weather_parameters`, `world.vehicle_parameters` and `world.driver_parameters` treat them.
+    Constants express `wake` and `looming`, and parts of `gusts`, `range` and `delay`. Parameters of
+    vehicles and simulations express the other parts and effects: `world.weather_parameters`,
+    `world.vehicle_parameters` and `world.driver_parameters` give these neutral values.
 
     Args:
         constants: Constants of the model.

@@ -1,19 +1,19 @@
 """Parameters of drivers in a simulation step: desired speeds, car following, passing.
 
-In go the traits of the drivers (`Scenario.drivers`), the weather and the road; out come float32
-arrays by the name of their field of `VehicleParameters`, one number per vehicle, or of
-`SimulationParameters`, one number per simulation. `step_parameters.step_parameters` collects them
-once before a simulation. Numbers of the model come from `knowledge/data` (`constant`).
+In go the traits of the drivers (`Scenario.drivers`), the weather and the road. Out come float32
+arrays by field name: fields of `VehicleParameters`, one number per vehicle, and of
+`SimulationParameters`, one number per simulation. The simulation step reads both;
+`step_parameters.step_parameters` collects them once before a simulation. Numbers of the model come
+from `knowledge/data` (`constant`).
 
 A *decision* is one of 20 instants per second at which drivers perceive and decide. A *slot* is the
 number of a vehicle in its simulation; the ego has slot 0.
 
 A scenario may replace the physical effects of its weather by random lateral pushes
-(`Scenario.pushes`). Then the *effective* weather is a dry, clear day
-(`weather_parameters.with_effective_weather`); otherwise it is the recorded weather. Drivers slow
-down and react for the effective weather, but judge oncoming vehicles by the recorded night: pushes
-replace rain, wind and fog, and darkness remains. Only two-way roads with pushes show the
-difference; no profile of the package has both.
+(`Scenario.pushes`). Then the *effective* weather, to which drivers react, is a dry, clear day. In
+all other scenarios it is the weather as recorded. Only whether it is night where drivers see and
+judge oncoming vehicles always follows the recorded weather. This is a choice, which matters only on
+two-way roads with pushes; no scenario of the package has both.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ ONCOMING_JUDGEMENT_FIELDS = (
     "expected_oncoming_speed",
     "urgent_change_duration",
 )
-"""Fields of `SimulationParameters` that only two-way roads need; 0 on other roads."""
+"""Fields of `SimulationParameters` that only two-way roads need; the caller sets 0 on others."""
 
 REACTION_TO_ONCOMING_FIELDS = (
     "assumed_sight_factor",
@@ -51,7 +51,7 @@ REACTION_TO_ONCOMING_FIELDS = (
     "edge_shift_when_passed",
     "speed_factor_when_passed",
 )
-"""Fields of `VehicleParameters` that only two-way roads need; 0 on other roads."""
+"""Fields of `VehicleParameters` that only two-way roads need; the caller sets 0 on others."""
 
 _UNREACHABLE = np.float32(1e9)
 """A threshold that disables lane changes: no incentive [m/s^2] or speed gain [m/s] reaches it."""
@@ -61,12 +61,13 @@ _UNLIMITED_FRICTION = np.float32(10.0)
 
 _QUINTIC_PEAK = np.float32(5.77)
 """Largest acceleration of a quintic path from rest to rest over a distance D in a time T, in
-D / T^2: 10 / sqrt(3) = 5.7735. The rounding shortens lane changes that friction limits by 0.03 %;
-another digit would change every recorded simulation with such a lane change."""
+D / T^2: 10 / sqrt(3) = 5.7735. The missing digits shorten the duration by 0.03 % in
+`_min_change_duration`. They stay away, as they would change the results of all simulations that
+depend on it."""
 
 _MIN_DEMAND = np.float32(0.1)
-"""Smallest `gap_demand_factor` in the formula of `assumed_sight_factor`, which divides by its root:
-keeps the factor finite for a driver that demands no gap at all. Chosen [1]."""
+"""Lower limit of the trait `gap_demand_factor` where `_passing` divides by its root: the trait is 0
+for a driver that demands no gap at all. Chosen [1]."""
 
 
 class DesiredSpeedFactors(NamedTuple):
@@ -118,9 +119,9 @@ def driver_parameters(context: StepContext) -> FieldArrays:
       `lane_change_duration` [s].
     - `inverse_patience`: rate at which the demands of a waiting driver fall [1/s].
 
-    `desired_speed`, `lane_change_threshold`, `min_speed_gain` and `lane_change_duration` replace
-    the traits of these names. The caller adds the other traits that are fields of
-    `VehicleParameters`, unchanged.
+    `desired_speed`, `lane_change_threshold`, `min_speed_gain` and `lane_change_duration` are names
+    of traits, too: these numbers replace the traits. `VehicleParameters` has further traits as
+    fields; the caller copies them.
 
     Args:
         context: The batch, its weather, the constants and the enabled effects.
@@ -162,8 +163,8 @@ def desired_speed_factors(scenario: Scenario, conditions: SceneConditions) -> De
 def adapted_speed(factors: DesiredSpeedFactors, limit: F32 | np.float32) -> F32:
     """Speed that drivers want under a limit in their weather and light [m/s].
 
-    A fully cautious driver slows by `rain_slowing`, and to `stoppable` if that is slower still. A
-    driver of caution 0 does neither.
+    A fully cautious driver slows by `rain_slowing`, and to `stoppable` if that is slower still. The
+    others slow by their share `caution` of this.
 
     Args:
         factors: Traits of the drivers and effects of their weather.
@@ -199,9 +200,8 @@ def weather_slowing(scenario: Scenario, conditions: SceneConditions) -> dict[str
 def oncoming_judgement(context: StepContext) -> dict[str, F32]:
     """How drivers judge distance and speed of oncoming vehicles, and hurry before them.
 
-    - `oncoming_error`: coefficient of variation of judged distances, larger in the recorded night
-      [1].
-    - `oncoming_sight`: distance at which drivers see an oncoming car in this weather [m].
+    - `oncoming_error`: coefficient of variation of judged distances, larger at night [1].
+    - `oncoming_sight`: distance at which drivers see an oncoming car in this weather and light [m].
     - `expected_oncoming_speed`: speed that drivers assume of oncoming vehicles until they perceive
       it [m/s].
     - `urgent_change_duration`: duration of the shortest lane change in an emergency [s].
@@ -225,6 +225,7 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
         "oncoming_error": error if context.effects.distance_error else np.zeros_like(error),
         "oncoming_sight": _sight_of_oncoming(context),
         "expected_oncoming_speed": np.full_like(error, expected_speed),
+        # `hasty_change` is the duration on a dry road; on a slippery road friction limits it.
         "urgent_change_duration": maximum(
             _min_change_duration(context), constant("model.oncoming.hasty_change")
         ),
@@ -257,9 +258,8 @@ def _min_change_duration(context: StepContext) -> F32:
     """Duration of the shortest lane change that drivers dare, shape (simulation,) [s].
 
     A quintic path over one lane width D in a time T reaches the lateral acceleration 5.77 D / T^2.
-    The duration is the T at which this equals `model.lane_change.accel_share` of
-    `max_lateral_accel`, the largest lateral acceleration that drivers choose at the friction that
-    they assume.
+    The duration is the T at which this equals a share, `model.lane_change.accel_share`, of the
+    largest lateral acceleration that drivers choose at the friction that they assume.
     """
     # The width of lane 0 serves all lanes, so that a vehicle has a single duration.
     borders = road_parameters(context.scenario.road).boundaries
@@ -293,6 +293,7 @@ def _following(context: StepContext) -> FieldArrays:
         with delta = 4. a is the acceleration and b the comfortable deceleration.
     """
     traits, friction = context.scenario.drivers, context.conditions.believed_friction
+    # The share of the friction that drivers count on for braking.
     grip_share = constant("model.following.grip_share")
     usable_decel = grip_share * context.constants.gravity * friction[:, None]
     return {
@@ -324,7 +325,7 @@ def _reaction(context: StepContext) -> FieldArrays:
 
 def _whole_decisions(reaction_time: F32, effects: EnabledEffects) -> F32:
     """Reaction times [s] as whole numbers of decisions; 0 if the effect `delay` is disabled."""
-    # The step stores the positions and speeds of this many decisions: drivers react to them late.
+    # Drivers react to positions and speeds of earlier decisions, and the step stores no more.
     max_delay = constant("model.perception.history")
     delay = minimum(np.rint(reaction_time * DECISIONS_PER_SECOND), max_delay)
     return delay if effects.delay else np.zeros_like(delay)
@@ -333,8 +334,8 @@ def _whole_decisions(reaction_time: F32, effects: EnabledEffects) -> F32:
 def _limits(context: StepContext) -> FieldArrays:
     """Distance to which each driver looks ahead, and the highest friction that its tyres find.
 
-    Both are equal for all vehicles here. They are fields of each vehicle so that a study can lower
-    them for the ego alone (`benchmarks/nets.py`).
+    Both are equal for all vehicles here. They are fields of each vehicle so that a study of an
+    impaired driver can lower them for the ego alone, as `benchmarks/nets.py` does.
     """
     template = context.scenario.drivers.reaction_time  # Any float32 array (simulation, vehicle).
     return {
@@ -349,7 +350,7 @@ def _lane_changes(context: StepContext) -> FieldArrays:
     threshold, gain = traits.lane_change_threshold, traits.min_speed_gain
     if not context.effects.mobil:
         # `threshold` governs lane changes by MOBIL, `gain` governs overtaking. With the effect
-        # `mobil` disabled, the other vehicles do neither, and the ego still overtakes.
+        # `mobil` disabled, the other vehicles do neither, while the ego still overtakes.
         threshold = np.full_like(threshold, _UNREACHABLE)
         is_ego = np.arange(gain.shape[1]) == EGO_SLOT
         gain = np.where(is_ego, gain, _UNREACHABLE)
@@ -387,7 +388,8 @@ def _stoppable_speed(is_night: Mask, conditions: SceneConditions) -> F32:
     sight = np.where(is_night, visible.by_lamp, by_day)
     reaction_time = np.full_like(sight, constant("model.speed_choice.reaction_time"))
     grip_share = constant("model.speed_choice.grip_share")
-    # No disabled effect changes gravity, so `model_constants` serves callers without a context.
+    # Not `context.constants`: the sampling of scenarios calls this without a `StepContext`. Gravity
+    # is the same in both.
     decel = grip_share * model_constants().gravity * conditions.believed_friction
     return road_surface.stoppable_speed(sight, reaction_time, decel)
 
@@ -396,8 +398,8 @@ def _sight_of_oncoming(context: StepContext) -> F32:
     """Range at which drivers see an oncoming car of middling colour, shape (simulation,) [m]."""
     conditions = context.conditions
     visible = _visible_range(conditions, constant("model.lights.headlamp"))
-    # By day low beam counts in rain only. In thick fog drivers switch it on, too; there it would
-    # raise the range from at most 77 m to at most 230 m, still less than a usual pass needs.
+    # By day low beam counts in rain only. In thick fog drivers switch it on, too, but it is left
+    # out: it would raise the range to at most 230 m, still less than a usual pass needs.
     with_lamps = maximum(visible.by_contrast, visible.by_lamp)
     by_day = np.where(conditions.rain_rate > 0, with_lamps, visible.by_contrast)
     sight = np.where(context.scenario.weather.night, visible.by_lamp, by_day)
@@ -411,19 +413,20 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
         conditions: Weather and light.
         lamp_intensity: Luminous intensity of its lamps [cd].
     """
-    # `rain_extinction` holds for an observer at rest; the factor stands for a driver at 108 km/h.
+    # `rain_extinction` holds for an observer at rest. A driver that moves meets more rain; all
+    # drivers have the factor of 108 km/h here.
     rain_factor = constant("model.speed_choice.rain_sight_factor")
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
-    # The sensitivity is the glare factor over the contrast threshold. Contrast times sensitivity
-    # counts in multiples of the threshold, so drivers see the car down to the value 1.
+    # The sensitivity is the share of contrast that glare leaves over the smallest contrast that
+    # drivers detect. Times the contrast of the car, it counts in multiples of that: 1 is visible.
     sensitivity = exp(conditions.log_contrast_sensitivity_ahead)
     relative_contrast = sensitivity * constant("model.speed_choice.contrast")
-    visible_contrast = np.ones_like(extinction)
+    contrast_threshold = np.ones_like(extinction)
     lamp = np.full_like(extinction, lamp_intensity)
-    # The threshold is 0 if the effect `range` is disabled, and a range divides by it.
+    # `lamp_range` divides by the threshold, which is 0 if the effect `range` is disabled.
     lamp_threshold = maximum(conditions.lamp_threshold, visibility.MIN_ILLUMINANCE)
     return _VisibleRange(
-        by_contrast=visibility.contrast_range(extinction, relative_contrast, visible_contrast),
+        by_contrast=visibility.contrast_range(extinction, relative_contrast, contrast_threshold),
         by_lamp=visibility.lamp_range(extinction, lamp, lamp_threshold),
     )
 
@@ -433,7 +436,7 @@ def _passing(scenario: Scenario) -> FieldArrays:
     demand = scenario.drivers.gap_demand_factor
     sight_factor = constant("model.oncoming.assumed_sight_factor")
     # The root is a choice: with the demand itself as divisor there were more collisions, and
-    # careful drivers hardly passed on straight, empty roads.
+    # drivers of large demand hardly passed on straight, empty roads.
     return {
         "assumed_sight_factor": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
         "time_reserve_share": constant("model.oncoming.time_reserve_share") * demand,
@@ -443,9 +446,9 @@ def _passing(scenario: Scenario) -> FieldArrays:
 
 def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     """Draw how each driver behaves while being passed: shifts aside, yields or speeds up."""
-    # A stream is a sequence of random numbers that depends on seed, scenario and stream number.
-    # Streams of their own, one for each slot, keep all other draws as they are. The results are no
-    # traits of `DriverTraits`, so no data set stores them. Draws have shape (simulation, vehicle).
+    # Each slot has a stream of random numbers, which depends on seed, scenario and stream number
+    # only. So data sets need not store the results: every run draws them again. Draws have shape
+    # (simulation, vehicle).
     streams = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], streams)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")

@@ -3,12 +3,13 @@
 In goes a `Road`, out come `RoadParameters`, which the reference simulator and the compiled engine
 read. Road coordinates are the station s along the road and the lateral position d. A `Road` counts
 d to the left; here d counts towards the overtaking side, so that left-hand traffic is the mirror
-image of right-hand traffic. *Against* the road means in the direction of oncoming traffic, whose
-*frame* is the frame of the road turned by half a circle: s becomes length - s, d becomes
-`edge_sum` - d.
+image of right-hand traffic. *Against* the road means in the direction of oncoming traffic. Oncoming
+vehicles have a *frame*, a coordinate system, of their own, turned by half a circle: s becomes
+length - s, d becomes `edge_sum` - d.
 
 `Road.course` holds everything that changes along the road: segments of the reference line, grade,
-sight distances that a map states, speed limits, marks of the centre line.
+sight distances that a map states, speed limits, marks of the centre line. `constant` reads a number
+of the model from `knowledge/data`.
 """
 
 import math
@@ -25,47 +26,48 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import HALF, ONE, ZERO, as_f32, clamp, minimum, sincos
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
-from overtaking.model.road_course import RoadCourse, StationTable
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan, StationTable
 from overtaking.model.scenario import Scenario
 from overtaking.world import road_surface
 from overtaking.world.constants import ModelConstants
 from overtaking.world.sight_distance import visible_distance
 
 MAX_STATIONS = 64
-"""Columns of the tables of sight and of the line between the directions. Chosen: the engine has
-tables of this size."""
+"""Columns of the tables of sight and of the line between the directions. Chosen; the tables of the
+compiled engine have the same number."""
 
 _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
 """Marks that a vehicle must not cross from the lane that the mark belongs to. The first word of a
 double line names the line nearer to that lane."""
 
 _FAR = 1e9
-"""Stands for infinity, with which tables cannot interpolate: a sight distance or radius that limits
-nothing; negative, a station before every road [m]."""
+"""A sight distance or radius that limits nothing [m]. It is finite, because interpolation between
+infinite numbers gives NaN. `-_FAR` is a station before the start of every road."""
 
 
 class CourseTable(NamedTuple):
     """Geometry, sight and speed limits of a road at equally spaced stations.
 
-    Every row has shape (station,). The stations begin at s = 0 and are `model.steering.station`
-    apart; the last one is at the end of the road or beyond it. The rows are empty if the road is
-    straight and level and has one speed limit. Rows that end in `_against` hold for drivers against
-    the road; they, too, are in the order of s.
+    Every row has shape (station,). The stations begin at s = 0 and are 2 m apart
+    (`model.steering.station`); the last one is at the end of the road or beyond it. The rows are
+    empty if the road is straight and level and has one speed limit. Rows that end in `_against`
+    hold for drivers against the road; they, too, are in the order of s.
 
     Attributes:
         curvature: Positive where the road bends towards the overtaking side [1/m].
         sine_of_slope: Positive where the road rises along `s` [1].
         radius_along: Radius by which drivers choose their speed: large where the next bends are
-            wide or far ahead, see `_course_table` [m].
+            wide or far ahead. `_course_table` has the formula [m].
         radius_against: The same for the other direction [m].
-        sight_along: Length of road that a car driver sees; `_FAR` if the road does not limit it
-            [m].
+        sight_along: Length of road that a car driver sees past bends and over crests. It is `_FAR`
+            if the road has neither, or if the map states sight distances, which
+            `RoadParameters.sight` holds [m].
         sight_against: The same for the other direction [m].
         truck_sight_along: Length of road that a truck driver sees, over crests more than a car
             driver [m].
         truck_sight_against: The same for the other direction [m].
-        allowed_speed_along: Largest speed that the limits here and ahead allow, see
-            `_allowed_speeds` [m/s].
+        allowed_speed_along: Largest speed that the limits here and ahead allow: from it, a driver
+            can slow down in time for each of them [m/s].
         allowed_speed_against: The same for the other direction [m/s].
     """
 
@@ -100,16 +102,17 @@ class RoadParameters:
         solid_line: Three rows: stations [m]; 1 if from there on traffic along the road must not
             cross the line between the directions, else 0; the same for oncoming traffic. Shape
             (3, MAX_STATIONS); zeros without oncoming traffic.
-        course_table: Geometry, computed sight and limits by station. Its rows are views on one
-            array, which the engine receives.
+        course_table: Geometry, computed sight and limits by station.
         boundaries: Lane borders from the kerb side to the overtaking side; behind the last border
             copies of it. Shape (MAX_LANES + 1,) [m].
-        film_path: Factor of the film of water in each lane, which grows with the distance from the
-            crown of the road (`road_surface.film_path_factor`), shape (MAX_LANES,).
+        film_path: Factor of the film of water in each lane (`road_surface.film_path_factor`). It
+            grows with the lane's distance from the crown, the highest line of the road. Shape
+            (MAX_LANES,) [1].
         overtaking_sign: +1 in right-hand traffic, -1 in left-hand traffic.
-        x0: World x of (s, d) = (0, 0), 0 for a road that bends [m].
+        x0: World x of (s, d) = (0, 0). It is 0 for a road that bends, as are `y0` and `heading`:
+            the step does not convert positions on it to the world [m].
         y0: World y of the same point [m].
-        heading: Direction of travel, anticlockwise from world x, 0 for a road that bends [rad].
+        heading: Direction of travel, anticlockwise from world x [rad].
         cosine: Cosine of the heading.
         sine: Sine of the heading.
     """
@@ -158,15 +161,15 @@ def road_parameters(road: Road) -> RoadParameters:
         borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
     edge_sum = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
+    crown = borders[road.num_lanes]
     borders = _pad_borders(borders)
-    crown = borders[road.num_lanes if has_oncoming_traffic else -1]
     empty_sight = np.zeros((2, 3, MAX_STATIONS), np.float32)
     empty_line = np.zeros((3, MAX_STATIONS), np.float32)
-    # A single pose describes a straight road only. For a road that bends, the recording converts
-    # road coordinates to the world, so the step needs no pose.
+    # One position and heading describe a straight road only. On a road that bends, the recording
+    # converts the positions of vehicles to the world, after the simulation.
     pose = (0.0, 0.0, 0.0) if road.is_curved else (road.x0, road.y0, road.heading)
     x0, y0, heading = map(np.float32, pose)
-    sine, cosine = sincos(heading)
+    sine, cosine = map(np.float32, sincos(heading))
     return RoadParameters(
         num_lanes=num_lanes,
         num_own_lanes=road.num_lanes,
@@ -182,16 +185,17 @@ def road_parameters(road: Road) -> RoadParameters:
         x0=x0,
         y0=y0,
         heading=heading,
-        cosine=np.float32(cosine),
-        sine=np.float32(sine),
+        cosine=cosine,
+        sine=sine,
     )
 
 
 def has_two_directions(road: Road) -> bool:
     """Whether traffic of both directions can be simulated: one lane each, equally wide.
 
-    On all other roads vehicles keep to the lanes of the road's own direction; so they do if a map
-    states sight distances or marks of the centre line at `MAX_STATIONS` stations or more.
+    On all other roads vehicles keep to the lanes of the road's own direction. They also do so if
+    the tables of the step are too short: the map states sight distances, or changes of the centre
+    line, at `MAX_STATIONS` stations or more.
 
     Args:
         road: The road.
@@ -214,14 +218,14 @@ def check_one_direction(scenario: Scenario, where: str) -> None:
 
     Args:
         scenario: A batch of scenarios.
-        where: Part of the package, or kind of road, with traffic in one direction only; for the
+        where: Simulator ("SUMO") or kind of road with traffic in one direction only, for the
             message.
 
     Raises:
         ConfigError: A vehicle drives in the opposite direction.
     """
     road = scenario.road
-    # In a scenario the lane index `num_lanes` stands for the opposing lane.
+    # `Scenario` counts the road's own lanes from 0; the next index is the opposing lane.
     is_oncoming = scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)
     if is_oncoming.any():
         raise ConfigError(
@@ -244,7 +248,7 @@ def bend_speed(
 
     Args:
         constants: Constants of the model.
-        road: A road whose `course_table` is not empty.
+        road: A road that `varies_along_road`; the table of other roads is empty.
         max_lateral_accel: Largest lateral acceleration that drivers dare at the friction that they
             assume, a shape that broadcasts with `s` [m/s^2].
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
@@ -266,7 +270,7 @@ def allowed_speed(
 
     Args:
         constants: Constants of the model.
-        road: A road whose `course_table` is not empty.
+        road: A road that `varies_along_road`; the table of other roads is empty.
         s: Stations of the drivers, in the frame of their own direction, any shape [m].
         is_oncoming: Whether they drive against the road, the same shape.
 
@@ -281,7 +285,8 @@ def allowed_speed(
 def interpolate_course(row: F32, station: F32) -> F32:
     """Interpolate a row of a `CourseTable` linearly; it is constant beyond its ends.
 
-    `np.interp` would compute in float64, and the engine has the same operations in float32.
+    Unlike `np.interp`, which computes in float64, it has the float32 operations of the engine, so
+    that both simulators have the same results.
 
     Args:
         row: The row, shape (station,), at least two stations.
@@ -292,7 +297,7 @@ def interpolate_course(row: F32, station: F32) -> F32:
     """
     last = np.float32(len(row) - 1)
     position = clamp(station, ZERO, last)
-    # The last station is the upper end of an interval, never the lower one.
+    # At the last station, `first` is the one before it: an interval needs two stations.
     first = minimum(road_surface.floor(position), last - ONE)
     low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
     return low + (position - first) * (high - low)
@@ -319,8 +324,8 @@ def _pad_borders(borders: F32) -> F32:
 def _drainage_path(borders: F32, crown: np.float32) -> F32:
     """Length of the water's path from the crown to the middle of each lane, (MAX_LANES,) [m].
 
-    The crown is the highest line of the cross section: the edge on the overtaking side, or the line
-    between the directions of a two-way road.
+    The crown is the highest line of the cross section: the border on the overtaking side of the
+    road's own lanes, which on a two-way road is the line between the directions.
     """
     centres = (borders[1:] + borders[:-1]) * HALF
     # A lower limit, as a path of length 0 would be dry in any rain.
@@ -332,8 +337,10 @@ def _sight_table(road: Road) -> F32:
     course = road.course or RoadCourse()
     tables = []
     for pairs in (course.sight, course.sight_against):
+        # If the map states no sight distance for this direction, it is unlimited everywhere.
         sight = StationTable.from_pairs(pairs or ((0.0, _FAR),))
-        # An additional station before the road: up to the first one the sight distance is constant.
+        # The step starts at the last station behind a driver. Drivers before the first stated one
+        # find an additional station, before the road: up to the first, the distance is constant.
         rows = [
             np.append(-_FAR, sight.station),
             np.append(sight.value[0], sight.value),
@@ -346,7 +353,7 @@ def _sight_table(road: Road) -> F32:
 def _line_table(road: Road) -> F32:
     """The table `RoadParameters.solid_line`."""
     marks = road.overtaking_edge_marks
-    # The first mark begins at minus infinity.
+    # The first mark begins at minus infinity; the stations of the table are finite.
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
     against = [float(mark.reverse in _SOLID) for _, mark in marks]
@@ -364,21 +371,20 @@ def _course_table(road: Road) -> CourseTable:
     (`bend_decel`). From the speed sqrt(a (R + 2 (b / a) x)) a driver that brakes by b enters the
     bend at the speed sqrt(a R), that is with the lateral acceleration a.
     """
-    if road.course is None or not (
-        road.course.segments or road.course.grade or road.course.speed_limit_spans
-    ):
+    course = road.course
+    if course is None or not (course.segments or course.grade or course.speed_limit_spans):
         return CourseTable._make(np.zeros((len(CourseTable._fields), 0), np.float32))
     spacing = float(constant("model.steering.station"))
     stations = np.arange(math.ceil(road.length / spacing) + 1, dtype=np.float64) * spacing
     turn = road.heading_at(stations + 0.5 * spacing) - road.heading_at(stations - 0.5 * spacing)
-    # The heading may jump by a full turn between two segments of the line.
+    # Segments may state headings that differ by full turns: take the smallest equivalent turn.
     turn = turn - math.tau * np.rint(turn / math.tau)
     curvature = turn / spacing
     slope = road.grade_at(stations)
     decel_over_accel = float(
         constant("model.steering.bend_decel") / constant("model.steering.bend_accel")
     )
-    # A straight station counts as a bend of radius `_FAR`: the radius stays finite.
+    # A station on a straight counts as a bend of radius `_FAR`.
     radius = 1.0 / np.maximum(np.abs(curvature), 1.0 / _FAR)
     # With x as a difference of two stations, the smallest sum is a running minimum: from the end
     # of the road backwards for drivers along it, from its start for drivers against it.
@@ -386,7 +392,8 @@ def _course_table(road: Road) -> CourseTable:
     radius_along = np.minimum.accumulate((radius + gain)[::-1])[::-1] - gain
     radius_against = np.minimum.accumulate(radius - gain) + gain
     allowed_along, allowed_against = (
-        _allowed_speeds(road, stations, direction) for direction in (1, -1)
+        _allowed_speeds(road.speed_limit, course.speed_limits_for(direction), stations, direction)
+        for direction in (1, -1)
     )
     # The order is the order of the fields of `CourseTable`.
     rows = [
@@ -401,16 +408,19 @@ def _course_table(road: Road) -> CourseTable:
     return CourseTable._make(np.array(rows, np.float32))
 
 
-def _allowed_speeds(road: Road, stations: F64, direction: int) -> F64:
+def _allowed_speeds(
+    default_limit: float, spans: Sequence[SpeedLimitSpan], stations: F64, direction: int
+) -> F64:
     """Largest speed from which a driver slows down in time for every limit ahead [m/s].
 
-    At a distance x before the stretch of a limit l it is sqrt(l^2 + 2 b x), with the deceleration
-    b (`bend_decel`). Each stretch is extended by one spacing at either end, because
-    `interpolate_course` is linear between stations: a vehicle in the stretch, between two stations,
-    must find the limit at both.
+    At a distance x before the span of a limit l it is sqrt(l^2 + 2 b x), with the deceleration b
+    (`bend_decel`). `interpolate_course` is linear between stations, so a vehicle in a span must
+    find the limit at the stations before and behind it: each span is extended by one spacing at
+    either end.
 
     Args:
-        road: The road.
+        default_limit: Limit outside all spans [m/s].
+        spans: Stretches with a lower limit that applies to this direction.
         stations: Stations in ascending order, shape (station,) [m].
         direction: +1 along the road, -1 against it.
 
@@ -419,15 +429,16 @@ def _allowed_speeds(road: Road, stations: F64, direction: int) -> F64:
     """
     spacing = float(constant("model.steering.station"))
     decel = float(constant("model.steering.bend_decel"))
-    allowed = np.full(stations.shape, road.speed_limit)
-    for limit in road.course.speed_limits_for(direction) if road.course else ():
-        before_start = limit.start - spacing - stations
-        past_stop = stations - limit.stop - spacing
-        # A vehicle against the road reaches the stretch at its `stop` and leaves it at its `start`.
+    allowed = np.full(stations.shape, default_limit)
+    for span in spans:
+        before_start = span.start - spacing - stations
+        past_stop = stations - span.stop - spacing
+        # A vehicle against the road reaches the span at its `stop` and leaves it at its `start`.
         distance_ahead, distance_behind = (
             (before_start, past_stop) if direction > 0 else (past_stop, before_start)
         )
-        speed = np.sqrt(limit.speed * limit.speed + 2.0 * decel * np.maximum(distance_ahead, 0.0))
+        speed = np.sqrt(span.speed * span.speed + 2.0 * decel * np.maximum(distance_ahead, 0.0))
+        # A vehicle that has left the span is free of its limit.
         allowed = np.where(distance_behind < 0.0, np.minimum(allowed, speed), allowed)
     return allowed
 
@@ -438,13 +449,17 @@ def _sight_rows(road: Road, num_stations: int) -> list[F64]:
     `visible_distance` returns None where it has no distances to compute: the map states them, which
     `RoadParameters.sight` holds, or the road has neither bends nor grades.
     """
-    directions = [visible_distance(road, direction) for direction in (1, -1)]
     unlimited = np.full(num_stations, _FAR)
-    return [
-        unlimited if visible is None else np.minimum(visible.past_bends, getattr(visible, field))
-        for field in ("over_crests", "over_crests_from_truck")
-        for visible in directions
-    ]
+    from_car, from_truck = [], []
+    for direction in (1, -1):
+        visible = visible_distance(road, direction)
+        if visible is None:
+            from_car.append(unlimited)
+            from_truck.append(unlimited)
+        else:
+            from_car.append(np.minimum(visible.past_bends, visible.over_crests))
+            from_truck.append(np.minimum(visible.past_bends, visible.over_crests_from_truck))
+    return [*from_car, *from_truck]
 
 
 def _pad_stations(rows: Sequence[ArrayLike]) -> F32:

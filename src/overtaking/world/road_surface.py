@@ -7,8 +7,8 @@ fixed pattern along each wheel path.
 
 Numbers of the model come from `knowledge/data/weather.toml` (`constant`) and, where the simulation
 step needs them, from `ModelConstants`. All functions are element by element: arguments are float32
-arrays whose shapes broadcast. They use `core.float32_math`, whose results have the same bits on
-every machine.
+arrays whose shapes broadcast, results have the common shape. The functions of `core.float32_math`
+have results with the same bits on every machine and in the compiled engine.
 """
 
 from functools import cache
@@ -26,15 +26,15 @@ PERCENT = np.float32(0.01)
 _FULL = np.float32(100.0)
 """The largest value of CARLA's weather parameters [%]."""
 
-# Shifts of the two waves of puddles from one wheel path to the next, in wave lengths, so that
-# neighbouring wheel paths have puddles at different places: 0.618 is one over the golden ratio,
-# whose multiples fill a period evenly, and 0.382 is its square. The engine has the same numbers.
+# Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: neighbouring
+# wheel paths have puddles at different places. 0.618 is one over the golden ratio, and 0.382 is its
+# square. Multiples of these fill a period evenly. The engine has the same numbers.
 _PHASE_STEP_1 = np.float32(0.618_034)
 _PHASE_STEP_2 = np.float32(0.381_966)
 
 _MAX_DISTANCE = np.float32(1e6)
-"""Longer distances, also infinity, count as this in `stoppable_speed` [m]. Chosen: a vehicle stops
-within it from any speed."""
+"""Longer distances count as this in `stoppable_speed`, so that infinite sight gives a finite speed.
+No vehicle is so fast that it needs more. Chosen [m]."""
 
 
 def rain_rate(rain: F32) -> F32:
@@ -64,7 +64,9 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 
 
 def puddle_depth(puddles: F32) -> F32:
-    """Full depth of a puddle above the film, 0 up to 50 % of deposits [mm].
+    """Full depth of a puddle above the film [mm].
+
+    It is 0 up to 50 % of deposits, where the places of `puddle_cover` hold no water.
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -139,7 +141,11 @@ def lane_film(min_film: F32, rain_factor: F32, path_factor: F32, texture: F32) -
 
 
 def floor(x: F32) -> F32:
-    """Largest whole number not above `x`, for |x| < 2**22, with the operations of the engine."""
+    """Largest whole number not above `x`, as `np.floor`, with the operations of the engine.
+
+    Args:
+        x: Any shape, absolute values below 2**22: there the engine rounds to whole numbers exactly.
+    """
     nearest = np.rint(x)
     return np.where(nearest > x, nearest - ONE, nearest)
 
@@ -156,7 +162,8 @@ def puddle_depth_share(
 
     Puddles are where the sum of two triangle waves along the wheel path is below a threshold t. The
     wave lengths, 23 m and 37 m, have no common divisor, so the sum is distributed like the sum of
-    two independent uniform numbers: a share t^2 / 2 of the path lies below a threshold t <= 1.
+    two independent uniform numbers: a share t^2 / 2 of the path lies below a threshold t <= 1. The
+    depth grows linearly below the threshold, up to the full depth.
 
     Args:
         constants: Constants of the model.
@@ -164,7 +171,8 @@ def puddle_depth_share(
         wheel_path: Whole number of the wheel path, counted across the road, two to a lane.
         phase_1: Random phase of the first wave in this simulation, in [0, 1).
         phase_2: Random phase of the second wave, in [0, 1).
-        threshold: sqrt(2 c) for the share c of the road under puddles, see `puddle_cover` [1].
+        threshold: sqrt(2 c), 0 to 1, for the share c of the road under puddles, result of
+            `puddle_cover` [1].
     """
     # Positions in wave lengths.
     on_wave_1 = s * constants.inverse_puddle_wave_1 + phase_1 + _PHASE_STEP_1 * wheel_path
@@ -175,6 +183,8 @@ def puddle_depth_share(
 
 def peak_friction(constants: ModelConstants, speed: F32, film: F32, wear: F32, truck: F32) -> F32:
     """Peak friction coefficient of a tyre at a speed on a film of water [1].
+
+    It is the largest force of the tyre over its load, before it slides.
 
     Args:
         constants: Constants of the model.
@@ -194,8 +204,8 @@ def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F
     and then `friction_at_film` for each film.
 
     The table has rows for 50, 90 and 130 km/h and columns for 0, 0.2, 1 and 2 mm of water, once for
-    new and once for worn tyres. Truck tyres have a lower friction than it on a dry road. On more
-    than 0.2 mm they lose less friction with speed, as their high pressure delays hydroplaning.
+    new and once for worn tyres. Truck tyres have less friction on a dry road. On more than 0.2 mm
+    they lose less of it with speed, as their high pressure delays hydroplaning.
 
     Args:
         constants: Constants of the model.
@@ -207,8 +217,8 @@ def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F
         One array for each of the four films.
 
     Source:
-        Bosch Automotive Handbook, friction of tyres. Linear between the points of the table,
-        constant beyond its ends.
+        Bosch Automotive Handbook, friction of tyres. The friction is linear between the speeds of
+        the table, and constant beyond its ends.
     """
     v0, v1, v2 = constants.friction_speeds
     # Shares of the ways from the first to the second speed and from the second to the third.
@@ -216,15 +226,16 @@ def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F
     high = clamp((speed - v1) / (v2 - v1), ZERO, ONE)
     new, worn = constants.friction_new, constants.friction_worn
     columns = []
-    for film in range(4):
-        rows = [new[i][film] + wear * (worn[i][film] - new[i][film]) for i in range(3)]
+    for column in range(4):
+        # The friction at each of the three speeds, for this wear.
+        rows = [new[i][column] + wear * (worn[i][column] - new[i][column]) for i in range(3)]
         change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1])
-        if film == 0:  # Dry.
+        if column == 0:  # Dry.
             dry_factor = ONE + truck * (constants.truck_dry_factor - ONE)
             columns.append(dry_factor * (rows[0] + change))
-        elif film == 1:  # 0.2 mm: truck tyres like car tyres.
+        elif column == 1:  # 0.2 mm: truck tyres like car tyres.
             columns.append(rows[0] + change)
-        else:
+        else:  # 1 mm and 2 mm.
             loss_factor = ONE + truck * (constants.truck_loss_factor - ONE)
             columns.append(rows[0] + loss_factor * change)
     return columns

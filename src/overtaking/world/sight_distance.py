@@ -5,13 +5,16 @@ along the road. The simulation step reads them as tables (`road_parameters`), an
 compare them with limits.
 
 A map may state the sight distances of its road (`RoadCourse.sight`). Where it does not, they follow
-from the reference line and the grade of the road. In a bend, an obstacle called *wall* stands on
-the inner side, at a clearance from the middle of the nearest lane, and a driver sees the lane as
-far as a straight line passes the wall: on a circle of radius R with the clearance m, that is
-2 R acos(1 - m / R). Over a crest a driver sees all that the road itself does not cover: on a
-vertical circle of radius R, from an eye at height a to an object of height b, that is
-sqrt(2 R) (sqrt(a) + sqrt(b)). For roads of any shape, the functions below test the points ahead of
-each station one by one.
+from the reference line and the grade of the road:
+
+- In a bend, an obstacle called *wall* stands on the inner side, at a clearance from the middle of
+  the nearest lane. A driver sees the lane as far as a straight line passes the wall. On a circle of
+  radius R with the clearance m, that is 2 R acos(1 - m / R).
+- Over a crest, a driver sees all that the road itself does not cover. On a vertical circle of
+  radius R, from an eye at height a to an object of height b, that is sqrt(2 R) (sqrt(a) + sqrt(b)).
+
+For roads of any shape, the functions below test the points ahead of each station one by one.
+`constant` and `sight_facts` read numbers of the model from `knowledge/data`.
 
 `direction` is +1 for drivers along the road, in the order of the stations, and -1 against it.
 
@@ -34,14 +37,14 @@ from overtaking.model.road import Road
 from overtaking.model.road_course import RoadCourse, RoadZone, ZoneKind
 
 _EYES_PER_BLOCK = 512
-"""Stations whose view is computed at a time. Chosen: an array of a block has 2 MB, however long the
-road is."""
+"""Stations whose view is computed at a time. Chosen: with 500 points ahead of each, an array has
+2 MB, however long the road is."""
 
 _MIN_AHEAD = 1e-3
-"""A point less far ahead than this, or behind, has no bearing: the division would fail [m]."""
+"""Points less far ahead than this count as not ahead: their bearing divides by the distance [m]."""
 
-_FAR = 1e9
-"""Bearing of a part of the wall that hides no point of the path [1]."""
+_HIDES_NOTHING = 1e9
+"""Bearing of a part of the wall that hides no point of the path: larger than theirs [1]."""
 
 _NOT_AHEAD_MARGIN = -1.0
 """Margin of a point of the path that is not ahead, as after a bend by more than a right angle:
@@ -82,12 +85,12 @@ class Path(NamedTuple):
 
 
 def max_sight() -> float:
-    """Largest computed sight distance: the model's drivers look no farther ahead [m]."""
+    """Largest computed sight distance, 1,000 m: drivers of the model look no farther ahead [m]."""
     return float(constant("model.oncoming.range"))
 
 
 def station_spacing() -> float:
-    """Distance between two neighbouring stations [m]."""
+    """Distance between two neighbouring stations, 2 m [m]."""
     return float(constant("model.steering.station"))
 
 
@@ -96,7 +99,7 @@ def sight_at(road: Road, s: ArrayLike, direction: int = 1) -> F64:
 
     Args:
         road: The road.
-        s: Position of the driver along the road, any shape [m].
+        s: Position of the driver from the start of the road, for both directions, any shape [m].
         direction: +1 along the road, -1 against it.
 
     Returns:
@@ -105,6 +108,7 @@ def sight_at(road: Road, s: ArrayLike, direction: int = 1) -> F64:
     """
     visible = visible_distance(road, direction)
     if visible is None:
+        # An empty `RoadCourse` states no distances, so they are infinite.
         return (road.course or RoadCourse()).sight_at(s, direction)
     distance = np.minimum(visible.past_bends, visible.over_crests)
     distance = np.interp(np.asarray(s, np.float64), _stations(road), distance)
@@ -115,10 +119,13 @@ def sight_at(road: Road, s: ArrayLike, direction: int = 1) -> F64:
 def all_zones_for(road: Road, direction: int) -> tuple[RoadZone, ...]:
     """Zones of a road that rules of the law refer to: stated zones and zones of short sight.
 
-    A map states zones such as junctions, crests and bends. Where sight follows from the geometry,
-    the stretches of short sight are zones, too: bends with less than 50 m of sight, "reduced
-    visibility" in Article 19 of the Portuguese Highway Code, and crests with less sight than
-    markings demand for passing at the speed limit there.
+    In a zone the law restricts overtaking. A map states zones such as junctions, crests and bends.
+    Where sight follows from the geometry, the stretches of short sight are zones, too:
+
+    - bends with less than 50 m of sight, "reduced visibility" in Article 19 of the Portuguese
+      Highway Code;
+    - crests with less sight than the centre line requires to allow passing: this distance grows
+      with the speed limit (`sight_facts`).
 
     Args:
         road: The road.
@@ -152,7 +159,7 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
         return None
     facts = sight_facts()
     past_bends = over_crests = from_truck = np.full(len(_stations(road)), max_sight())
-    # Segments are the pieces of the reference line of a road that bends.
+    # Only a road that bends has segments, the pieces of its reference line.
     if course.segments:
         past_bends = _sight_round_bends(road, direction, facts.clearance)
     if course.grade:
@@ -191,7 +198,8 @@ def _spans_where(road: Road, is_inside: Mask) -> Iterator[tuple[float, float]]:
         road: The road.
         is_inside: Whether each station belongs to a stretch, shape (station,).
     """
-    # Where the mask changes: the first station of a stretch and the one behind it, in turns.
+    # Indices where the mask changes: in turns the first station of a stretch, and the first one
+    # behind its end.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], is_inside, [False]])))
     # The last station may lie up to one spacing beyond the end of the road.
     stations = np.minimum(_stations(road), road.length)
@@ -214,8 +222,7 @@ def _stations(road: Road) -> F64:
 def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
     """Stations in the order of travel, continued by the largest sight distance.
 
-    So every driver has the same number of points ahead. Beyond its ends the road continues
-    straight.
+    So every driver has the same number of points ahead. `Road` continues straight beyond its ends.
 
     Returns:
         The stations, descending and below 0 at their end if `direction` is -1 [m], and the number
@@ -223,6 +230,7 @@ def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
     """
     num_ahead = round(max_sight() / station_spacing())
     stations = _stations(road)
+    # Distance from the first station in the order of travel.
     continued = stations[-1] + np.arange(1, num_ahead + 1) * station_spacing()
     distance = np.concatenate([stations, continued])
     return (distance if direction > 0 else stations[-1] - distance), num_ahead
@@ -280,7 +288,7 @@ def _sight_past_wall(path: Path, wall: Points, side: float, num_ahead: int) -> F
         target_bearing = side * _bearing(path, eye, path.points, ahead)
         wall_bearing = side * _bearing(path, eye, wall, ahead)
         # A part of the wall that is not ahead hides nothing.
-        wall_bearing = np.where(np.isfinite(wall_bearing), wall_bearing, _FAR)
+        wall_bearing = np.where(np.isfinite(wall_bearing), wall_bearing, _HIDES_NOTHING)
         nearest_wall = np.minimum.accumulate(wall_bearing, axis=1)
         is_ahead = np.isfinite(target_bearing)
         margin = np.where(is_ahead, nearest_wall - target_bearing, _NOT_AHEAD_MARGIN)
@@ -343,7 +351,7 @@ def _eye_blocks(num_stations: int, num_ahead: int) -> Iterator[tuple[IndexArray,
 
 
 def _distance_to_first_hidden(margin: F64) -> F64:
-    """Distance at which a margin first falls below zero, linear between points, (eye,) [m].
+    """Distance at which a margin first falls below zero, linear between points, shape (eye,) [m].
 
     Args:
         margin: Shape (eye, point); negative for a hidden point. Point k is k + 1 spacings ahead.
@@ -358,10 +366,10 @@ def _distance_to_first_hidden(margin: F64) -> F64:
     # `argmax` gives the first hidden point, and 0 if there is no hidden point.
     first = np.argmax(is_hidden, axis=1)
     last_visible, first_hidden = margin[eye, np.maximum(first - 1, 0)], margin[eye, first]
-    # Share of the spacing between both points at which the margin is 0; 0 and unused where point 0
-    # is hidden or no point is. There `fall` is 0 or without meaning: 1 keeps the division finite.
-    fall = np.where(has_hidden, last_visible - first_hidden, 1.0)
-    share = np.where(first > 0, last_visible / np.where(fall > 0.0, fall, 1.0), 0.0)
+    # Share of the spacing between both points at which the margin is 0. If point 0 is hidden, or
+    # none, there is no such pair: the share is 0, and a divisor of 1 avoids a division by 0.
+    fall = np.where(first > 0, last_visible - first_hidden, 1.0)
+    share = np.where(first > 0, last_visible / fall, 0.0)
     # The last visible point is `first` spacings ahead.
     distance = np.clip((first + share) * station_spacing(), station_spacing(), max_sight())
     return np.where(has_hidden, distance, max_sight())

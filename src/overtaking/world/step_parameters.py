@@ -6,7 +6,8 @@ simulation. To change a value, go to the module that computes it: `vehicle_param
 `driver_parameters`, `weather_parameters` or `road_parameters`.
 
 A *step* is 10 ms, a *decision* is one of 20 instants per second at which drivers decide, a *frame*
-is a recorded instant. A *slot* is the number of a vehicle in its simulation; the ego has slot 0.
+is a recorded instant. A *slot* is the number of a vehicle in its simulation. The *ego*, the vehicle
+under study, has slot 0; in simulations with few vehicles the last slots are empty.
 Inside the simulation the lateral axis points towards the overtaking side, so that left-hand traffic
 is the mirror image of right-hand traffic.
 """
@@ -83,7 +84,7 @@ class VehicleParameters(NamedTuple):
             for wind from the front [m].
         wind_arm: Distance of that middle ahead of the centre of gravity [m].
         tyre_wear: Tread wear, 0 new to 1 worn [1].
-        has_truck_tyres: Flag of a truck; it also tells the height of the driver's eye.
+        has_truck_tyres: Flag of a truck: its tyres and the height of its driver's eye differ.
         shelters_wind: Flag of a body that shelters vehicles to its lee from side wind.
         spray: Spray behind the vehicle, relative to a car [1].
         looming_width: Width that other drivers see grow as they approach [m].
@@ -108,26 +109,28 @@ class VehicleParameters(NamedTuple):
         max_friction: Highest friction coefficient that the tyres find [1].
         politeness: Weight of the disadvantage of followers in the lane-change model MOBIL [1].
         lane_change_threshold: Incentive from which MOBIL changes lanes [m/s^2].
-        keep_right_bias: Bias of MOBIL towards the slow side [m/s^2].
+        keep_right_bias: Bias of MOBIL towards the slower lane, in right-hand traffic the right one
+            [m/s^2].
         safe_decel: Largest braking that the driver imposes on a new follower, positive [m/s^2].
         lane_change_duration: Time from lane centre to lane centre [s].
         min_speed_gain: Speed gain from which the driver overtakes [m/s].
         inverse_patience: Rate at which the demands of a waiting driver fall [1/s].
         pull_out_ttc: Time to collision with the leader at which the driver pulls out [s].
         gap_demand_factor: Factor on the gaps and times demanded in the lane to enter [1].
-        return_time_gap: Time gap left to the overtaken vehicle before returning [s].
+        return_time_gap: Time gap to the overtaken vehicle at which the driver returns [s].
         indicator_lead_time: Time with the indicator on before moving over [s].
         uses_indicator: Flag of a driver that uses the indicator.
-        checks_blind_spot: Share of lane changes after a look over the shoulder [1].
-        start_s: Position of the centre along the road at the start, in the vehicle's own direction,
-            as all positions of the step [m].
+        checks_blind_spot: Share of lane changes before which the driver looks over its shoulder
+            [1].
+        start_s: Position of the centre along the road at the start. All positions of the step count
+            in the vehicle's own direction of travel [m].
         start_d: Lateral position of the centre, towards the overtaking side of that direction [m].
         start_speed: Speed at the start [m/s].
         start_lane: Lane at the start, 0 the slowest of that direction.
         travel_sign: 1 along the road, -1 against it.
         edge_shift_when_passed: Lateral shift to the edge of the lane while being passed [m].
         speed_factor_when_passed: Factor on the desired speed while being passed [1].
-        passing_time_factor: Time that passing is believed to take, over the time it takes [1].
+        passing_time_factor: Believed over true time of passing against oncoming traffic [1].
         assumed_sight_factor: The driver assumes that an oncoming vehicle out of sight is this many
             sight distances away [1].
         time_reserve_share: Time reserve demanded for a pass, over the time that it takes [1].
@@ -250,12 +253,12 @@ class StepParameters:
         road: The road.
         constants: Constants of the model; the constant of a disabled effect has a neutral value.
         seed: Seed of the random numbers, 0 <= seed < 2**64.
-        scenario_index: With the seed, the key of the random numbers of each simulation, shape
-            (simulation,).
+        scenario_index: Number of each scenario, shape (simulation,). The random numbers of a
+            simulation depend on it and on the seed.
         steps_per_frame: Steps from one recorded frame to the next.
-        judgement_errors: Only in a `ParameterSwitch`: new errors of the ego's judgement of
-            distances and of closing speeds, in standard deviations, shape (2, simulation). None
-            keeps the errors that it has.
+        judgement_errors: In a `ParameterSwitch`, new errors of the ego's judgement of distances and
+            of closing speeds, in standard deviations, shape (2, simulation); None keeps the present
+            errors. Elsewhere None.
     """
 
     vehicle_table: F32
@@ -281,17 +284,18 @@ class StepParameters:
     def num_frames(self) -> int:
         """Number of frames of the longest simulation; 1 for an empty batch."""
         last = self.simulations.last_step
+        # The first frame is the start, before any step.
         return int(last.max()) // self.steps_per_frame + 1 if last.size else 1
 
 
 class ParameterSwitch(NamedTuple):
-    """New parameters in the middle of a simulation, for a branch with other conditions.
+    """New parameters in the middle of a simulation: a branch changes weather, drivers or vehicles.
 
     Attributes:
         step: Step from which they hold, at least 1.
-        params: The parameters. Their starts are no states at that step: each vehicle is displaced
-            by the difference between its `start_s` in these parameters and in the parameters
-            before, and its speed changes by the difference of its `start_speed`.
+        params: The parameters. Vehicles keep their state at that step if `start_s` and
+            `start_speed` are as in the parameters before. A difference in `start_s` displaces the
+            vehicle by as much, a difference in `start_speed` changes its speed by as much.
     """
 
     step: int
@@ -313,8 +317,9 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
             one direction only.
     """
     context = step_context(scenario, effects or EnabledEffects())
-    # Arrays have shape (simulation, vehicle) until `_stack` turns them. The later of two fields
-    # with the same name wins: computed values replace copies, such as `desired_speed`.
+    # Arrays have shape (simulation, vehicle) until `_stack` reverses their axes. Of two fields with
+    # the same name `|` takes the later one: computed values, such as `desired_speed`, replace
+    # copied ones.
     vehicle = _same_fields(scenario.vehicles) | _same_fields(scenario.drivers)
     vehicle |= vehicle_parameters(context) | driver_parameters(context)
     simulation = (
@@ -326,6 +331,7 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
         vehicle |= reaction_to_oncoming(context)
         simulation |= oncoming_judgement(context)
     else:
+        # A field that only oncoming traffic needs is 0 here.
         check_one_direction(
             scenario, "a road that is not two equally wide lanes, one in each direction"
         )
@@ -346,8 +352,9 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
     Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
-    length, so each vehicle reacts to the nearest one of all laps. Contacts and the target of the
-    ego compare positions without this, so the ego must not overtake (`ForcedDecision.STAY`).
+    length, so each vehicle reacts to the nearest one of all laps. Two computations lack this:
+    contacts of bodies, and the target of an overtake. So the ego must not overtake
+    (`ForcedDecision.STAY`).
 
     Args:
         params: Parameters of a road with ends.
@@ -369,7 +376,7 @@ def with_forced_decision(params: StepParameters, decision: int) -> StepParameter
 
     Args:
         params: Parameters of a batch.
-        decision: A `ForcedDecision`, such as `PULL_OUT`; 0 forces no decision.
+        decision: A `ForcedDecision`, such as `PULL_OUT`; `FREE`, 0, forces no decision.
 
     Returns:
         A copy with the decision.
@@ -404,7 +411,8 @@ def _same_fields(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
 def _stack(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
     """Stack arrays by field in one float32 table, with reversed axes; True becomes 1.
 
-    Simulations then lie side by side in memory, as the engine computes several at a time.
+    With the simulation as last axis, the numbers of neighbouring simulations lie side by side in
+    memory: the engine loads them into one vector of the CPU.
 
     Args:
         rows: Arrays by field, all of shape (simulation, vehicle) or all of shape (simulation,).

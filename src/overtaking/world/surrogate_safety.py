@@ -4,10 +4,10 @@
 `closing_speed` is the follower's speed minus the leader's, positive while the gap shrinks. Speeds
 are 0 or more. Arguments are float32 arrays or numbers whose shapes broadcast; every function works
 element by element and returns float32 of the common shape. The time of an event that never happens
-is infinite. Features and rules of the law (`labels`) use these functions.
+is infinite. The tables of results and the rules of the law (`labels`) use these functions.
 
-Where `np.where` rejects a quotient, its denominator is replaced by 1 first, so that NumPy does not
-warn of a division by 0.
+`ZERO`, `HALF`, `ONE` and `TWO` are float32 numbers. Where `np.where` rejects a quotient, its
+denominator is replaced by 1 first, so that NumPy does not warn of a division by 0.
 """
 
 import numpy as np
@@ -15,11 +15,11 @@ import numpy as np
 from overtaking.core.arrays import F32, F32Like, Mask
 from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, as_f32
 
-_NEVER = np.float32(np.inf)
+_INFINITY = np.float32(np.inf)
 
 _MIN_DIVISOR = np.float32(1e-20)
-"""Speeds [m/s] up to this count as 0. A gap divided by less would overflow float32, which ends at
-3e38. It is also the smallest divisor in `mttc` and `looming`."""
+"""Divisors up to this count as 0, such as speeds [m/s]. Quotients then stay far below 3e38, where
+float32 ends. Chosen: far below any speed that matters."""
 
 
 def time_gap(gap: F32Like, speed: F32Like) -> F32:
@@ -34,7 +34,7 @@ def time_gap(gap: F32Like, speed: F32Like) -> F32:
     """
     is_moving = speed > _MIN_DIVISOR
     time = np.maximum(gap, ZERO) / np.where(is_moving, speed, ONE)
-    return np.where(is_moving | (gap <= 0), time, _NEVER)
+    return np.where(is_moving | (gap <= 0), time, _INFINITY)
 
 
 def time_headway(gap: F32Like, leader_length: F32Like, speed: F32Like) -> F32:
@@ -46,7 +46,8 @@ def time_headway(gap: F32Like, leader_length: F32Like, speed: F32Like) -> F32:
         speed: Speed of the follower [m/s].
 
     Returns:
-        (gap + leader_length) / speed, infinite at a standstill.
+        (gap + leader_length) / speed; 0 where the follower's front is not behind the leader's
+        front, else infinite at a standstill.
     """
     return time_gap(gap + leader_length, speed)
 
@@ -66,20 +67,23 @@ def ttc(gap: F32Like, closing_speed: F32Like) -> F32:
     """
     is_closing = closing_speed > _MIN_DIVISOR
     time = np.maximum(gap, ZERO) / np.where(is_closing, closing_speed, ONE)
-    return np.where(is_closing | (gap <= 0), time, _NEVER)
+    return np.where(is_closing | (gap <= 0), time, _INFINITY)
 
 
 def mttc(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F32:
     """Time to collision at constant accelerations, MTTC [s].
 
-    The first t > 0 with closing_accel t^2 / 2 + closing_speed t = gap; 0 where the two overlap,
-    infinite if the equation has no such solution. As in the source, a braking vehicle does not
-    stop at its standstill, but continues backwards.
+    As in the source, the accelerations stay constant for ever: a vehicle that brakes comes to a
+    standstill and then reverses.
 
     Args:
         gap: [m].
         closing_speed: [m/s].
         closing_accel: Acceleration of the follower minus acceleration of the leader [m/s^2].
+
+    Returns:
+        The first t > 0 with closing_accel t^2 / 2 + closing_speed t = gap; 0 where the two overlap,
+        else infinite if the equation has no such solution.
 
     Source:
         Ozbay, Yang, Bartin, Mudigonda (2008), TRB 2083, 105-113.
@@ -95,7 +99,7 @@ def mttc(gap: F32Like, closing_speed: F32Like, closing_accel: F32Like) -> F32:
     numerator = np.where(is_opening, root - closing_speed, TWO * distance)
     has_solution = (square >= 0) & (denominator > _MIN_DIVISOR)
     time = numerator / np.where(has_solution, denominator, ONE)
-    return np.where(gap <= 0, ZERO, np.where(has_solution, time, _NEVER))
+    return np.where(gap <= 0, ZERO, np.where(has_solution, time, _INFINITY))
 
 
 def drac(gap: F32Like, closing_speed: F32Like) -> F32:
@@ -116,14 +120,14 @@ def drac(gap: F32Like, closing_speed: F32Like) -> F32:
     approach = np.maximum(closing_speed, ZERO)
     has_gap = gap > 0
     decel = approach * approach / (TWO * np.where(has_gap, gap, ONE))
-    return np.where(has_gap | (approach == 0), decel, _NEVER)
+    return np.where(has_gap | (approach == 0), decel, _INFINITY)
 
 
 def is_ttc_critical(time_to_collision: F32Like, threshold: F32Like) -> Mask:
     """Whether a time to collision is critical: above 0 and at most the threshold.
 
-    The total duration of the critical frames is the time exposed time-to-collision, TET. A time of
-    0 is a collision, no exposure to the risk of it.
+    The total time for which it is critical is the time exposed time-to-collision, TET. A time to
+    collision of 0 does not count: the collision has happened.
 
     Args:
         time_to_collision: Result of `ttc`, may be infinite [s].
@@ -170,11 +174,12 @@ def looming(gap: F32Like, closing_speed: F32Like, width: F32Like) -> F32:
     """
     distance = np.maximum(gap, ZERO)
     square = distance * distance + HALF * HALF * width * width
+    # The lower limit is for a width of 0: the square of a tiny gap is 0 in float32.
     return np.where(gap > 0, width * closing_speed / np.maximum(square, _MIN_DIVISOR), ZERO)
 
 
 def assumed_decel(friction: F32Like, *, share: F32Like, limit: F32Like, gravity: F32Like) -> F32:
-    """Deceleration that a careful driver may count on: min(limit, share mu g) [m/s^2].
+    """Deceleration to pass to `safe_distance`: min(limit, share mu g) [m/s^2].
 
     Args:
         friction: Friction coefficient mu of tyres and road [1].
@@ -197,7 +202,8 @@ def safe_distance(
 
     follower_speed t + follower_speed^2 / (2 b_follower) - leader_speed^2 / (2 b_leader), or 0 if
     that is negative. The formula compares the two positions at standstill, so it is exact for equal
-    decelerations. A follower that brakes harder than its leader could touch it before both stand.
+    decelerations. For a follower that brakes harder than its leader it can be too small, because
+    the two could touch before they stand.
 
     Args:
         follower_speed: [m/s].
@@ -210,7 +216,7 @@ def safe_distance(
         Maierhofer et al. (2020), Formalization of interstate traffic rules in temporal logic;
         Rizaldi et al. (2016), A formally verified checker of the safe distance traffic rules.
     """
-    # Vehicles that start bumper to bumper lack exactly the safe distance when they have stopped.
+    # The terms of `picud` with the signs reversed; the gap is 0.
     gap_after_stop = picud(
         ZERO,
         follower_speed,
@@ -247,6 +253,7 @@ def picud(
         Uno, Iida, Itsubo, Yasuhara (2002), A microscopic analysis of traffic conflict caused by
         lane-changing vehicle at weaving section.
     """
+    # `as_f32` makes an array of a single number, too.
     stopping = follower_speed * (reaction_time + follower_speed / (TWO * follower_decel))
     return as_f32(gap - stopping + leader_speed * leader_speed / (TWO * leader_decel))
 

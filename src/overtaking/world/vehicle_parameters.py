@@ -3,8 +3,8 @@
 In go the bodies of the vehicles (`Scenario.vehicles`), their starts and the weather; out come
 arrays by the name of their field of `step_parameters.VehicleParameters`, one number per vehicle.
 `step_parameters.step_parameters` collects them once before a simulation, together with the fields
-that `driver_parameters` computes. `constant` reads a number of the model from `knowledge/data`;
-`ModelConstants` holds those that the step reads, too.
+that `driver_parameters` computes. `ModelConstants` holds the numbers of the model that the step
+reads; `constant` reads any number of the model from `knowledge/data`.
 
 Lateral positions count towards the overtaking side, stations `s` along the direction of travel.
 The cornering stiffness of an axle is its side force per slip angle, C_f in front and C_r at the
@@ -56,8 +56,8 @@ def vehicle_parameters(context: StepContext) -> FieldArrays:
       `max_speed` [m/s]; `max_brake_force`, the strongest braking force, positive; `front_drive`,
       the share of the drive force at the front axle [1].
     - Tyres: `understeer`, see `understeer_gradient`; `moment_angle` and `side_lag`, see the
-      functions of these names; `has_truck_tyres`, the flag of a truck, whose tyres and whose
-      driver's eye height differ.
+      functions of these names; `has_truck_tyres`, the flag of a truck: its tyres and the height of
+      its driver's eye differ.
     - Wind: `side_wind`, the side force per squared air speed at the wind angle that gives the
       largest force [N s^2/m^2]; `wind_centre`, the distance of the centre of wind pressure ahead of
       the middle between the axles, negative behind it; `wind_arm`, the distance of that middle
@@ -168,7 +168,7 @@ def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
         "half_length": HALF * vehicles.length,
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
-        # The switch `occlusion` concerns hidden views only; shelter has the switch `wake`.
+        # The switch of shelter is not here: `wake` changes a constant of the step instead.
         "blocks_view": is_tall & effects.occlusion,
         "shelters_wind": is_tall,
         "spray": vehicles.spray_factor,
@@ -189,12 +189,14 @@ def _inertia(vehicles: VehicleSpecs) -> FieldArrays:
 def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
     """Forces of the engine, the brakes and the resistances."""
     vehicles = scenario.vehicles
-    # Pinto, Dutra and Fonseca (2023) let bicycles drive at 50 to 120 km/h on their motorway. Only
-    # bicycles have the flag `unlawful_presence`, so they can hold the speed at which they start.
+    # `unlawful_presence` is the flag of bicycles, which the law bans from motorways. A study that
+    # the package repeats (Pinto, Dutra and Fonseca 2023) has them on its motorway at 50 to
+    # 120 km/h: they shall be able to hold the speed at which they start.
     raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
     return {
         "launch_force": vehicles.mass * vehicles.launch_accel,
-        # `power_share` is the share that remains on average, as gear changes interrupt the drive.
+        # `power_share` is the share that is left on average, because gear changes interrupt the
+        # drive.
         "power": constant("model.dynamics.power_share") * vehicles.power,
         "drag": constants.half_air_density * vehicles.drag_area,
         "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
@@ -210,7 +212,7 @@ def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
         "understeer": understeer_gradient(vehicles, constants),
         "moment_angle": moment_angle(vehicles, constants),
         "side_lag": side_lag(vehicles, constants),
-        "has_truck_tyres": (vehicles.kind == VehicleKind.TRUCK).astype(np.float32),
+        "has_truck_tyres": vehicles.kind == VehicleKind.TRUCK,
     }
 
 
@@ -236,13 +238,13 @@ def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArr
 def _lamps(context: StepContext) -> FieldArrays:
     """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog.
 
-    Bicycles have no lamps. At night drivers judge an approach by the distance of the lamps, by day
-    by the width of the body.
+    Bicycles have no lamps that are on. By day drivers judge an approach by the width of the body,
+    at night by `lamp_separation`, the distance of the lamps or the diameter of a single one.
 
     A scenario may replace the physical effects of its weather by random lateral pushes
     (`Scenario.pushes`). Then the effective weather, also of `context.conditions`, is a dry, clear
-    day: vehicles switch on their lamps in the recorded night, and drivers judge an approach as by
-    day. Otherwise recorded and effective weather are the same.
+    day, and only the lamps follow the recorded night. Otherwise recorded and effective weather are
+    the same.
     """
     vehicles, conditions = context.scenario.vehicles, context.conditions
     has_lamps = vehicles.kind != VehicleKind.BICYCLE
@@ -271,15 +273,16 @@ def _lamps(context: StepContext) -> FieldArrays:
 def _start(scenario: Scenario) -> FieldArrays:
     """States at the start, each vehicle in the frame of its own direction.
 
-    A two-way road has one lane in each direction, both equally wide; in `Scenario.start_lane` the
-    index 1, the number of the road's own lanes, stands for the opposing lane. The frame of oncoming
-    vehicles is the frame of the road turned by half a circle about its middle: s becomes
-    length - s, and each lane takes the place of the other. So an oncoming vehicle starts in lane 0
-    of its frame, between the same borders as a vehicle along the road.
+    A two-way road has one lane in each direction, both equally wide. In `Scenario.start_lane` the
+    index 1, the number of the road's own lanes, stands for the opposing lane. Oncoming vehicles
+    have a frame (coordinate system) of their own, turned by half a circle about the middle of the
+    road: s becomes length - s, and each lane takes the place of the other. So an oncoming vehicle
+    starts in lane 0 of its frame, between the same borders as a vehicle along the road.
     """
     road = road_parameters(scenario.road)
     borders = road.boundaries
-    # A slot without a vehicle may hold any lane index; keep it in the range of `borders`.
+    # Where a simulation has fewer vehicles than the array has columns, the lane index may be any
+    # number: keep it in the range of `borders`.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
     is_oncoming = road.has_oncoming_traffic & (lane == road.num_own_lanes)
     lane = np.where(is_oncoming, 0, lane)

@@ -49,9 +49,9 @@ Callers apply it where the limits of sight are disabled and the threshold is the
 _NEWTON_STEPS = 8
 """Steps of Newton's method for the range of a lamp.
 
-Lamps of 1 to 500 cd come within 1e-6 of their range in five steps, in clear air and in the thickest
-fog; three more are a reserve. `tests/reference/test_visibility.py` compares these lamps with
-another solver.
+For lamps of 1 to 500 cd the relative error is below 1e-6 after five steps, in clear air and in the
+thickest fog; three more are a reserve. `tests/reference/test_visibility.py` compares these lamps
+with another solver.
 """
 
 _MIN_LAMP_RANGE = np.float32(0.5)
@@ -64,8 +64,8 @@ It lies far below every result: a lamp of 1 cd by day in the thickest fog has a 
 def meteorological_range(fog: F32) -> F32:
     """Meteorological optical range at CARLA's fog density [m].
 
-    The range falls geometrically from 10 km in clear air to 50 m at 100 %. The map from
-    CARLA's density is a choice, geometric because drivers perceive fog logarithmically.
+    The range falls geometrically from 10 km in clear air to 50 m at 100 %. CARLA's density has no
+    physical meaning, so this is a choice: drivers perceive fog logarithmically.
 
     Args:
         fog: 0 to 100 [%], any shape.
@@ -136,9 +136,10 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
         Veiling luminance of Stiles and Holladay.
     """
     sun_altitude = np.asarray(sun_altitude, np.float32)
-    # The root of the squares is at most 1.2 % larger than the true angle where the sun dazzles, up
-    # to 18 degrees high and 25 degrees aside. Elsewhere the last line ignores it.
+    # Where the sun dazzles, up to 18 degrees high and 25 degrees aside, the root of the squares is
+    # at most 1.2 % larger than the true angle. Elsewhere the result does not depend on it.
     theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
+    # The formula holds from 1 degree on.
     theta = maximum(theta, constant("weather.glare.min_angle_deg"))
     veil = constant("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
     luminance = constant("weather.glare.road_luminance")
@@ -180,11 +181,11 @@ def sun_illuminance(altitude: F32) -> F32:
 
 
 def contrast_threshold(night: Mask, dusk: Mask, rain_rate: F32) -> F32:
-    """Smallest contrast that a driver detects through a wet windscreen [1].
+    """Smallest contrast that a driver detects, larger through a windscreen wet from rain [1].
 
     Args:
         night: Whether it is night, any shape.
-        dusk: Whether it is dusk; without meaning at night.
+        dusk: Whether it is dusk; ignored at night.
         rain_rate: [mm/h].
 
     Source:
@@ -206,7 +207,7 @@ def lamp_threshold(night: Mask, dusk: Mask) -> F32:
 
     Args:
         night: Whether it is night, any shape.
-        dusk: Whether it is dusk; without meaning at night.
+        dusk: Whether it is dusk; ignored at night.
 
     Source:
         ICAO Doc 9328, visual thresholds of illuminance for runway lights.
@@ -231,11 +232,13 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
     """
     target = log(intensity / threshold)
     range_in_clear_air = np.sqrt(intensity / threshold)
-    # The iteration starts at the range in clear air, or at four optical depths if that is less: in
-    # the thickest fog, lamps of 1 to 500 cd have ranges of 2 to 10 optical depths. The bound of the
-    # extinction keeps the quotient finite in clear air: 4000 km, where 500 cd reach 25 km at night.
+    # The iteration starts at the range in clear air, or at an optical depth of 4 if that is nearer:
+    # in the thickest fog, lamps of 1 to 500 cd have ranges at optical depths of 2 to 10. The lower
+    # limit of the extinction avoids a division by 0. It gives 4000 km, while 500 cd reach 25 km at
+    # night.
     r = minimum(range_in_clear_air, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
     for _ in range(_NEWTON_STEPS):
+        # The derivative of the excess by r is (2 + extinction r) / r.
         excess = TWO * log(r) + extinction * r - target
         r = r - r * excess / (TWO + extinction * r)
         r = maximum(r, _MIN_LAMP_RANGE)

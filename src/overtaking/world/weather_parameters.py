@@ -6,10 +6,10 @@ In goes a batch of scenarios with weather percentages of the driving simulator C
 `driver_parameters`. The formulas are in `road_surface` and `visibility`; `constant` reads numbers
 from `knowledge/data`.
 
-The profile `pinto2023` repeats a published study, in which random lateral *pushes* and a reduced
-field of vision replace the physical effects of weather (`Scenario.pushes`). For such scenarios the
-weather that acts by physics, the *effective* weather, is a dry, still, clear day
-(`with_effective_weather`). For all others it is the recorded weather.
+Some scenarios repeat a published study (Pinto, Dutra and Fonseca 2023). There random lateral
+*pushes* and a reduced field of vision replace the physical effects of weather (`Scenario.pushes`).
+The weather that acts by physics, the *effective* weather, is then a dry, still, clear day
+(`with_effective_weather`). In all other scenarios it is the recorded weather.
 
 A *decision* is one of 20 instants per second at which drivers decide. `EnabledEffects` switches
 effects off, to show their influence; a disabled effect has a neutral number here.
@@ -67,13 +67,15 @@ class SimulationParameters(NamedTuple):
         wind_along: Mean wind in the direction of travel [m/s].
         wind_across: Mean wind towards the overtaking side [m/s].
         gust_gain: Amplitude of the single gusts at bridges and cuttings, over the mean wind [1].
-        gust_phase: Position of these gusts along the road, in (0, 1) of their spacing [1].
+        gust_phase: Position of these gusts along the road, as a share of the distance between two
+            of them, in (0, 1) [1].
         gust_length: Length of road that each of them covers [m].
         push_accel: Lateral acceleration of pushes, positive towards the overtaking side; 0 without
             pushes [m/s^2].
         push_rate: Pushes per decision [1].
         push_duty_cycle: Share of the time in which a push acts, 0 to 1 [1].
-        push_phase: Progress of the interval between two pushes at the start, in (0, 1) [1].
+        push_phase: Share of the interval between two pushes that has passed at the start, in (0, 1)
+            [1].
         min_wet_film: Thinnest film of water on a wet road, 0 on a dry one [mm].
         film_rain_factor: Factor A of the film by the rain, see `road_surface.film_rain_factor`
             [mm].
@@ -143,7 +145,7 @@ class SimulationParameters(NamedTuple):
 class WeatherEffects:
     """Effects of rain, fog and light that need no random number; arrays of shape (simulation,).
 
-    This is the part of `SceneConditions` that rules of the law and tables read, too.
+    This is the part of `SceneConditions` that rules of the law and tables of results read, too.
 
     Attributes:
         rain_rate: Rain [mm/h].
@@ -233,8 +235,8 @@ class StepContext:
 def weather_effects(scenario: Scenario) -> WeatherEffects:
     """Effects of rain, fog and light with all effects enabled.
 
-    The step, rules of the law and tables share the result, which is cached as long as the batch
-    exists; callers must not change the arrays.
+    The step, rules of the law and tables of results share one result for each batch: callers must
+    not change the arrays.
 
     Args:
         scenario: A batch of scenarios, with its recorded weather.
@@ -245,7 +247,7 @@ def weather_effects(scenario: Scenario) -> WeatherEffects:
 def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) -> SceneConditions:
     """Weather and light of each simulation.
 
-    It reads `model_constants`: no disabled effect changes the constants that it needs.
+    Gravity and friction come from `model_constants`, as no disabled effect changes them.
 
     Args:
         scenario: A batch of scenarios, with its recorded weather.
@@ -256,13 +258,14 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
     weather = weather_effects(scenario) if is_whole_model else _weather_effects(scenario, effects)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.WIND_AND_WATER)
     effective_scenario = with_effective_weather(scenario)
-    # Draws are successive random numbers. Wind draws first, then puddles, then pushes: another
-    # order would give each seed other simulations.
+    # `draws` gives successive random numbers, which depend on seed and scenario. Wind draws first,
+    # then puddles, then pushes: another order would give each seed other simulations.
     wind = _wind(effective_scenario, draws, effects)
     phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
     pushes = _pushes(scenario, draws)
     friction = _believed_friction(weather.film)
     comfort = np.full_like(friction, constant("model.steering.comfort_accel"))
+    # The share of the friction that drivers use for lateral acceleration.
     grip_share = constant("model.steering.grip_share")
     return SceneConditions(
         rain_rate=weather.rain_rate,
@@ -361,7 +364,7 @@ def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
     per_second = mean_share / np.float32(pushes.interval)
     return {
         "push_accel": push_sign * np.float32(pushes.accel),
-        "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
+        "push_rate": per_second / DECISIONS_PER_SECOND,
         "push_duty_cycle": minimum(per_second * np.float32(pushes.duration), ONE),
         "push_phase": draws.uniform(),
     }
@@ -370,9 +373,8 @@ def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
 def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> dict[str, F32]:
     """Mean wind, and the gusts at bridges and cuttings.
 
-    The number of draws is the same for all simulations, also where there are no gusts, so that the
-    draws that follow do not depend on the wind or on the effects. Their order belongs to the seed:
-    gain, phase, length.
+    All simulations draw gain, phase and length, in this order, also those without gusts. So the
+    numbers drawn later, for puddles and pushes, do not depend on the wind or on the effects.
     """
     along, across = mean_wind(scenario)
     has_gusts = (scenario.weather.wind >= constant("weather.gusts.from_percent")) & effects.gusts
@@ -468,7 +470,8 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict
         effects: The effects that are enabled.
     """
     weather, zero = scenario.weather, np.zeros_like(rate)
-    # Without the effect `range` extinctions, thresholds and inverse ranges are 0: unlimited sight.
+    # Without the effect `range`, extinctions, lamp thresholds and inverse ranges are 0: unlimited
+    # sight. Contrast needs no factor, as it does not fall with distance at an extinction of 0.
     range_factor = ONE if effects.range else ZERO
     sun_angle = np.abs(weather.sun_azimuth)
     lamp_threshold = visibility.lamp_threshold(weather.night, _is_dusk(scenario))
@@ -484,8 +487,8 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict
 def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F32]:
     """Fields that limit sight in a scenario with pushes; empty in all others.
 
-    The result replaces two fields of `_sight_ahead`. No lamp is visible, so that lamps do not show
-    vehicles beyond the field of vision.
+    The result replaces two fields of `_sight_ahead`. In all light no lamp counts as visible:
+    otherwise lamps would show vehicles beyond a reduced field of vision.
     """
     if scenario.pushes is None or not effects.range:
         return {}
