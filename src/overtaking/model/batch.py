@@ -5,10 +5,10 @@ recorded trajectories, events, features) are subclasses of `Batch`. Each field i
 array type of `core.arrays`, which states the dtype (`F32` is float32), and with a `FieldSpec`,
 which states meaning, unit and range:
 
-    speed: Annotated[F32, FieldSpec("Speed of the ego", "m/s", 0.0, 150.0)]
+    speed: Annotated[F32, FieldSpec("Speed of the vehicle", "m/s", 0.0, 150.0)]
 
-`batch_fields` reads these declarations. `model.checks` checks the values of users against them, and
-`data.tables` derives the columns of tables from them.
+`batch_fields` reads these declarations. When a user passes a batch to a public function,
+`model.checks` compares its values with them. `data.tables` derives the columns of tables from them.
 """
 
 import dataclasses
@@ -65,10 +65,10 @@ class AxisEnd:
 class ColumnName:
     """Name of the table column of a field; the table adds the unit, as in `ego_speed_mps`.
 
-    The columns of a nested batch begin with this name and "_".
+    If the field holds a batch, the columns of that batch begin with the name and "_".
 
     Attributes:
-        name: The name; if empty, the field gives it.
+        name: The name; if empty, it is the name of the field.
         prefix: Text before the name, such as "ego_".
     """
 
@@ -91,18 +91,20 @@ class FieldSpec:
         low: Smallest value.
         high: Largest value.
         low_is_open: Whether `low` itself is excluded.
-        missing: A value outside the range for "no value", such as -1 for an event that did not
-            happen; null in tables.
+        missing: An integer outside the range that stands for "no value", such as -1 for an event
+            that did not happen; null in tables. None if every value must be in the range.
         axes: Axes of the array; None for the axes of its class (`Batch.AXES`).
         column: Name of the column; None for a field that is not written.
-        null_unless: Dotted path of another field that decides where this column is null: where that
-            field is false, 0, or its own `missing` value. A path that begins with a dot starts at
-            the batch of this field (".has_oncoming"), any other path at the outermost batch, whose
-            rows the table holds ("leader.encounter.valid"). Empty if no field decides.
-        needs: Properties without which the value is unknown, such as "weather". The column is null
-            for a recording that lacks one of them; `model.trajectories.UNKNOWNS` has all names.
-        names: Of an enumeration, the names of its codes: the first is code 0.
-        flags: Of a bit field, the names of its bits, from the lowest.
+        null_unless: Dotted path of another field, the condition of this column. The column is null
+            where that field has its own `missing` value or, if it declares none, is false or 0. A
+            path that begins with a dot starts at the batch of this field (".has_oncoming"). Any
+            other path starts at the batch whose rows the table holds ("leader.encounter.valid").
+            Empty if the column has no condition.
+        needs: Properties of the traffic, such as "weather", without which this value is unknown.
+            The column is null for recordings of real traffic that do not state all of them;
+            `model.trajectories.UNKNOWNS` has all names.
+        names: Of a field with codes, or of a boolean field, the name of each value from 0 on.
+        flags: Of an integer field with one flag per bit, the names of its bits, from the lowest.
         is_key: Whether the column is part of the primary key of its table.
     """
 
@@ -130,7 +132,7 @@ class FieldSpec:
     @property
     def is_bounded(self) -> bool:
         """Whether a range is declared, against which values are checked."""
-        return self.low > -math.inf or self.high != math.inf
+        return self.low != -math.inf or self.high != math.inf
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -166,7 +168,7 @@ class BatchField:
 
     @property
     def is_flag(self) -> bool:
-        """Whether it is an array of booleans."""
+        """Whether it is an array of booleans; `FieldSpec.flags` are bits of integers instead."""
         return self.dtype == np.bool_
 
     @property
@@ -179,11 +181,12 @@ class BatchField:
 def batch_fields(cls: type) -> Mapping[str, BatchField]:
     """The fields of a dataclass by name, in their order, as their annotations declare them.
 
-    Fields with `compare=False` are left out: they describe the source of a batch (the rows of its
-    import report), so no check and no table reads them.
+    Fields with `compare=False` are left out. The only one is `Trajectories.import_findings`, the
+    faults that a reader found in a recording of real traffic. No check and no table of simulations
+    reads it.
 
     Args:
-        cls: A subclass of `Batch`, or another dataclass.
+        cls: A subclass of `Batch`, or another dataclass. The result is cached for it.
 
     Raises:
         TypeError: The annotation of an array states no dtype, as a bare `NDArray` does.
@@ -202,7 +205,9 @@ def batch_fields(cls: type) -> Mapping[str, BatchField]:
 
 
 def field_from_annotation(name: str, annotation: Any, axes: Axes = ()) -> BatchField:
-    """A field, or a parameter of a function, as its annotation declares it.
+    """A field, or a parameter of a public function, as its annotation declares it.
+
+    `model.checks` calls it for the parameters.
 
     Args:
         name: Name of the field or parameter.
@@ -289,7 +294,8 @@ class Batch(CompactRepr, ContentEquality):
 
     @property
     def nbytes(self) -> int:
-        """Size of its arrays, and of the arrays of nested batches [bytes]."""
+        """Size of its arrays and nested batches, without tuples of batches [bytes]."""
+        # "type: ignore" here and below: `Batch` itself is no dataclass, but all subclasses are.
         values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
         return sum(value.nbytes for value in values if isinstance(value, np.ndarray | Batch))
 
@@ -316,12 +322,15 @@ class Batch(CompactRepr, ContentEquality):
                 shape (simulation,); or a slice.
 
         Raises:
-            NoSuchSimulationError: The argument is of another type, or an index is out of range.
+            NoSuchSimulationError: The argument is neither a slice nor one-dimensional, its elements
+                are neither integers nor booleans, an index is out of range, or the mask has another
+                length.
         """
+        # NumPy finds the invalid indices; its message becomes a part of this one.
+        problem: object = repr(simulations)
         try:
             if isinstance(simulations, slice) or np.ndim(simulations) == 1:
                 return self._select(simulations)
-            problem: object = f"{simulations!r}"
         except (IndexError, TypeError, ValueError) as error:
             problem = error
         raise NoSuchSimulationError(
@@ -348,7 +357,8 @@ class Batch(CompactRepr, ContentEquality):
         """A copy with some fields changed.
 
         Args:
-            **changes: New values by field name; `model.checks` checks them when the copy is used.
+            **changes: New values by field name. They are not checked here but by the public
+                function that gets the copy.
 
         Raises:
             ConfigError: There is no such field.
@@ -366,8 +376,8 @@ class Batch(CompactRepr, ContentEquality):
 class IdentityBatch(Batch):
     """A batch that equals only itself: `==` is `is`, and `equals` compares the content.
 
-    Other batches have no hash, because arrays are not hashable. This one has the hash of an object,
-    as `cached_per_batch` demands.
+    `cached_per_batch` keeps results in a dictionary whose keys are batches, so they need a hash.
+    Other batches are not hashable, because `==` compares their arrays.
     """
 
     __slots__ = ()
@@ -379,7 +389,8 @@ class IdentityBatch(Batch):
 class Delayed(Batch):
     """A batch some of whose fields are computed at their first use.
 
-    Signals are such batches: their arrays are large, and most callers read few of them.
+    Time series (`model.ego_signals`) are such batches: their arrays are large, and most callers
+    read few of them.
     """
 
     __slots__ = ("_later",)
@@ -389,8 +400,9 @@ class Delayed(Batch):
         """A batch with the values of some fields, and functions that compute the others.
 
         Args:
-            later: By the name of each other field, a function that returns a mapping with the value
-                of that field. It may hold the values of further fields, which are stored as well.
+            later: By the name of each other field, a function that returns the value of that field
+                by its name. Fields that are computed together have the same function: it returns
+                the values of all of them, and runs at the first use of any.
             **known: Values of fields by name.
         """
         # `__init__` would demand all fields, and a frozen dataclass refuses plain assignments.
@@ -406,7 +418,7 @@ class Delayed(Batch):
 
             Python calls this method only for attributes that have no value yet.
             """
-            # A batch that `__init__` made has no `_later`: looking it up would recur without end.
+            # A batch that `__init__` made has no `_later`; `self._later` calls this method again.
             later = {} if name == "_later" else self._later
             if name not in later:
                 raise AttributeError(name, name=name, obj=self)
@@ -419,15 +431,16 @@ def concatenate(batches: list[BatchT]) -> BatchT:
     """Join batches along the simulation axis.
 
     Args:
-        batches: One or more batches of the same class. Values that all simulations of a batch
-            share, such as the road, must be equal in all of them.
+        batches: One or more batches of the same class, whose arrays agree in all axes but the
+            first. A field is an array in all of them or in none. Values that all simulations of a
+            batch share, such as the road, must be equal in all batches.
 
     Returns:
-        The joined batch. Its import report has the findings of all reports; a finding that several
-        of them have appears once.
+        The joined batch. Its `import_findings`, the faults found in the source of recorded traffic,
+        come from all batches; a finding that several batches have appears once.
 
     Raises:
-        ValueError: The list is empty or a shared value differs.
+        ValueError: The list is empty, a shared value differs, or arrays do not fit.
     """
     if not batches:
         raise ValueError("concatenate: expected at least one batch, got none")
@@ -443,7 +456,7 @@ def concatenate(batches: list[BatchT]) -> BatchT:
             joined[field.name] = tuple(
                 concatenate(list(parts)) for parts in zip(*values, strict=True)
             )
-        elif not field.compare:  # The only such field is `Trajectories.import_findings`.
+        elif not field.compare:  # `Trajectories.import_findings`, a tuple of findings.
             joined[field.name] = joined_findings(values)
         elif not all(is_same_content(value, values[0]) for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
@@ -462,11 +475,12 @@ ResultT = TypeVar("ResultT")
 def cached_per_batch(function: Callable[[IdentityT], ResultT]) -> Callable[[IdentityT], ResultT]:
     """Decorate a function of a batch so that it computes once for each batch object.
 
-    A result is released together with its batch. All callers share the result, so they must not
-    change its arrays.
+    A result is released together with its batch, to which the cache holds a weak reference. All
+    callers share the result, so they must not change its arrays.
 
     Args:
-        function: A function whose only argument is a batch of a class with `weakref_slot=True`.
+        function: A function whose only argument is a batch. The class of the batch must have
+            `weakref_slot=True`, because objects with slots have no weak references otherwise.
     """
     results: WeakKeyDictionary[IdentityT, ResultT] = WeakKeyDictionary()
 

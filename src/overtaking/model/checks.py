@@ -50,15 +50,15 @@ P = ParamSpec("P")
 ResultT = TypeVar("ResultT")
 
 OUTPUT = "out"
-"""Parameter of functions that write: the path of a file or folder, or the URL of a folder. Such a
-parameter gets a further check, `check_output_path`."""
+"""Parameter of functions that write: the path of a file or folder, or the URL of a folder. It must
+be UTF-8, because libraries that write files accept no other names."""
 
 _NO_MATCH = object()
 """Result of `_convert` for a value that is not of the annotated type. It is not None, because None
 can be a valid value."""
 
 _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
-    int: (SupportsIndex, "a whole number"),
+    int: (SupportsIndex, "a whole number"),  # `_convert` tests it by `whole_number` instead.
     float: (Real, "a number"),
     bool: (bool | np.bool_, "True or False"),
     str: (str, "a text"),
@@ -72,8 +72,8 @@ wider types also accept NumPy's numbers."""
 def check_batch(batch: Any, where: str, name: str = "") -> None:
     """Check a dataclass, and the batches in it, against the declarations of their fields.
 
-    Of another dataclass, such as a road, the types and ranges of its fields are checked, but not
-    the fields of dataclasses in it.
+    Tuples are not searched for batches. Of another dataclass, such as a road, only the types and
+    ranges of its own fields are checked; its class checks the dataclasses in it, such as lanes.
 
     Args:
         batch: A batch, or another dataclass.
@@ -96,18 +96,21 @@ def check_batch(batch: Any, where: str, name: str = "") -> None:
 def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
     """Decorate a function so that each call first checks its arguments against their annotations.
 
-    The function gets integers as Python's and iterables as tuples, because some iterables can be
-    read only once. If it has a parameter `progress`, its progress appears in notebooks.
+    The function gets integers as Python's, because NumPy's overflow, and iterables as tuples,
+    because some can be read only once. If it has a parameter `progress`, its progress appears in
+    notebooks.
 
     Args:
-        function: A function; parameters without an annotation, and `**kwargs`, are not checked.
+        function: A function. Default values, parameters without an annotation, and `**kwargs` are
+            not checked.
 
     Returns:
         The function with checks. It raises `ConfigError` if an argument is of another type or out
-        of range, and `SystemLimitError` if the system refuses memory, threads or open files.
+        of range, `SystemLimitError` if the system refuses memory, threads or open files, and
+        Python's `TypeError` for missing or unknown arguments.
     """
     signature = inspect.signature(function)
-    # Messages leave out the underscore of functions that are private in their module.
+    # A public function may pass its options to a private `_name`, whose name then lacks the "_".
     where = function.__qualname__.lstrip("_")
 
     @cache  # The first call resolves annotations, when all types of the module are defined.
@@ -121,13 +124,14 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
         # `get_type_hints(function)` would also resolve the type of the result, which some modules
         # import for type checkers alone.
         holder = types.SimpleNamespace(__annotations__=annotations)
-        namespace = getattr(function, "__globals__", {})
+        namespace = getattr(function, "__globals__", {})  # Only Python functions have it.
         return get_type_hints(holder, globalns=namespace, include_extras=True)
 
     @wraps(function)
     def checked_function(*args: P.args, **kwargs: P.kwargs) -> ResultT:
         bound = signature.bind(*args, **kwargs)
-        # With too little memory for libraries and threads, compiled code would end the process.
+        # It raises `SystemLimitError`. With too little memory for libraries and threads, compiled
+        # code would end the process instead.
         check_address_space(where)
         for name, annotation in annotations_by_name().items():
             if name in bound.arguments:
@@ -136,6 +140,7 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
         with explain_refusals(where):  # Errors of the system become `SystemLimitError`.
             return function(*bound.args, **bound.kwargs)
 
+    # `show_progress` passes a callback that writes to the notebook if the caller passes none.
     return show_progress(checked_function) if PROGRESS in signature.parameters else checked_function
 
 
@@ -146,7 +151,7 @@ def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
         value: The argument.
         annotation: The annotation of the parameter, with a `FieldSpec` if it has a range.
         where: Name of the function, for the message.
-        name: Name of the parameter. The path in a parameter `OUTPUT` must also be UTF-8.
+        name: Name of the parameter; for `OUTPUT` the path is checked, too.
 
     Returns:
         The argument. Integers are Python's, and iterables are tuples, because some can be read
@@ -160,14 +165,18 @@ def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
         field_from_annotation(name, annotation), value, name
     )
     if name == OUTPUT and isinstance(checked_value, str | Path):
-        check_output_path(checked_value)
+        check_output_path(checked_value)  # Its message names the path instead of the function.
+    # Only this package makes internal batches, from checked values.
     if isinstance(checked_value, Batch) and not checked_value.IS_INTERNAL:
         check_batch(checked_value, where, name)
     return checked_value
 
 
 class _BatchChecker:
-    """Checks one argument. All arrays in a batch must agree on the length of each axis.
+    """Checks one argument.
+
+    All arrays in a batch and in its nested batches must agree on the length of each axis, such as
+    the number of simulations.
 
     In its methods `path` is the dotted path of a field in messages, such as
     "scenario.weather.rain".
@@ -187,21 +196,21 @@ class _BatchChecker:
     def check_structure(self, batch: Any, path: str) -> None:
         """Refuse fields of another type, dtype or shape, and plain values out of range."""
         for field, value, field_path in _fields_of(batch, path):
-            if field.dtype is not None:
-                if not (field.is_optional and value is None):
-                    self._check_array(field, value, field_path)
-                continue
-            self.check_value(field, value, field_path)
+            if field.dtype is None:
+                self.check_value(field, value, field_path)
+            elif not (field.is_optional and value is None):
+                self._check_array(field, value, field_path)
             if isinstance(value, Batch):
                 self.check_structure(value, field_path)
         if isinstance(batch, Batch):
-            # No array has these axes, so no array sets their lengths. Only ranges use them.
+            # Axes that no array has, such as the lanes of a road; ranges of indices refer to them.
             self._axis_lengths |= {axis: (size, "") for axis, size in batch.axis_lengths().items()}
 
     def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint.
 
-        `check_structure` must have accepted the batch.
+        `check_structure` must have accepted the batch. It has also checked single numbers, so
+        nothing is left to check in a dataclass without arrays.
         """
         if not isinstance(batch, Batch):
             return
@@ -220,7 +229,8 @@ class _BatchChecker:
     def check_value(self, field: BatchField, value: Any, path: str) -> Any:
         """Refuse a value of another type, or a number out of its range.
 
-        Of an array, only the dtype is checked.
+        Of an array that is an argument of a function, only the dtype is checked. No such argument
+        declares a range.
 
         Returns:
             The value. Integers are Python's, and iterables are tuples.
@@ -260,7 +270,10 @@ class _BatchChecker:
             raise self._error(path, _describe_range(field.spec, high), element)
 
     def _upper_limit(self, field: BatchField) -> float:
-        """The largest value; for the indices of an axis, its length less one."""
+        """The largest value; for the indices of an axis, its length less one.
+
+        `check_structure` has stored the lengths of all axes that a batch declares.
+        """
         high = field.spec.high
         return self._axis_lengths[high.axis][0] - 1 if isinstance(high, AxisEnd) else high
 
@@ -303,10 +316,11 @@ def _describe_range(spec: FieldSpec, high: float) -> str:
     """The range in words, such as `0 to 60 s`, or `-31416 to 31416 steps of 0.1 mrad`."""
     if spec.unit == "1":
         unit = ""
-    elif spec.unit.startswith("0."):  # Integers that count steps of 0.1 mrad.
+    elif spec.unit.startswith("0."):  # "0 to 5 0.1 mrad" would be unreadable.
         unit = f" steps of {spec.unit}"
     else:
         unit = f" {spec.unit}"
+    # No field combines an open lower limit with `missing`, or with an infinite upper limit.
     if high == math.inf:
         return f"{_format_number(spec.low)}{unit} or more"
     if spec.low_is_open:
@@ -361,7 +375,8 @@ def _convert(value: Any, annotation: Any) -> Any:
     if isinstance(value, str) or not isinstance(value, origin):
         return _NO_MATCH
     if element_types and issubclass(origin, Mapping):
-        key_type = element_types[0]  # The function itself checks the values of a mapping.
+        # The valid values of a mapping depend on the key, so the called function checks them.
+        key_type = element_types[0]
         has_keys = all(_convert(key, key_type) is not _NO_MATCH for key in value)
         return value if has_keys else _NO_MATCH
     return _convert_elements(value, element_types) if element_types else value
@@ -371,7 +386,8 @@ def _is_plain(value: Any, plain_type: Any) -> bool:
     """Whether a value is of a type in `_PLAIN_TYPES`."""
     if isinstance(value, bool | np.bool_):  # Python's booleans are integers, too.
         return plain_type is bool
-    if isinstance(value, str | Path) and "\0" in str(value):  # No file has such a name.
+    # The system refuses file names with a null character; in other texts it is a mistake.
+    if isinstance(value, str | Path) and "\0" in str(value):
         return False
     return isinstance(value, _PLAIN_TYPES[plain_type][0])
 
@@ -430,6 +446,6 @@ def _describe_value(value: Any) -> str:
 
 
 def _format_number(value: Any) -> str:
-    """A number with at most six significant digits; integers and other values as `str` does."""
+    """A number with at most six significant digits; integers, texts and flags in full."""
     is_whole = isinstance(value, Integral) or not isinstance(value, Real)
     return str(value) if is_whole else f"{value:g}"

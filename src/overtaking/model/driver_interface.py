@@ -3,11 +3,15 @@
 An external driver is a program of the user's, such as a Python function or a trained network. It
 drives the ego, the vehicle under study, in place of the model driver, which is a part of the
 simulation. At each decision (20 a second) it gets `OBSERVATION_SIZE` numbers for each simulation of
-a batch, one row of a table, and answers with one action for each. The simulators fill the rows in
-the order of `EgoColumns`, `NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`.
-They carry out the kinds of action in `ACTION_KINDS`; `Actions` is the record of the answers, from
-which a simulation can be repeated. All observed values are float32, also codes and flags, so that
-they form one table.
+a batch, one row of a table, and answers with one action for each. Both implementations of the
+model, the compiled engine and the reference in Python, fill the rows in the order of `EgoColumns`,
+`NeighbourColumns` for each of `NEIGHBOUR_ROLES`, and `PassingColumns`. They carry out the kinds of
+action in `ACTION_KINDS`; `Actions` is the record of the answers, from which a simulation can be
+repeated. All observed values are float32, also codes and flags, so that they form one table.
+
+The model driver goes on to perceive and judge the traffic while an external driver drives. "The
+driver" in the descriptions of columns is this model driver, whose beliefs are observed. The target
+is the vehicle that the ego overtakes; the leader is the vehicle ahead in its lane.
 """
 
 import hashlib
@@ -43,8 +47,10 @@ class EgoColumns(NamedTuple):
     Sides are 1 for the overtaking side and -1 for the kerb side, and positions across the road,
     headings and yaw rates grow towards the overtaking side, also in left-hand traffic. Positions
     across the road are 0 on the road's reference line. A column `can_…` says that the simulator
-    would carry out the corresponding action now; other actions have no effect. The codes of `stage`
-    are 0 follow, 1 pull out, 2 pass, 3 return, 4 done, 5 abort, 6 crashed.
+    would carry out the corresponding action now; otherwise this action has no effect. The codes of
+    `stage` are 0 follow, 1 pull out, 2 pass, 3 return, 4 done, 5 abort, 6 crashed. `time_waiting`
+    goes back to 0 when an overtake ends. While ego and target are alongside each other,
+    `has_passed_target` is 0, and `is_behind_target` compares their centres.
     """
 
     speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
@@ -100,7 +106,8 @@ class NeighbourColumns(NamedTuple):
     The values are those that the model driver believes or that a sensor measures, as the user
     chooses. Without a vehicle in its role all columns are zero except the gap, which is 1000 m
     (`perception.unseen_gap` in `model.toml`). Sides are as seen by the ego, also for oncoming
-    vehicles: 1 is the ego's overtaking side.
+    vehicles: 1 is the ego's overtaking side. Stop lamps are at the rear, so oncoming vehicles
+    show none.
     """
 
     is_detected: Annotated[
@@ -131,9 +138,11 @@ class NeighbourColumns(NamedTuple):
 class PassingColumns(NamedTuple):
     """Observed columns about a pass in the opposing lane, each of shape (simulation,).
 
-    The columns are zero on one-way roads. The model driver computes them for the ego whether or not
-    it drives, so its assessment is available to an external driver. They are its beliefs also where
-    a sensor measures the neighbours; only `gap_ahead_of_leader` is then zero.
+    The columns are zero on one-way roads. On two-way roads they are the judgement of the model
+    driver, also where a sensor measures the neighbours; only `gap_ahead_of_leader` is then zero,
+    because sensors do not measure it. A tall vehicle is a truck, over which the driver cannot look.
+    `line_is_solid` covers the next 150 m (`oncoming.line_ahead` in `model.toml`). In
+    `return_urgency` and `abort_state` 0.5 is the code of the lesser of two states.
     """
 
     sight_distance: Annotated[
@@ -278,7 +287,8 @@ class Move(IntEnum):
     RETURN = 4
     """Indicate a lane change to the kerb side and begin it now."""
     CANCEL = 5
-    """Turn back within the lane change, or abort a pass while still behind the target."""
+    """During a lane change, turn back to the lane that it began in. During a pass in the opposing
+    lane, fall back behind the target, if the ego is still behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,9 +314,9 @@ class ActionPart:
     high: float
 
 
-# Accelerations and angles have the resolutions of recorded states (`model.trajectories`). Their
-# limits are chosen: twice the acceleration that tyres transmit on a dry road, and a larger wheel
-# angle than an overtake needs, so that they clip only answers that a vehicle could not carry out.
+# Accelerations and angles are recorded as finely as the states of vehicles (`model.trajectories`).
+# Their limits are chosen: twice the acceleration that tyres transmit on a dry road, and a larger
+# wheel angle than an overtake needs, so they clip only answers that a vehicle could not carry out.
 _ACCEL = ActionPart("accel", "m/s^2", 1e-3, -20.0, 20.0)
 _LANE_CHANGE = ActionPart("lane_change", "lanes towards the overtaking side", 1.0, -1.0, 1.0)
 _MOVE = ActionPart("move", "Move", 1.0, min(Move), max(Move))
@@ -321,12 +331,14 @@ ACTION_KINDS: Final[dict[str, tuple[ActionPart, ...]]] = {
 }
 """The numbers of each kind of action that the simulators carry out, by the name of the kind.
 
-The model driver does the rest: without `accel` it uses the pedals, and without `wheel_angle` it
-steers, also along a lane change that `lane_change` or `move` begins. In the first three kinds it
-also sets the indicator; in "accel_lane" it indicates for its usual time before the lane change
-begins, and the answer has to stay the same for so long. In the last two kinds the indicator is part
-of the answer: a `Move` sets it to the side that it names, and beside a wheel angle `lane_change`
-sets the indicator and nothing else.
+The model driver does the rest. Without `accel` it uses the pedals. Without `wheel_angle` it steers,
+also along a lane change that `lane_change` or `move` begins.
+
+In "decision", "accel_lane" and "accel_steer" the model driver sets the indicator. In "accel_lane"
+it indicates for its usual time before it begins the lane change; if `lane_change` becomes 0
+earlier, the lane change does not begin. In the other two kinds the indicator is part of the answer.
+In "accel_move" the `Move` sets it to the side in the name of the move. In "accel_steer_signal"
+`lane_change` sets the indicator only, because the wheel angle changes lanes.
 """
 
 MAX_ACTION_PARTS: Final = max(len(parts) for parts in ACTION_KINDS.values())
@@ -357,7 +369,7 @@ class Actions(Batch):
 
     @classmethod
     def empty(cls, num_simulations: int) -> "Actions":
-        """A record without any action; its kind does not matter."""
+        """A record without any action; its kind, the first one, describes no value."""
         return cls(
             values=np.zeros((num_simulations, 0, MAX_ACTION_PARTS), np.int32),
             kind=next(iter(ACTION_KINDS)),
@@ -367,7 +379,7 @@ class Actions(Batch):
     def is_change(self) -> NDArray[np.bool_]:
         """Whether an action differs from the previous one, shape (simulation, action).
 
-        The first action counts as a change. Tables store the changes only.
+        The first action counts as a change. The table `actions` of a data set stores only changes.
         """
         is_change = np.ones(self.values.shape[:2], np.bool_)
         is_change[:, 1:] = (np.diff(self.values, axis=1) != 0).any(axis=2)
@@ -377,7 +389,8 @@ class Actions(Batch):
     def hashes(self) -> list[str]:
         """A hash over the kind and the changes of action of each simulation.
 
-        Each hash has 128 bits, written as 32 hexadecimal digits. Equal hashes mean equal actions.
+        Each hash has 128 bits, written as 32 hexadecimal digits. Simulations with equal hashes have
+        the same kind and the same changes; repetitions of the last action do not count.
         """
         hashes: list[str] = []
         num_parts = max(_MIN_HASHED_PARTS, len(self.parts))

@@ -4,10 +4,11 @@ The ego is the vehicle under study; a batch holds many simulations with one ego 
 `labels.signals` computes the signals from the recorded positions and speeds and from the sizes of
 the vehicles, for simulations and recordings of real traffic alike. Detectors of events, rules of
 the law and safety measures read them. A `Delayed` batch computes some arrays when they are first
-read.
+read. A frame is a recorded instant, and a slot is the number of a vehicle in its simulation.
 
 Left is the overtaking side and right the kerb side, also in left-hand traffic, so a mirrored world
-has the same signals.
+has the same signals. On a two-way road the opposing lane counts as one more lane to the left.
+Oncoming vehicles do not count, neither as neighbours nor in the occupancy of that lane.
 """
 
 from dataclasses import dataclass
@@ -22,24 +23,23 @@ from overtaking.model.trajectories import NO_VEHICLE
 class EgoSignals(Delayed):
     """Signals of each ego and of the vehicles around it.
 
-    Arrays have shape (simulation, time), where time counts frames; simulations that end early have
-    `valid` false in their last frames. Arrays of neighbours have shape (simulation, neighbour,
-    time) with a `NeighbourRole` as the middle index: leader and follower in the ego's lane, in the
-    next lane to the left and in the next lane to the right. Oncoming vehicles are no neighbours.
-    Where `valid` is false, and where `neighbour_slot` is `NO_VEHICLE`, the values are finite and
-    undefined.
+    Arrays have shape (simulation, time), with one entry for each frame of the longest simulation.
+    Arrays of neighbours have shape (simulation, neighbour, time) with a `NeighbourRole` as the
+    middle index: leader and follower in the ego's lane, in the next lane to the left and in the
+    next lane to the right. Where `valid` is false, or `neighbour_slot` is `NO_VEHICLE`, the other
+    values mean nothing; they are finite, so that arithmetic raises no warnings.
 
     Attributes:
         frame_interval_ms: Time between frames [ms].
-        valid: Whether the frame was recorded.
-        lane: Index of the lane that contains the ego's centre, 0 the slowest. Beyond the edge on
-            the overtaking side it is the number of lanes (on a two-way road the opposing lane is
-            there), and beyond the edge on the kerb side 255.
+        valid: Whether the frame was recorded; false after the end of a simulation.
+        lane: Index of the lane that contains the ego's centre: 0 for the slowest, and the number of
+            driving lanes beyond the edge on the overtaking side, where a two-way road has the
+            opposing lane. 255, a uint8 for -1, beyond the edge on the kerb side.
         s: Position of the ego's centre along the road [m].
         lateral_position: Position of the ego's centre across the road, 0 on the reference line of
             the road and growing to the left [m].
-        lateral_speed: Speed of the ego to the left, a central difference over about 0.2 s whatever
-            the frame rate, so that recordings of 20 and 25 Hz agree [m/s].
+        lateral_speed: Speed of the ego to the left [m/s]. It is a central difference over about 0.2
+            s at any frame rate, so that recordings of 20 and 25 Hz agree; 0.2 s is chosen.
         speed: Speed of the ego [m/s].
         accel: Acceleration of the ego along its axis [m/s^2].
         right_edge: `lateral_position` of the right-most corner of the ego's body [m].
@@ -48,16 +48,17 @@ class EgoSignals(Delayed):
             (255) without a neighbour. Shape (simulation, neighbour, time).
         gap: Gap between the bumpers of ego and neighbour, negative alongside, same shape [m].
         closing_speed: Speed at which that gap shrinks, same shape [m/s].
-        lateral_gap: Gap between the sides of their bodies, negative where they overlap across the
-            road, same shape [m].
+        lateral_gap: Gap across the road between the sides of ego and neighbour, negative where they
+            overlap, same shape [m].
         left_occupancy: Share of the lane to the left that vehicles cover, from 100 m behind the
-            ego's centre to 100 m ahead of it [1].
-        left_count: Number of vehicles in the lane to the left, at any distance.
+            ego's centre to 100 m ahead of it; 0 without such a lane [1].
+        left_count: Number of vehicles in the lane to the left, at any distance as in the definition
+            of the reproduced paper (`PaperFeatures`); 0 without such a lane.
         friction: Largest friction coefficient between the ego's tyres and the road, at its speed
             and the mean water film of its lane [1].
         sight_lit: Distance at which the ego's driver sees a vehicle ahead with lamps on, by
             weather, light and the course of the road [m].
-        sight_unlit: The same for a vehicle without lamps [m].
+        sight_unlit: The same for a vehicle whose lamps are off [m].
     """
 
     frame_interval_ms: int
@@ -104,7 +105,9 @@ class TargetSignals(Delayed):
     """Signals of the target, the vehicle that the ego overtakes or would overtake.
 
     Arrays have shape (simulation, time). Each simulation has at most one target, also in frames in
-    which that vehicle is no neighbour. Where `valid` is false, the other values are undefined.
+    which that vehicle is no neighbour. If the ego does not overtake, the target is the leader that
+    held it up first (`OvertakeEvents.target_slot`). Where `valid` is false, the other values are
+    undefined.
 
     Attributes:
         valid: Whether there is a target and it was recorded in the frame.
@@ -115,7 +118,7 @@ class TargetSignals(Delayed):
         overlaps: Whether the bodies of ego and target overlap along the road, in any lanes.
         gap: Gap between their bumpers, whichever is ahead; negative while they overlap [m].
         lateral_position: Its position across the road, as `EgoSignals.lateral_position` [m].
-        lateral_gap: Gap between the sides of their bodies, as `EgoSignals.lateral_gap` [m].
+        lateral_gap: Gap across the road between ego and target, negative where they overlap [m].
         lane: Its lane index, as `EgoSignals.lane`.
         speed: Its speed [m/s].
         accel: Its acceleration along its axis [m/s^2].

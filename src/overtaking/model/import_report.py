@@ -5,13 +5,9 @@ batch of simulations from a recording keeps them, so that a result can be traced
 data sets store them as a table. The functions here join reports and format them for people.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,9 +20,10 @@ class ImportFinding:
             in `recordings.findings.Check`; this is a plain text because reports are also read back
             from tables.
         vehicle: Name of the faulty vehicle in the file; None if the fault concerns the whole file.
-        first_time_s: Time of the first row with the fault, as the file counts [s]; None for
-            the whole file, or if the rows of the vehicle state no time.
-        rows: Number of rows of the file with the fault.
+        first_time_s: Time of the first row with the fault, on the time axis of the file [s]; None
+            if the fault concerns the whole file, or if the rows of the vehicle state no time.
+        rows: Number of rows of the file with the fault. A row with several faults counts in each
+            finding.
         consequence: Action of the reader on these rows: "corrected", "left out", or "reported" if
             it kept the values of the file (`recordings.findings.Consequence`).
         detail: One sentence with columns and values.
@@ -60,6 +57,8 @@ def joined_findings(reports: Iterable[Iterable[ImportFinding]]) -> tuple[ImportF
 def summarize_findings(findings: Iterable[ImportFinding]) -> list[str]:
     """Summarize findings in one line for each check and consequence, for people.
 
+    A line may cover several recordings, so a folder of many recordings has few lines.
+
     Args:
         findings: The rows of one or more import reports.
 
@@ -87,7 +86,7 @@ def _summarize_group(findings: list[ImportFinding]) -> str:
 
 
 def _format_num_rows(findings: Iterable[ImportFinding]) -> str:
-    """The number of rows with these faults, such as "1 row" or "1,200 rows"."""
+    """The sum of the rows of the findings, such as "1 row" or "1,200 rows"."""
     num_rows = sum(finding.rows for finding in findings)
     return f"{num_rows:,} row{'' if num_rows == 1 else 's'}"
 

@@ -7,9 +7,9 @@ its section and its name in `ROAD_NAMES`. All roads are straight in the plane; a
 its bends and crests as zones of reduced sight.
 
 Terms: driving lanes are the lanes of the road's direction, counted from the kerb side to the
-overtaking side. A station is a distance along the road from its start, and `d` an offset to the
-left of the line from which offsets count. The map format OpenDRIVE defines ids and types of lanes
-and roads. A mark (`RoadMark`) is the line painted at the edge of a lane; in double marks such as
+overtaking side. A station is a distance along the road's reference line from its start, and `d` is
+the offset to the left of that line. The map format OpenDRIVE defines ids and types of lanes and
+roads. A mark (`RoadMark`) is the line painted at the edge of a lane; in double marks such as
 `SOLID_BROKEN` the first word names the line nearer to the driving lanes.
 """
 
@@ -25,13 +25,18 @@ from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadZone, ZoneKind
 
 ROAD_NAMES = ("town06", "motorway", "rural")
-"""Names of the sections of `roads.toml` that describe a road."""
+"""Names of the sections of `roads.toml` that describe a road. Its other sections hold numbers for
+all roads, such as general speed limits."""
 
-_CENTRE_LINE_MARKS = (RoadMark.SOLID, RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID)
-"""Marks of the centre line with a field of the same name, in lower case, in `_CourseEntry`."""
+_CENTRE_LINE_MARKS = {
+    "solid": RoadMark.SOLID,
+    "solid_broken": RoadMark.SOLID_BROKEN,
+    "broken_solid": RoadMark.BROKEN_SOLID,
+}
+"""Marks of the centre line by the field of `_CourseEntry` that holds their stretches."""
 
-_ZONE_KINDS = (ZoneKind.JUNCTION, ZoneKind.CREST, ZoneKind.BEND)
-"""Kinds of zones with a field of the same name in `_CourseEntry`."""
+_ZONE_KINDS = {"junction": ZoneKind.JUNCTION, "crest": ZoneKind.CREST, "bend": ZoneKind.BEND}
+"""Kinds of zones by the field of `_CourseEntry` that holds their stretches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +72,8 @@ class _CourseEntry:
         junction: Junctions.
         crest: Crests of reduced visibility.
         bend: Bends of reduced visibility.
-        sight: Pairs of a station and the sight distance along the road from there [m], linear in
-            between.
+        sight: Pairs of a station and the sight distance along the road from there [m]. It is linear
+            between the stations, and constant before the first and after the last.
         sight_against: The same for oncoming drivers, in whose direction stations fall.
     """
 
@@ -89,12 +94,12 @@ class _RoadEntry:
     Attributes:
         kind: OpenDRIVE road type, "motorway" or "rural".
         driving_side: Side of the road that traffic keeps to.
-        lane_ids: OpenDRIVE ids of the driving lanes, whole numbers; the reader makes all numbers of
-            a list floats.
+        lane_ids: OpenDRIVE ids of the driving lanes. They are floats with whole values, because the
+            reader converts all numbers of a list to floats.
         lane_widths: Width of each driving lane [m].
         kerb_edge_mark: Line on the kerb side of the first driving lane.
-        lane_mark: Line between every two driving lanes; no double mark of two kinds, because it is
-            used as seen from either lane.
+        lane_mark: Line between every two driving lanes. It must look the same from both lanes, so
+            it cannot be `SOLID_BROKEN` or `BROKEN_SOLID`.
         overtaking_edge_mark: Line on the overtaking side of the last driving lane.
         kerb_edge_d: `d` of the edge of the first driving lane on the kerb side [m].
         length: Length [m].
@@ -168,21 +173,21 @@ def known_road(name: str) -> Road:
         speed_limit=road.speed_limit,
         kerb_side_neighbour=_neighbour_lane(road, kerb_side, kerb_marks),
         overtaking_side_neighbour=_neighbour_lane(road, overtaking_side, overtaking_marks),
-        course=road.course and _course(road.course),
+        course=None if road.course is None else _course(road.course),
     )
 
 
 def _course(entry: _CourseEntry) -> RoadCourse:
-    """The course of a road; the spans are sorted by station, as `RoadCourse` requires."""
+    """The course of a road. `RoadCourse` requires the spans in order, but not the zones."""
     centre_line_spans = [
         CentreLineSpan(start=start, stop=stop, mark=mark)
-        for mark in _CENTRE_LINE_MARKS
-        for start, stop in getattr(entry, mark.name.lower())
+        for field_name, mark in _CENTRE_LINE_MARKS.items()
+        for start, stop in getattr(entry, field_name)
     ]
     zones = [
         RoadZone(kind=kind, start=start, stop=stop)
-        for kind in _ZONE_KINDS
-        for start, stop in getattr(entry, kind.value)
+        for field_name, kind in _ZONE_KINDS.items()
+        for start, stop in getattr(entry, field_name)
     ]
     return RoadCourse(
         centre_line_spans=tuple(sorted(centre_line_spans, key=attrgetter("start"))),

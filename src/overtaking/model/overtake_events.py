@@ -30,8 +30,8 @@ NEVER = np.int32(-1)
 class Outcome(IntEnum):
     """How the ego's overtake ended, whether or not it was legal.
 
-    A collision decides at any recorded time: before an attempt, which it prevents, and after the
-    return, because the last 3 s of a simulation still belong to the overtake.
+    A collision decides the outcome whenever it happens: before an attempt, which it prevents, and
+    after the return, because simulations record 3 s more, which still belong to the overtake.
     """
 
     NO_ATTEMPT = 0  # The ego did not begin to overtake.
@@ -41,7 +41,11 @@ class Outcome(IntEnum):
 
 
 class OutcomeDetail(IntEnum):
-    """Reason of the outcome; the comment of each member begins with its possible outcomes."""
+    """Reason of the outcome; the comment of each member begins with its possible outcomes.
+
+    If the ego left the lanes or spun, that is the reason, also after the return: the outcome is
+    then not COMPLETED. After a collision it is one of the three reasons of collisions.
+    """
 
     NONE = 0  # COMPLETED or NO_ATTEMPT, without loss of control.
     ABORTED_BEFORE_CROSSING = 1  # NOT_COMPLETED: back behind the target, no line crossed.
@@ -51,8 +55,8 @@ class OutcomeDetail(IntEnum):
     PASSED_NOT_RETURNED = 3
     OPEN_AT_HORIZON = 4  # NOT_COMPLETED: the recording ends in any other phase of the overtake.
     COLLISION_BEFORE_ATTEMPT = 5  # COLLISION, whichever vehicle ran into the other.
-    RAN_INTO_OTHER = 6  # COLLISION after the start of an attempt.
-    STRUCK_BY_OTHER = 7  # COLLISION after the start of an attempt.
+    RAN_INTO_OTHER = 6  # COLLISION after the start of an attempt, by the ego.
+    STRUCK_BY_OTHER = 7  # COLLISION after the start of an attempt, by the other vehicle.
     DEPARTED = 8  # NOT_COMPLETED or NO_ATTEMPT: the ego left the lanes, without a contact.
     SPUN = 9  # NOT_COMPLETED or NO_ATTEMPT: the ego spun, and had not left the lanes before.
 
@@ -69,19 +73,21 @@ class OvertakeEvents(Batch):
     `knowledge/data/event_detection.toml` gives the thresholds and their reasons.
 
     Attributes:
-        first: First recorded frame, which is frame 0 [t_0].
+        first: First recorded frame, always 0; the table `events` lists it beside the others [t_0].
         last: Last recorded frame.
         target_slot: Slot of the target. With an attempt it is the leader at `attempt`, or, if there
-            is no leader in that frame, the last leader of the 3 s before. Without an attempt it is
-            the first leader that the ego came closer to than a time gap of 3 s, or, if it never
-            came so close, its first leader. `NO_VEHICLE` (255) if the ego never had a leader.
+            is no leader in that frame, the last leader of the 3 s before, which has just left the
+            lane. Without an attempt it is the first leader that held up the ego (a time gap below 3
+            s, as for `following_begin`), or, if no leader did, its first leader. `NO_VEHICLE` (255)
+            if the ego never had a leader.
         original_lane: Lane index of the ego at `attempt`, or at `first` without an attempt; 0 is
             the slowest lane.
         following_begin: First frame, not later than `attempt`, in which the ego is less than 3 s
             (`phases.follow_time_gap`) behind the target; `first` if there is no such frame
             [t_follow].
         attempt: First frame of the movement to the left that begins the overtake. The movement
-            leads over the line, or further to the left than gusts and wandering lead [t_a].
+            leads over the line, or further to the left within a second than gusts and wandering
+            lead a vehicle of this class (0.45 m for trucks to 1.2 m for bicycles) [t_a].
         line_crossed: First frame in which a corner of the ego is over the line on its left [t_x1].
         overlap_begin: First frame in which the ego is alongside the target [t_o1].
         overlap_end: First frame in which the ego is wholly ahead of the target [t_o2].
@@ -91,7 +97,7 @@ class OvertakeEvents(Batch):
         abort: First frame of a movement back that ends behind the target.
         abort_end: First frame after an abort with the whole body in the original lane, behind the
             target. If no line was crossed, the first frame in which the ego is back within 0.25 m
-            of its lateral position at `attempt`.
+            of its lateral position at `attempt`; chosen: half the shift that counts as a movement.
         collision: First frame in which the ego has touched another vehicle. The contact lies at
             this frame, or between it and the frame before.
         road_departure: First frame with the ego's centre outside the driving lanes.
@@ -107,10 +113,10 @@ class OvertakeEvents(Batch):
             although a corner comes over the line, or although it lasts 0.5 s and leads 0.5 m away.
             Gusts cause drifts, and so does the end of a change into the lane. Aborted attempts and
             lane changes without a vehicle ahead are no drifts.
-        num_drifts: Number of drifts, at most 255.
-        began_before_recording: Equal to `first` if the ego is already moving to the left when the
-            recording begins. The true attempt was then earlier than `attempt`, so times since the
-            attempt are unknown. `NEVER` otherwise, and always in simulations.
+        num_drifts: Number of drifts; 255 stands for 255 or more, the largest uint8.
+        began_before_recording: Frame `first` if the attempt was under way when the recording began,
+            a frame number like all events. The true attempt was then earlier than `attempt`, so
+            times since the attempt are unknown. `NEVER` otherwise, and always in simulations.
         was_intended: Whether the simulated driver meant to overtake: its stage was one of
             `OVERTAKING_STAGES` (`model.trajectories`) in a frame from `attempt` to `line_crossed`
             or `abort_end`, whichever is first. False without an attempt. Only for analysis: no
@@ -150,11 +156,17 @@ class OvertakeEvents(Batch):
 
     @property
     def lost_control(self) -> Mask:
-        """Whether the ego left the lanes or spun without a collision, shape (simulation,)."""
+        """Whether the ego left the lanes or spun, at any time, without a collision.
+
+        Shape (simulation,). The reason of the outcome is then `DEPARTED` or `SPUN`.
+        """
         out_of_control = (self.road_departure != NEVER) | (self.spin != NEVER)
         return out_of_control & (self.collision == NEVER)
 
     @property
     def is_completed(self) -> Mask:
-        """Whether the ego overtook, and had no accident at any time, shape (simulation,)."""
+        """Whether the outcome is `Outcome.COMPLETED`: overtaken, and no accident at any time.
+
+        Shape (simulation,).
+        """
         return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost_control

@@ -7,17 +7,22 @@ it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
 overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. In a
-simulation without an attempt another frame stands for it, after a waiting time drawn from the
-waiting times of attempts.
+simulation without an attempt another frame stands for it. `labels.features` draws this frame so
+that waiting times have the distribution of the waiting times of attempts. Otherwise a model could
+tell the two kinds of simulation apart by the time of the measurement.
 
 Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
 column is null. `null_unless` is the path of the flag that decides this: ".has_oncoming" is a field
 of the same class, "left.leader.valid" begins at `AttemptFeatures`. `needs` names properties that a
-recording may leave unknown (`model.trajectories.UNKNOWNS`); the column is then null. Every partial
-function below, such as `_leader_column`, is a `FieldSpec` with the entries that a group of columns
-shares. An `Encounter` holds gap, closing speed and times to collision of a follower and its leader,
-one of which is the ego; `valid` is false without the other vehicle, and its columns begin with the
-column name of its field.
+recording of real traffic may leave unknown, such as "bodies" (mass and engine of vehicles) and
+"percepts" (beliefs of drivers); the column is then null. A margin of the law needs the weather,
+because the safe distance depends on the grip of the road. `ColumnName(prefix="ego_")` puts a prefix
+before the name of the field; a column whose name says enough has no prefix. Every partial function
+below, such as `_leader_column`, is a `FieldSpec` with the entries that a group of columns shares.
+
+An `Encounter` holds gap, closing speed and times to collision of a follower and its leader, one of
+which is the ego; `valid` is false without the other vehicle, and its columns begin with the column
+name of its field.
 """
 
 from dataclasses import dataclass
@@ -37,7 +42,7 @@ def _paper_feature(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
 
     Args:
         code: The paper's name of the feature, such as "WT". It names the column, and the entry of
-            `knowledge/data/glossary.toml` from which the meaning is read.
+            `knowledge/data/glossary.toml` from which `terms` reads the meaning.
         unit: Unit of the field.
         **declared: Further entries of the `FieldSpec`.
     """
@@ -48,7 +53,8 @@ _weather_feature = partial(_paper_feature, needs=["weather"])
 _target_feature = partial(_paper_feature, null_unless="has_target")
 
 _KINDS = tuple(kind.code for kind in VehicleKind)
-"""Names of the codes of vehicle types: S, M, L (cars), V (van), T (truck), MC, B (two-wheelers)."""
+"""Names of the codes of vehicle types: S, M, L (small, medium, large car), V (van), T (truck), MC
+(motorcycle), B (bicycle)."""
 
 
 @with_field_docs
@@ -56,10 +62,14 @@ _KINDS = tuple(kind.code for kind in VehicleKind)
 class PaperFeatures(Batch):
     """Seven static and eight dynamic features; every array has shape (simulation,).
 
+    The static features are weather, light, and the types of ego and target. `num_vehicles` includes
+    the ego.
+
     There are two readings of the paper's definitions. In the reading "paper" an ego without an
     attempt is measured by means over all frames, so the features depend on the outcome. In the
-    reading "matched" each simulation is measured at one frame: at the attempt, or at the frame that
-    stands for it. Only this reading is fit to train a model. The readings also differ in
+    reading "matched", whose waiting times match, each simulation is measured at one frame: at the
+    attempt, or at the frame that stands for it. Only this reading is fit to train a model. The
+    readings also differ in
 
     - `waiting_time`: since the first frame (paper), or since the ego closed up to the target;
     - `overtaking_time`: from the attempt to the return, a collision or the end of the recording
@@ -71,8 +81,9 @@ class PaperFeatures(Batch):
 
     Without a target its features are 0 and `has_target` is false. Waiting time, overtaking time and
     distance are NaN where the attempt began before the recording; features of the target are NaN
-    where it is not recorded in the frame of the measurement. Rain, wind and fog are intensities on
-    CARLA's scale.
+    where it is not recorded in the frame of the measurement. `frame` is -1 for means over all
+    frames. Rain, wind and fog are intensities from 0 to 100 on the scale of the driving simulator
+    CARLA.
     """
 
     reading: Annotated[str, FieldSpec("Definition in use, `paper` or `matched`", column=None)]
@@ -154,9 +165,10 @@ class LeaderState(Batch):
     """State of the leader, the vehicle ahead in the ego's lane; arrays have shape (simulation,).
 
     Without a leader `encounter.valid` is false and all other fields are undefined.
-    `overtaking_time` is a lower bound: the leader keeps its speed, and the ego accelerates by
-    `EgoState.available_accel`, less of which is left at higher speed, until the distance that the
-    leader covers in a reaction time lies between them. It is infinite if the ego cannot pass.
+    `overtaking_time` is the time until the ego is ahead by the distance that the leader covers in a
+    reaction time (`rss.reaction_time` in `law.toml`). It assumes that the leader keeps its speed,
+    and that the ego accelerates by `EgoState.available_accel` all the time. Engines accelerate less
+    at higher speed, so the time is a lower bound. It is infinite if the ego cannot pass.
     """
 
     encounter: Annotated[
@@ -222,7 +234,8 @@ class LeftLane(Batch):
 
     Occupancy, count and mean speeds refer to the 200 m from 100 m behind the ego's centre to 100 m
     ahead of it. The time-mean speed is the sum of the squared speeds over the sum of the speeds
-    (Wardrop 1952), because faster vehicles pass a detector more often.
+    (Wardrop 1952), because faster vehicles pass a detector more often. `crossable` refers to a line
+    between lanes of one direction; `OncomingState.crossable` refers to the centre line.
     """
 
     exists: Annotated[
@@ -427,8 +440,9 @@ class BeliefsAtPullOut(Batch):
     """Beliefs of the simulated driver at its last decision to pull out, not later than the frame.
 
     `exists` and `age` have shape (simulation,). The other arrays have shape (simulation, 3): the
-    leader, then the leader and the follower in the lane on the left; the table has a column for
-    each of the three. Where `exists` is false, all other fields are undefined; `gap` and
+    leader, then the leader and the follower in the lane on the left. In the table each of the three
+    has its own column, with the prefixes "believed_leader_", "believed_new_leader_" and
+    "believed_new_follower_". Where `exists` is false, all other fields are undefined; `gap` and
     `closing_speed` also where `is_detected` is false.
     """
 

@@ -12,8 +12,8 @@ Handbook of Mathematical Functions, table 25.4) computes it. Segments are split 
 by at most one radian, and then the error of the quadrature is a rounding error.
 
 World coordinates are recorded, and recordings must have the same bits on every machine. Therefore
-the code uses only operations that IEEE 754 rounds correctly, in a fixed order, and computes cosine
-and sine itself: the last bit of library functions differs between systems.
+the code uses only operations that IEEE 754 rounds correctly (+, -, *, /), in a fixed order, and
+computes cosine and sine by them: the last bit of library functions differs between systems.
 """
 
 import math
@@ -50,19 +50,21 @@ _MAX_TURN = 1.0
 
 _SAMPLE_SPACING = 10.0
 """Spacing of the points of the line from which the search for the nearest point starts [m]. Chosen:
-in the sharpest bend of a road, with a radius of 10 m, the line turns by one radian in between."""
+in the sharpest bend that a road may have (10 m radius, `MAX_CURVATURE` of `model.road_course`) the
+line turns by one radian in between."""
 
 _MIN_DENOMINATOR = 0.1
-"""Lower bound of the denominator of Newton's step, which is 0 at the centre of a bend. No driving
-lane lies beyond half the radius of a bend (`model.road`), where the denominator is still 0.5."""
+"""Lower bound of the denominator of Newton's step, which is 0 at the centre of a bend. It has no
+effect on driving lanes: they end at half the radius of a bend (`model.road`), where the denominator
+is 0.5."""
 
 _NUM_NEWTON_STEPS = 8
 """Each step doubles the number of correct digits. Chosen: four steps reach a micrometre on a road,
 so eight leave a reserve."""
 
 _MAX_PAIRS_IN_MEMORY = 1_000_000
-"""Most distances from a point to a sample of the line that are in memory at a time: 8 MB for each
-of some arrays."""
+"""Most distances from a point to a sample of the line that are in memory at a time. Chosen: 8 MB
+for each of the few arrays of this size."""
 
 
 class Points(NamedTuple):
@@ -115,6 +117,7 @@ class CurveSegment(NamedTuple):
 
     def reverse(self) -> "CurveSegment":
         """The same segment in the other direction, from its end to its start."""
+        # A line splits segments that turn by more than one radian, as the quadrature demands.
         end = ReferenceLine.from_segments([self]).pose_at(self.length)
         return CurveSegment(
             x=float(end.x),
@@ -164,8 +167,9 @@ class ReferenceLine(ContentEquality):
         """Make a line of segments, and split those that turn by more than one radian.
 
         Args:
-            segments: One or more segments in order. Each keeps its own start, as map files state
-                it; whether it begins at the end of the previous one is not checked.
+            segments: Segments in order, at least one, which the caller ensures. Each keeps its own
+                start, as map files state it; whether it begins at the end of the previous one is
+                not checked.
         """
         parts = [part for segment in segments for part in _split_by_turn(segment)]
         lengths = [part.length for part in parts]
@@ -260,9 +264,9 @@ class ReferenceLine(ContentEquality):
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Convert world coordinates to road coordinates; the inverse of `to_world`.
 
-        A line that bends can pass a point at a right angle several times. The search starts at the
-        nearest of samples of the line 10 m apart, and Newton's method refines it, so the result is
-        the passage near that sample.
+        Inside a bend a point may lie at a right angle to the line at several stations. The search
+        starts at the nearest of samples of the line 10 m apart, and Newton's method refines it, so
+        the result is the station near that sample.
 
         Args:
             x: World x, any shape [m].
@@ -315,10 +319,10 @@ class ReferenceLine(ContentEquality):
         s = samples[nearest]
         # A point before the start or beyond the end of the line belongs to its straight
         # continuation, where the distance ahead is exact.
-        is_end = (nearest == 0) | (nearest == len(samples) - 1)
         ahead = self._offset_from(s, x, y)[0]
-        is_outside = is_end & (np.where(nearest == 0, ahead, -ahead) < 0.0)
-        return np.where(is_outside, s + ahead, s)
+        is_before = (nearest == 0) & (ahead < 0.0)
+        is_beyond = (nearest == len(samples) - 1) & (ahead > 0.0)
+        return np.where(is_before | is_beyond, s + ahead, s)
 
 
 def _split_by_turn(segment: CurveSegment) -> list[CurveSegment]:
@@ -347,8 +351,9 @@ def _split_by_turn(segment: CurveSegment) -> list[CurveSegment]:
 def segment_displacement(heading: F64, k: F64, c: F64, t: F64) -> Points:
     """Displacement from the start of a segment to the point after `t` metres.
 
-    The integral of cos and sin of heading + k u + c u^2 / 2 over u from 0 to t; the module
-    docstring has the method and its source.
+    The integral of cos and sin of heading + k u + c u^2 / 2 over u from 0 to t, by Gauss-Legendre
+    quadrature with eight nodes (Abramowitz and Stegun, table 25.4). It takes arrays, one entry for
+    each segment or point; readers of map files use it, too.
 
     Args:
         heading: Direction at the start, any shape [rad].
@@ -374,7 +379,7 @@ def cos_sin(heading: ArrayLike) -> tuple[F64, F64]:
     `np.cos` and `np.sin` differ between systems in the last bit.
 
     Args:
-        heading: Angles, any shape [rad]. Within some turns of 0 the error is below 1e-14; it grows
+        heading: Angles, any shape [rad]. Within ten turns of 0 the error is below 1e-14; it grows
             with the number of turns, because pi / 2 is rounded.
 
     Returns:

@@ -63,7 +63,7 @@ and parking strips of map files."""
 
 MAX_COORDINATE = 1.8e6
 """Largest x0 and y0 of a road [m]. World positions are int32 millimetres, which the engines clip at
-2000 km; a road of at most 100 km that begins here ends before."""
+2000 km; a road of at most 100 km (`MAX_LENGTH`) that begins here ends before."""
 
 MAX_ORIGIN = 1.0e8
 """Largest coordinate of the world's origin in a file [m]. Chosen: beyond the coordinates of every
@@ -76,7 +76,11 @@ radius of a bend, because near its centre (1) one world position has many coordi
 
 @lru_cache(maxsize=16)
 def _reference_line(segments: tuple[CurveSegment, ...]) -> ReferenceLine:
-    """The line of these segments, kept for the next calls; all callers share its arrays."""
+    """The line of these segments; all callers share its arrays.
+
+    A `Road` cannot keep the line, because it is frozen and the line is no field. The cache holds
+    the lines of 16 roads; chosen: more than a session uses at a time.
+    """
     return ReferenceLine.from_segments(segments)
 
 
@@ -106,7 +110,7 @@ class Lane:
         width: Width, the same along the whole road [m].
         kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
         direction: Direction of its traffic: +1 along the road's `s`, as also for shoulders, or -1
-            against it, as on the opposing lane.
+            against it, as on the opposing lane. The 0 in between has no meaning.
         right_mark: Line on its right in the road's direction of travel, as seen from this lane: of
             a double line the first word of the mark names the line nearer to the lane.
         left_mark: Line on its left in the road's direction of travel, as seen from this lane.
@@ -125,7 +129,7 @@ class Lane:
     left_mark: RoadMark
 
     def __post_init__(self) -> None:
-        """Refuse invalid lanes."""
+        """Refuse fields of another type or out of range; `check_batch` takes any dataclass."""
         check_batch(self, f"lane {self.lane_id}")
 
     def mirror(self) -> Self:
@@ -153,8 +157,8 @@ class Road:
         y0: World y of the same point [m].
         heading: Direction of travel at that point, anticlockwise from the world x axis, within one
             turn of zero [rad].
-        speed_limit: Limit that is posted for the driving lanes. On a road with
-            `RoadCourse.speed_limit_spans` it is the highest limit [m/s].
+        speed_limit: Limit that is posted for the road, in both directions, outside the stretches
+            with a lower limit (`RoadCourse.speed_limit_spans`) [m/s].
         origin_x: x of the world's origin in the file that the road comes from [m]. Not 0 for files
             with large coordinates, such as UTM: recorded positions are int32 millimetres, which
             could not hold them.
@@ -201,12 +205,15 @@ class Road:
 
     @property
     def overtaking_sign(self) -> float:
-        """+1.0 if `d` grows from kerb to overtaking side (right-hand traffic), -1.0 if it falls."""
+        """+1.0 if `d` grows from kerb to overtaking side (right-hand traffic), -1.0 if it falls.
+
+        It is a float because it is a factor of offsets.
+        """
         return 1.0 if self.driving_side is DrivingSide.RIGHT else -1.0
 
     @property
     def is_two_way(self) -> bool:
-        """Whether the neighbour on the overtaking side is an opposing lane."""
+        """Whether the neighbour on the overtaking side is a driving lane of the other direction."""
         neighbour = self.overtaking_side_neighbour
         return neighbour is not None and neighbour.kind == "driving" and neighbour.direction == -1
 
@@ -284,7 +291,7 @@ class Road:
         Returns:
             Slopes of the same shape.
         """
-        pairs = self.course.grade if self.course else ()
+        pairs = self.course.grade if self.course else ()  # Stations [m] and slopes, by station.
         if not pairs:
             return np.zeros(np.shape(s))
         return StationTable.from_pairs(pairs).value_at(s)
@@ -292,7 +299,8 @@ class Road:
     def speed_limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """The posted speed limit [m/s].
 
-        At a station where one limit ends and another begins, the second applies.
+        At a station where one limit ends and another begins, the limit of the higher stations
+        applies. Spans of one direction do not overlap.
 
         Args:
             s: Station, any shape [m].
@@ -318,6 +326,7 @@ class Road:
         """
         station = np.asarray(s, np.float64)
         grade = (self.course or RoadCourse()).grade
+        # 0.0 is the start, where the height is 0; no knot is lower.
         knots = np.array(sorted({0.0, *(knot for knot, _ in grade)}))
         slopes = self.grade_at(knots)
         # The slope is linear between knots, so trapezoids are its exact integral.
@@ -342,6 +351,7 @@ class Road:
             return _reference_line(self.segments).to_world(s, d)
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
         cosine, sine = cos_sin(self.heading)
+        # The parentheses fix the order of rounding, on which recorded positions depend.
         return Points(
             self.x0 + (along * cosine - left * sine),
             self.y0 + (along * sine + left * cosine),
@@ -352,10 +362,10 @@ class Road:
 
         Args:
             x: World x, any shape [m].
-            y: World y, same shape [m].
+            y: World y, a shape that broadcasts with `x` [m].
 
         Returns:
-            s and d of the same shape [m].
+            s and d of the common shape [m].
         """
         if self.is_curved:
             return _reference_line(self.segments).to_road(x, y)
@@ -450,8 +460,8 @@ class Road:
     def mirror(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 
-        For any point, `mirror().to_world(s, -d)` has the bits of `(x, -y)`. Mirroring twice gives
-        an equal road.
+        For any point, `mirror().to_world(s, -d)` has the bits of `(x, -y)`, so recordings can be
+        mirrored without rounding. Mirroring twice gives an equal road.
         """
         kerb_side, overtaking_side = self.kerb_side_neighbour, self.overtaking_side_neighbour
         return dataclasses.replace(
@@ -468,7 +478,10 @@ class Road:
         )
 
     def extend_to(self, length: float) -> Self:
-        """The same road with a straight continuation at its end.
+        """The same road with a straight continuation at its end, for traffic that runs on.
+
+        The last values of `course`, such as the grade, hold on the continuation; zones and spans
+        end where they ended.
 
         Args:
             length: Length of the new road, at least the length of this one [m].
@@ -525,6 +538,7 @@ class Road:
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._error("course", length, f"{max(stations):g} m")
+        # A span is by definition a stretch with a lower limit, so an equal one is refused, too.
         limits = [span.speed for span in course.speed_limit_spans]
         if limits and max(limits) >= self.speed_limit:
             lower = f"below {self.speed_limit:g} m/s, the limit of the road"
@@ -541,6 +555,7 @@ class Road:
 
     def _check_reference_line(self, segments: tuple[CurveSegment, ...]) -> None:
         """Refuse segments that begin elsewhere than the road, or are too sharp for its lanes."""
+        # Equal to the last bit: readers of maps take x0, y0 and heading from the first segment.
         start = (segments[0].x, segments[0].y, segments[0].heading)
         if start != (self.x0, self.y0, self.heading):
             raise self._error(
