@@ -143,7 +143,7 @@ def check_address_space(where: str) -> None:
     if limit is None or (used := _bytes_in_use(_ADDRESS_SPACE)) is None:
         return
     _reduce_reservations()  # Now, before the call loads libraries and starts threads.
-    # The package imports Arrow last: if it is loaded, so are the others, and `used` includes them.
+    # The package imports Arrow after NumPy and the engine: with Arrow, `used` includes all of them.
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
@@ -374,8 +374,8 @@ def _stack_bytes() -> int:
     """Address space that a new thread's stack takes [bytes].
 
     Arrow's threads take as much as the limit of stacks (`ulimit -s`), so this is the result. The
-    engine's take only 2 MiB. The result is at most 16 MiB (chosen): with a very large limit, it
-    would be far too much for them.
+    engine's take only 2 MiB. The result is at most 16 MiB (chosen): a very large limit would be far
+    too much for the engine's threads.
     """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
@@ -446,8 +446,8 @@ def limit_process(
 
     Args:
         memory_mib: Memory in addition to the present use [MiB].
-        open_files: Largest number of open files, with those that are open now; None leaves the
-            limit as it is.
+        open_files: Largest number of open files. Files that are open now stay open, also beyond it;
+            None leaves the limit as it is.
         processor_s: Processor time after which SIGXCPU ends the process [s]; None leaves the limit
             as it is.
     """

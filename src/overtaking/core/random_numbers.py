@@ -94,8 +94,8 @@ def philox_words(
         seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario; broadcasts with `stream`.
         stream: A `Stream`, plus slots or roles for some purposes.
-        block_number: Block number in the stream, 0 <= block_number < 2**32. Where drivers draw at
-            each decision, the number of the decision: so earlier draws have no influence.
+        block_number: Block number in the stream, 0 <= block_number < 2**32. For draws at each
+            decision of a driver, it is the number of the decision, whatever was drawn before.
 
     Returns:
         The four words, each with the common shape of `scenario_index` and `stream`.

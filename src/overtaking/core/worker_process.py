@@ -101,7 +101,7 @@ class ParentConnection:
 
         Messages that then still wait are dropped.
         """
-        # `_is_stopped` is set when the stop frame arrives, behind frames that still wait.
+        # The stop frame may lie behind others, so `_is_stopped` is set as soon as it arrives.
         while (frame := self._received_frames.get()) != STOP_FRAME and not self._is_stopped:
             yield pickle.loads(frame)
 
@@ -189,8 +189,8 @@ it, because `receive_from_any` waits for several of them."""
 class WorkerProcess:
     """The end of the connection in the parent: it starts a worker, and sends and receives messages.
 
-    As a context manager it kills the worker at the end of the block. The worker also ends when this
-    process ends. The worker ignores Ctrl-C, and imports modules from the same folders as this
+    As a context manager it kills the worker at the end of the block. When this process ends, the
+    worker ends as well. The worker ignores Ctrl-C, and imports modules from the same folders as this
     process.
 
     Args:

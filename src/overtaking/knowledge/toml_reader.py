@@ -16,8 +16,8 @@ one entry for each number:
   the columns. A column has a unit and a source; a column `{}` holds texts or flags.
 - `[labels]` and `[quantities]`: one line for each quantity, with a value for each item, and with
   unit, source and rationale of all values. An item can replace them: `S = { value = 1.2, source =
-  "..." }`. The rationale of the line explains its source, so it does not hold for such an item. The
-  lines of labels hold texts or flags.
+  "..." }`. The rationale of the line explains the source of the line, so it does not hold for an
+  item with another source. The lines of labels hold texts or flags.
 - `base = "name"` in a table: the table takes each entry that it does not state itself from the
   table `name`, which must stand above it.
 """
