@@ -190,8 +190,8 @@ class WorkerProcess:
     """The end of the connection in the parent: it starts a worker, and sends and receives messages.
 
     As a context manager it kills the worker at the end of the block. When this process ends, the
-    worker ends as well. The worker ignores Ctrl-C, and imports modules from the same folders as this
-    process.
+    worker ends as well. The worker ignores Ctrl-C, and imports modules from the same folders as
+    this process.
 
     Args:
         module: Name of the module that the worker runs.
