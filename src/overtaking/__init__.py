@@ -3,7 +3,9 @@
 The ego is the vehicle under study; it follows a slower vehicle, the target, and may overtake it. A
 profile describes a road and its traffic. A scenario is all that is decided before the simulation
 begins: road, weather, vehicles and drivers, drawn from a profile. A simulation records the vehicles
-frame by frame. Its labels are its outcome, the verdicts of the rules of a law, and features.
+frame by frame, at instants of equal distance. Its labels are computed from the recording: the
+outcome, the verdicts of the rules of a law, and features, numbers that describe the overtake. Its
+class combines outcome and legality, such as `Success_L` (completed and legal).
 
 Arrays in memory (a batch of many simulations):
 
@@ -13,7 +15,7 @@ Arrays in memory (a batch of many simulations):
     branch                  simulate them again with decisions, weather, drivers or vehicles changed
     label                   find outcomes, breaches of the law and features
     evaluate                compare drivers of the ego in the same scenarios
-    run_benchmark           compare them in the published scenarios of a benchmark
+    run_benchmark           compare drivers in the published scenarios of a benchmark
     compare_simulators      simulate on several simulators and show the differences
     validate_profile        compare the traffic of a profile with measured traffic
     reproduce_study         repeat the published study that the profile pinto2023 models
@@ -28,14 +30,16 @@ Data sets on disk, each in a folder:
     import_recording        read a recording of real traffic as a data set
     label_recordings        label a folder of recordings
     list_opendrive_roads    list the roads of an OpenDRIVE file, and which can be simulated
-    dataset_statistics      count classes, features and the times that drivers wait to overtake
+    dataset_statistics      statistics of classes, features and times before the overtake
     sql                     query a data set in SQL
 
 Pictures and pages:
 
     plot                    draw a figure of a data set or of a result
-    film                    film simulations, or a simulation above its changed repetition
-    write_report            write a data set, an evaluation or a reproduction as a page
+    film                    film simulations, also an original and its changed repetition in one
+                            picture
+    write_report            write a page about a data set, or about the result of `evaluate`,
+                            `run_benchmark` or `reproduce_study`
     write_viewer_page       write simulations as a page for a browser
     serve_viewer            show a data set in the browser of this machine
 
@@ -56,7 +60,7 @@ Objects:
     ForcedDecision          a decision that an Intervention forces
     Driver                  a function that drives the ego, and how it observes and answers
     Observation             the values that a Driver observes
-    Sensor                  range and errors of a sensor, for a Driver without human eyes
+    Sensor                  range and errors of a sensor, through which a Driver may observe
     Move                    a decision that a Driver may answer
     MeasurementErrors       standard deviations of recorded positions and speeds, for label
     OvertakingError         the base of all errors
@@ -78,9 +82,9 @@ Modules:
     learning                rules and factors learned from a data set
     carla                   the simulator CARLA: handling limits, replay, a server for its clients
 
-`help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
-used (PEP 562), so that `import overtaking` is quick. `__init__.pyi` tells editors the same names.
-A new public name needs an entry in `_HOMES`, in `__init__.pyi` and in the lists above.
+`help(overtaking.simulate)` explains a name. A name is loaded from its module when it is first used
+(PEP 562), so that `import overtaking` is quick. `__init__.pyi` tells editors the same names. A new
+public name needs an entry in `_HOMES`, in `__init__.pyi` and in the lists above.
 """
 
 from importlib import import_module as _import_module
@@ -136,12 +140,13 @@ _HOMES = {
     "serve_viewer": "overtaking.api.reports",
     "write_viewer_page": "overtaking.api.reports",
 }
-"""Public names, each with the module that defines it."""
+"""Public names, each with the module that defines it. Their order has no effect."""
 
 _MODULES = ("carla", "law", "learning", "logic", "whatif")
 """Public modules, in the folder of this file."""
 
-# For `from overtaking import *` and documentation tools.
+# For `from overtaking import *` and documentation tools. Pyright misses the names, because only
+# `__getattr__` makes them.
 __all__ = [*_HOMES, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -150,10 +155,13 @@ def __getattr__(name: str) -> object:
     if name == "__version__":
         value = _import_module("importlib.metadata").version(__name__)
     elif name in _MODULES:
+        # Not checked as below: `import overtaking.law` does not call this function either.
         value = _import_module(f"{__name__}.{name}")
     elif name in _HOMES:
-        # The libraries that a name loads end the process if a limit of the system leaves too little
-        # memory. The module of this error loads no library, so a program can always catch it.
+        # Compiled libraries end the process when they get no memory. So `check_address_space` first
+        # raises a `SystemLimitError` if a limit of the system (`ulimit -v`) leaves too little; the
+        # error names the public name. The module of `OvertakingError` loads no library and is not
+        # checked, so that a program can always catch the error.
         if name != "OvertakingError":
             _import_module("overtaking.core.process_limits").check_address_space(name)
         value = getattr(_import_module(_HOMES[name]), name)

@@ -1,71 +1,80 @@
 """Laws: functions that judge data by a law, and the parts of rules and packs of your own.
 
 A pack is the list of the rules of one law. The check of a rule is a function that takes a `Case`
-(simulations with their signals) and returns a `Finding`: for each simulation a `Verdict`, a margin
-(negative in a breach, in the unit of the rule) and the frames of a breach. A policy says which
-rules of a pack an overtake must keep, and with which tolerances.
+(simulations with their signals) and returns a `Finding`: for each simulation a `Verdict` (such as
+legal, illegal or undecidable), a margin (the distance to the limit where it is smallest, negative
+in a breach, in the unit of the rule) and the first and last frame of a breach. A policy names the
+rules of a pack that a legal overtake must not break, and tolerances: amounts by which the limit of
+a rule may be exceeded.
 
 The ego is the vehicle that is judged, the target the vehicle that it overtakes. An attempt is an
-overtake that has begun. Signals are time series of shape (simulation, time).
+overtake that has begun. A frame is a recorded instant; frames are numbered from 0. Signals are time
+series of shape (simulation, time).
 
 Functions that use a law:
 
-- `judge`: judge a data set by another law or other policies;
+- `judge`: judge a data set by another law or by other policies than its labels;
 - `compare`: find the overtakes that are legal under one law and illegal under another;
 - `explain`: explain each verdict on one simulation in English;
-- `tolerance_curve`: count legal overtakes by tolerance;
-- `undecidable_rules`: list the rules of `PORTUGAL` that a recording without some signals cannot
-  decide;
+- `tolerance_curve`: count the legal overtakes for larger and larger tolerances;
+- `undecidable_rules`: list the rules of `PORTUGAL`, the law of all labels by default, that cannot
+  be decided where a recording lacks quantities such as the weather;
 - `load_pack`, `policies_for`: find a pack by its name, and the policies for it.
 
 Description of a rule and of a pack:
 
-- `Rule` with its `Text` (whether the wording of the provision was read, or is known from others),
-  `Grade` (severity of its breaches), `Severity` (of one breach) and `Spread` (standard deviation of
-  its margin, from errors of measurement);
+- `Rule`, and the types of its attributes: `Text` (whether the author read the wording of the
+  provision or knows it at second hand), `Grade` (how severe a breach of the rule is; the severity
+  may depend on the road or on the breach) and `Spread` (a function that computes the standard
+  deviation of the margin from errors of measurement);
+- `Severity`: severity of one breach, as a finding states it;
 - `adopt`: make a rule of another law with the check of an existing rule;
 - `Pack`, and the packs `PORTUGAL` and `GERMANY`; `Policy`, `Tolerance`.
 
 Input of a rule:
 
-- `Case`, `MeasurementErrors`, `NeighbourRole` (leader and follower in the lane of the ego and in
-  the lanes beside it);
-- constants: `NEVER` (a frame number that stands for no frame), `ENDLESS` (larger than any margin),
-  `ROAD_KINDS` and `CLASSES` (kinds of roads and of vehicles with limits of their own).
+- `Case`; `MeasurementErrors`, the standard deviations of recorded positions and speeds;
+- `NeighbourRole`: leader and follower in the lane of the ego and in the lanes beside it;
+- `NEVER` (-1): the number of a frame if the event did not happen;
+- `ENDLESS`: larger than any margin; a margin has this value in frames that do not count;
+- `ROAD_KINDS` and `CLASSES`: kinds of roads and of vehicles with speed limits of their own.
 
 Spans of frames to check (`Span`: the first and the last frame of each simulation):
 
 - `manoeuvre`: from 3 s before the attempt to 3 s after its end;
 - `conduct`: the manoeuvre, or the whole drive if there was no attempt;
-- `settled`: `conduct` without the time in which a driver may regain a gap after a cut-in;
-- `passed`: from the end of the overlap of ego and target along the road to the end of `manoeuvre`;
-- `alongside`: the frames of that overlap;
-- `frames_of` and `seconds_of` convert durations from and to seconds.
+- `settled`: `conduct` without its first seconds, in which a driver may restore a gap that another
+  vehicle has taken before the recording;
+- `passed`: from the frame in which the ego is past the target to the end of `manoeuvre`;
+- `alongside`: no `Span`, but a list of the frames in which ego and target are side by side, at
+  least in part, with the lateral gap between them;
+- `frames_of`: number of frames in a number of seconds; `seconds_of`: the reverse.
 
 Values at frames:
 
 - `at`: a signal at one frame of each simulation;
 - `encounter`: gap, closing speed and other measures of a neighbour at listed frames;
-- `beside`: the same at one frame of each simulation;
+- `beside`: the measures of `encounter` at one frame of each simulation;
 - `limits_of`: the lowest and the highest speed limit that may hold, because the kind of the road or
   of the ego can be unknown.
 
-Findings from margins:
+Functions that make a finding from margins (the smallest margin becomes the margin of the finding):
 
 - `always`: a margin at all frames of a span;
 - `always_at`: a margin at listed frames;
 - `instant`: a margin at one frame of each simulation;
 - `keeps_limit`: the speed under a limit;
-- `decided`: margins and frames that you have computed.
+- `decided`: a margin and frames that you have computed for each simulation.
 
 Errors of measurement:
 
-- `deciding`: the frame of a span at which the margin is the margin of the finding;
+- `deciding`: the frame of a span at which the margin is smallest, where its error matters;
 - `standard_error`: the standard deviation of a margin.
 
 `docs/how-to/write-a-rule.md` shows a pack of two rules.
 """
 
+# `import x as x` marks a name as public for type checkers.
 from overtaking.api.law import compare as compare
 from overtaking.api.law import explain as explain
 from overtaking.api.law import judge as judge

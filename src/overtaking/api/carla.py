@@ -1,10 +1,12 @@
 """Public functions for CARLA, the driving simulator: `overtaking.carla`, and `overtaking carla`.
 
-`serve` runs a server of this package that speaks CARLA's protocol (the *headless* server): programs
-written for CARLA 0.9.16 run on it without CARLA. `replay` films simulations of a data set in CARLA,
-and `measure_limits` measures two faults of CARLA's own traffic. These two are clients; the
+CARLA consists of a server, which simulates and draws, and a client, a Python library. `serve` runs
+a server of this package that speaks CARLA's protocol (the *headless* server): programs written for
+CARLA 0.9.16 run on it without CARLA's server. `replay` films simulations of a data set, and
+`measure_limits` measures two faults of CARLA's own traffic. These two use the client; the
 environment variable `OVERTAKING_CARLA` names their server as `HOST:PORT`. If it is unset or
-`headless`, they start a headless server for themselves.
+`headless`, they start a headless server for themselves. On CARLA's server films are photorealistic;
+the headless server draws vehicles as boxes.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation. The
 modules that do the work are imported inside the functions, so `import overtaking` stays fast.
@@ -32,14 +34,16 @@ def measure_limits() -> "Limits":
     command. The study that this package reproduces (Pinto, Dutra and Fonseca 2023) met both limits.
 
     Returns:
-        `speeds_kmh`, `changed` (how many vehicles obeyed at each speed, of `trials`), and
-        `again_after`, the time until a second change is obeyed [s], None if it never was.
+        `speeds_kmh`, the speeds that were tried; `trials`, the number of vehicles at each speed;
+        `changed`, how many of them obeyed; and `again_after`, the time until a second change is
+        obeyed [s], None if it never was.
 
     Raises:
         MissingExtraError: CARLA's client is not installed.
         ConfigError: The server is missing, or has another version than the client.
-        SimulationLostError: Client or server failed three times.
+        SimulationLostError: Client or server failed, also in two repetitions.
     """
+    # `processes` runs CARLA's client in a process of its own, because the client can crash.
     from overtaking.simulators.carla import processes
 
     return processes.limits()
@@ -54,7 +58,7 @@ def replay(
     size: tuple[int, int] = (800, 450),
     progress: ProgressCallback | None = None,
 ) -> "list[Replayed]":
-    """Show recorded simulations in CARLA and film them from behind and from above the ego.
+    """Show recorded simulations in CARLA; film them from behind the ego and from above it.
 
     The ego is the vehicle whose overtaking is studied. In each frame every vehicle is put at its
     recorded position; CARLA computes no motion.
@@ -75,9 +79,12 @@ def replay(
         ConfigError: No simulation has such a number, the size is not possible, or the server is
             missing or has another version than the client.
         MissingExtraError: CARLA's client or the video encoder (extra `video`) is not installed.
-        SimulationLostError: Client or server failed three times.
+        SimulationLostError: Client or server failed, also in two repetitions.
     """
     from overtaking.recordings.opendrive_writer import write_opendrive
+
+    # `filming` describes the work. `processes` runs it in a process of its own, because CARLA's
+    # client can crash.
     from overtaking.simulators.carla import processes
     from overtaking.simulators.carla import replay as filming
 
@@ -91,8 +98,7 @@ def replay(
         has_carla_map = filming.map_of(trajectories) is not None
         job = filming.ReplayJob(
             run=trajectories,
-            # The films are written by another process, in which CARLA's client runs.
-            folder=folder.resolve(),
+            folder=folder.resolve(),  # For the other process.
             name=f"{number:06d}",  # The start of both file names; zeros make them sort.
             size=size,
             opendrive=None if has_carla_map else write_opendrive(trajectories.road),
@@ -125,7 +131,7 @@ def serve(
         maps: Maps that clients can load: each the name of a road of the package, or an OpenDRIVE
             file, which clients name without the suffix. The first is loaded at the start; `town06`
             is the road of the study.
-        seed: Seed of the random gusts of wind and puddles, 0 <= seed < 2**64.
+        seed: Seed of random weather (gusts of wind; puddles), 0 <= seed < 2**64.
         ready: Called once, when clients can connect, with the port for calls and the port for
             streams.
         log: Called with a line of text about an event that a person may want to know, such as a
@@ -133,7 +139,8 @@ def serve(
 
     Raises:
         ConfigError: An argument cannot be used, or the port is taken.
-        MissingExtraError: A map is a file, and CARLA's client, which reads it, is not installed.
+        MissingExtraError: A map is a file, and CARLA's client, with which the server reads it, is
+            not installed.
     """
     from overtaking.simulators.carla_server.running import run_server
 

@@ -69,7 +69,7 @@ def generate_dataset(
 ) -> Dataset:
     """Generate a data set: draw scenarios, simulate and label them, and write the tables.
 
-    The same profile, seed and number of simulations give the same bytes, whatever computes them.
+    The same arguments give the same bytes, whatever `executor` and `workers` are.
 
     Args:
         profile: Name of a profile, path of a TOML file, or a specification.
@@ -89,17 +89,19 @@ def generate_dataset(
             a simulator of `MODEL_SIMULATORS`, and is called in this process only.
         shard_size: Number of simulations in a shard, 1 or more; None for the simulator's own, 4096
             for `engine`. After an interruption at most one shard per process is computed again.
-        balance: Classes that get equal numbers of simulations, and what happens if one is too rare;
-            None for the classes as they come.
+        balance: Classes that get equal numbers of simulations, and whether a class that is too rare
+            is an error; None for the classes as they come.
         executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
             `ray` for a Ray cluster; `auto`, the default, takes processes for a large data set in a
             folder, else threads.
-        address: Address `HOST:PORT` of a Ray cluster; None starts one on this machine for the
-            duration of the call.
-        workers: Number of processes; None for one per core.
-        allow_large: True permits more than 10 GB or 1,000,000 simulations. A function is called
-            with the `Estimate` of size and time of a data set of 4,096 simulations or more (fewer
-            with slow simulators), before anything is written, and returns whether to go on.
+        address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
+            machine for the duration of the call.
+        workers: Number of processes, not for `threads` or with `address`; None for one per core.
+            `auto` with a number means `processes`.
+        allow_large: Whether the data set may exceed 10 GB or 1,000,000 simulations. Instead of True
+            or False a function may decide: before anything is written, it gets the `Estimate` of
+            size and time, and returns whether to go on. It is called for 4,096 simulations or more,
+            with slow simulators for fewer.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Only with `balance`. Called with the number of candidates that were simulated
             to find the rare classes, and the expected number of all; this search precedes the
@@ -175,8 +177,8 @@ def resume_dataset(
 
     Raises:
         DatasetError: There is no manifest, or the data set is one that this function cannot
-            continue: imported, of branches, or with a driver of the user. Also as in
-            `generate_dataset`.
+            continue: imported, of branches, or with a driver of the user. Also in all cases in
+            which `generate_dataset` raises it.
         SchemaError: A newer version of the package began the data set.
     """
     identity = read_manifest(location_of(out)).identity
@@ -204,7 +206,7 @@ def resume_dataset(
             got=f"one that {identity.policy.name} drives",
             next_step="complete it with that driver: overtaking drive --resume",
         )
-    # `allow_large` is not needed: the first call asked for it.
+    # `allow_large` is left out: with `resume=True` the size is not checked again.
     return generate_dataset(
         identity.spec,
         num_simulations=identity.simulations,
@@ -241,9 +243,9 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
     if isinstance(path, Dataset):
         return path
     location = location_of(path)
-    # The simulator computes tables again that were not kept. The engine can do so for `reference`
-    # as well, because both give the same bits. Imported recordings keep all tables, so they need no
-    # simulator; `engine` fills the argument.
+    # A data set needs a simulator to compute again the tables that it did not keep. For the data
+    # sets of `reference` the engine can do so, because both give the same bits. Imported recordings
+    # have the name `recording` here and keep all tables, so the engine is passed but never used.
     name = read_manifest(location).identity.simulator
     is_other_model = name in SIMULATORS and name not in MODEL_SIMULATORS
     return open_dataset(location, get_simulator(name if is_other_model else "engine"))
@@ -265,7 +267,8 @@ def relabel_dataset(
         dataset: Folder of the data set; one in a store cannot be relabelled.
         errors: Standard deviations of the positions [m] and speeds [m/s] that the recording states;
             None for exact ones. The column `rule_set` records them. A rule is undecidable where its
-            margin (the distance to its limit) is less than two standard errors.
+            margin (the distance to its limit) is less than two standard errors of the margin,
+            which the rule computes from these deviations.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -286,7 +289,11 @@ def relabel_dataset(
 
 
 def _parse_keep(name: str) -> Keep:
-    """The member of `Keep` for an argument; raises a `ConfigError` for another text."""
+    """The member of `Keep` for the argument `keep` of `generate_dataset`.
+
+    Raises:
+        ConfigError: There is no such member.
+    """
     try:
         return Keep(name)
     except ValueError:
@@ -315,8 +322,8 @@ def sql(
             (Pinto, Dutra and Fonseca 2023) are views, such as `paper.EgoVehicle`.
         max_rows: Largest number of rows of the answer, 1 to 1e9.
         timeout_s: Longest time of the query [s], 0.001 to 1e9.
-        memory_mib: Memory limit of the database [MiB], 16 to 1e9; the answer may take an eighth of
-            it.
+        memory_mib: Memory limit of the database [MiB], 16 to 1e9. An answer larger than an eighth
+            of it is an error (a choice: this process holds an answer several times).
 
     Returns:
         `columns`, the names of the columns; `rows`, a list of tuples; and `is_cut`, whether the

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.evaluation.run import Contestant
 
 HUMAN, STAY = "human", "stay"
+"""Names of drivers in `BUILTIN_DRIVERS`."""
 
 
 BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
@@ -57,7 +58,8 @@ BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
 """Drivers of the package by name. None marks the human model, which the engine itself computes.
 
 `stay` never changes lanes; `rules` overtakes by fixed rules. Both receive what a human would
-perceive (`observation`), decide about lane changes only (`action`), and follow like the human.
+perceive (`observation="human"`, which is no driver's name) and decide about lane changes only
+(`action="decision"`). The human model keeps the distance to the vehicle ahead for them.
 """
 
 
@@ -91,12 +93,14 @@ def evaluate(
 
     Args:
         driver: The driver to evaluate: a `Driver`, or a name in `BUILTIN_DRIVERS`.
-        profile: Profile of the scenes: a name, a TOML file or a specification. If it is a name for
-            which the package has a variant with the suffix `-risk`, the variant is used instead.
+        profile: Profile of the scenes: a name, a TOML file or a specification (the content of such
+            a file, as an object). If the package has a variant of the name with the suffix `-risk`,
+            the variant is used instead. The default is a variant already.
         num_simulations: Number of scenes, 1 to 1,000,000.
         seed: Seed of the random numbers of the scenes, 0 <= seed < 2**64.
         references: Drivers to compare it with. All names must differ, also from the evaluated one.
-        natural: Whether to use the named profile itself, in which dangerous scenes are rare.
+        natural: Whether to use the named profile itself and not its variant, such as `motorway`, in
+            which dangerous scenes are rare.
         overrides: New values of keys of the specification, such as
             `{"traffic.vehicles": "2..6"}`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
@@ -121,21 +125,20 @@ def evaluate(
     spec = profiles.load_specification(risk_profile or profile, overrides)
     if risk_profile is not None and say is not None:
         say(risk_note(str(profile), risk_profile))
-    # Time gained is measured against `stay`, so it is simulated even if it is not a reference.
-    (stay,) = _compared_drivers([STAY])
     evaluation = run(
         spec,
         resolve_road(road or spec.road),
         num_simulations,
         seed,
-        policy=evaluated,
+        policy=evaluated,  # The driver; elsewhere a policy is a set of rules of law.
         references=others,
-        stay=stay,
+        # Time gained is measured against `stay`, so it is simulated even if it is not a reference.
+        stay=_contestant(STAY, "references"),
         progress=progress,
     )
     if risk_profile is None:
         return evaluation
-    # Reports state both: the profile that the caller named, and the variant that was used.
+    # Reports state both profiles: the one that the caller named, and the variant that was used.
     return replace(evaluation, asked_profile=str(profile))
 
 
@@ -170,7 +173,8 @@ def run_benchmark(
     from overtaking.analysis.evaluation.benchmark import run
 
     evaluated, *others = _compared_drivers([driver, *references])
-    (stay,) = _compared_drivers([STAY])
+    stay = _contestant(STAY, "references")  # Time gained is measured against it.
+    # `run` calls `resolve_road` for the road of each profile of the benchmark.
     return run(read_benchmark(benchmark), evaluated, others, stay, resolve_road, progress)
 
 
@@ -182,10 +186,10 @@ def resolve_driver(
     Args:
         name: A name in `BUILTIN_DRIVERS`, which is returned unchanged, or a name that `load_driver`
             accepts.
-        observation: As in `load_driver`; may be None only for a built-in driver, which states its
-            own.
-        action: As in `load_driver`.
-        action_repeat: As in `load_driver`.
+        observation: As in `load_driver`. None if the option is missing, which is an error except
+            for a built-in driver.
+        action: As in `load_driver`; not used for a built-in driver.
+        action_repeat: As in `load_driver`; not used for a built-in driver.
         option: Option of the command line that gave `name`, for error messages.
 
     Raises:
@@ -194,11 +198,9 @@ def resolve_driver(
     """
     if name in BUILTIN_DRIVERS:
         return name
-    is_code_or_network = ":" in name or name.endswith(".onnx")
-    if observation is None or not is_code_or_network:
-        # Called for its errors alone. They list the built-in drivers, which `load_driver` does not
-        # know, and they come first: with a misspelt name, a demand for --observation would mislead.
-        load_driver_function(name, option, BUILTIN_DRIVERS)
+    # Before the check of `observation`: after a misspelt name, such as `rule`, a demand for
+    # --observation would mislead.
+    function = load_driver_function(name, option, BUILTIN_DRIVERS)
     if observation is None:
         raise ConfigError(
             what="--observation",
@@ -207,12 +209,16 @@ def resolve_driver(
             got="nothing",
             next_step=f"add --observation, or choose one of {', '.join(BUILTIN_DRIVERS)}",
         )
-    return load_driver(name, observation, action=action, action_repeat=action_repeat, option=option)
+    return _driver_from_function(
+        function, name, observation, action=action, action_repeat=action_repeat
+    )
 
 
 def _risk_profile(profile: ProfileSource) -> str | None:
     """Name of the `-risk` variant of a profile; None if the package has no such variant."""
-    name = f"{profile}{RISK_SUFFIX}" if isinstance(profile, str) else ""
+    if not isinstance(profile, str):  # A file or a specification, not a name.
+        return None
+    name = f"{profile}{RISK_SUFFIX}"
     return name if name in profiles.profile_names() else None
 
 
@@ -223,7 +229,7 @@ def _compared_drivers(drivers: Sequence[str | Driver]) -> "list[Contestant]":
         drivers: The driver under evaluation first, then the references.
 
     Returns:
-        Name, simulating function and origin of each, in the same order.
+        The drivers in the same order, each with its name and the function that simulates it.
 
     Raises:
         ConfigError: No driver has such a name, or two drivers have the same name.
@@ -245,7 +251,7 @@ def _compared_drivers(drivers: Sequence[str | Driver]) -> "list[Contestant]":
 
 
 def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
-    """Prepare one driver; `argument_name` is the argument of `evaluate` that named it."""
+    """Prepare a driver; error messages state `argument_name`, the argument that it comes from."""
     from overtaking.analysis.evaluation.run import Contestant
 
     engine = simulator_module("engine")
@@ -257,15 +263,16 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
                 what=argument_name, where="evaluate", choices=names, got=name
             )
         builtin_driver = BUILTIN_DRIVERS[name]
-        if builtin_driver is None:
+        if builtin_driver is None:  # The human model, which drives in an ordinary simulation.
             return Contestant(name=name, simulate=engine.simulate)
         driver = builtin_driver
     # Short name for tables: `keep_gap` for `lib/a.py:keep_gap`, `net.onnx` for `nets/net.onnx`.
     short_name = driver.display_name.rpartition(":")[2].rpartition("/")[2]
     return Contestant(
         name=short_name,
-        source=driver.display_name,
         simulate=partial(_simulate_with_driver, driver=driver),
+        # Reports state these four; the digest is the SHA-256 of the driver's file.
+        source=driver.display_name,
         digest=driver.sha256,
         observe="sensor" if isinstance(driver.observation, Sensor) else driver.observation,
         action=driver.action,
@@ -273,13 +280,15 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
 
 
 def _simulate_with_driver(scenario: Scenario, driver: Driver) -> Trajectories:
-    """Simulate a batch of scenarios on the engine, with the driver in every ego."""
+    """Simulate a batch of scenarios on the engine, with the driver in every ego.
+
+    `external_driver.drive` asks the driver for all its actions and passes them to the engine's
+    `run`. In all else this is a simulation like the engine's `simulate`.
+    """
     return external_driver.drive(scenario, driver, simulator_module("engine").run)
 
 
-def load_driver(
-    name: str, observation: str, *, action: str, action_repeat: int, option: str = "--driver"
-) -> Driver:
+def load_driver(name: str, observation: str, *, action: str, action_repeat: int) -> Driver:
     """Load a driver of the user.
 
     Args:
@@ -289,16 +298,26 @@ def load_driver(
             exact state, or a TOML file with the numbers of a sensor (ranges, errors, latency).
         action: Output of the driver, a name in `sim.action_spaces.ACTION_SPACES` such as
             `accel_lane` (acceleration and lane) or `decision` (lane changes only).
-        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200.
-        option: Option of the command line that gave `name`, for error messages.
+        action_repeat: Time for which an action holds, in units of 50 ms, 1 to 200. The driver is
+            asked again after it.
 
     Raises:
         ConfigError: No such driver or sensor exists, or another argument cannot be used.
         MissingExtraError: The name is an ONNX file, and the extra `onnx` is not installed.
     """
+    function = load_driver_function(name)
+    return _driver_from_function(
+        function, name, observation, action=action, action_repeat=action_repeat
+    )
+
+
+def _driver_from_function(
+    function: DriverFunction, name: str, observation: str, *, action: str, action_repeat: int
+) -> Driver:
+    """Make a driver from its loaded function; other arguments as in `load_driver`."""
     is_sensor_file = observation.endswith(".toml")
     driver = Driver(
-        function=load_driver_function(name, option),
+        function=function,
         observation=Sensor.from_file(observation) if is_sensor_file else observation,
         action=action,
         action_repeat=action_repeat,
@@ -309,13 +328,14 @@ def load_driver(
 
 
 def _check_num_parts(driver: Driver) -> None:
-    """Refuse a network with more or fewer output values per simulation than its action has.
+    """Refuse a network whose number of output values is not the number of parts of its action.
 
-    Functions do not state their number of values; `sim.external_driver` checks their answers.
+    The parts of an action are its numbers, such as acceleration and lane. Only networks have an
+    attribute `num_parts`; the answers of Python functions are checked when they drive.
     """
     parts = driver.action_space.parts
-    num_parts = getattr(driver.function, "num_parts", len(parts))
-    if num_parts != len(parts):
+    num_parts = getattr(driver.function, "num_parts", None)
+    if num_parts not in (None, len(parts)):
         raise ConfigError(
             what=f"output for --action {driver.action}",
             where=driver.name,
@@ -335,7 +355,7 @@ def load_driver_function(
     Args:
         name: `module:name`, `file.py:name` or `file.onnx`.
         option: Option of the command line that gave `name`, for error messages.
-        builtin: Names of built-in drivers that the error for an unknown name proposes as well.
+        builtin: Further names for the error to propose if `name` has another form.
 
     Raises:
         ConfigError: No such module, file, function or driver exists.
@@ -354,8 +374,8 @@ def load_driver_function(
     except Exception as error:  # The module of another author may raise anything.
         message = f"{name} ({type(error).__name__}: {error})"
         raise _unknown_driver(message, option, _FORMS) from error
-    functions = [key for key, value in vars(module).items() if _may_be_driver(key, value)]
     if not hasattr(module, attribute):
+        functions = [key for key, value in vars(module).items() if _may_be_driver(key, value)]
         nearest = nearest_first(attribute, functions)[:_MAX_PROPOSALS]
         listed = ", ".join(f"{module_or_file}:{function}" for function in nearest)
         expected = listed or f"{_FORMS}; {module_or_file} defines no function"
@@ -373,7 +393,7 @@ _FORMS = "module:name or file.py:name of a function, or a file.onnx"
 
 
 _MAX_PROPOSALS = 5
-"""Largest number of functions that an error message proposes; more would not be read (a choice)."""
+"""Largest number of functions that an error message proposes. Chosen: a short message."""
 
 
 def _may_be_driver(name: str, value: object) -> bool:
@@ -393,7 +413,7 @@ def _unknown_driver(name: str, option: str, expected: str) -> ConfigError:
 
 
 def _import_module(module_or_file: str) -> Any:
-    """Import a module by its name, or run the Python file of a path that ends in `.py`."""
+    """Import a module by its name, or run a file whose path ends in `.py` as a module."""
     if not module_or_file.endswith(".py"):
         # As with `python -m`, modules in the working folder come before installed ones.
         sys.path.insert(0, str(Path.cwd()))
@@ -410,6 +430,6 @@ def _import_module(module_or_file: str) -> Any:
     try:
         spec.loader.exec_module(module)
     except BaseException:
-        del sys.modules[module.__name__]  # A later `import` would get a half-executed module.
+        del sys.modules[module.__name__]  # Else a later `import` gets a half-executed module.
         raise
     return module

@@ -84,11 +84,11 @@ def export_dataset(
             the three input files of Popper.
         file_format: A name in `EXPORT_FORMATS`.
         simulation_ids: Numbers of the simulations to write, from 0; None for all.
-        overtake_class: Only simulations with this class, such as `Success_L` (completed and legal);
-            None for all.
+        overtake_class: Of these, only simulations with this class, such as `Success_L` (completed
+            and legal); None for all.
         policy: The set of rules of law that decides whether an overtake is legal, and so its class:
             `paper`, `default` or `strict`; None for the default of the profile.
-        progress: Called with the number of simulations that are done, and of all.
+        progress: Called with the number of simulations that are done, and of all; not for `popper`.
         options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
             more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
             facts that only the rules of law read. For `popper`: `about`, the fact to learn:
@@ -146,9 +146,10 @@ def _event_times(dataset: Dataset) -> dict[int, dict[str, float]]:
         Simulation number to event name, such as `attempt`, to time.
     """
     event_times = defaultdict[int, dict[str, float]](dict)
-    event_rows = dataset.table("events").select(["simulation", "event", "time_ms"])
-    for number, name, time in zip(*event_rows.to_pydict().values(), strict=True):
-        event_times[number][name] = time / 1000.0
+    table = dataset.table("events")
+    columns = (table[name].to_pylist() for name in ("simulation", "event", "time_ms"))
+    for number, event, time_ms in zip(*columns, strict=True):
+        event_times[number][event] = time_ms / 1000.0
     return event_times
 
 
@@ -163,9 +164,9 @@ def _selected_simulations(
     Raises:
         ConfigError: A simulation, class or policy does not exist, or no simulation is selected.
     """
-    from overtaking.data.choice import chosen
+    from overtaking.data.choice import chosen as select_simulations
 
-    numbers = chosen(dataset, simulation_ids, overtake_class, policy)
+    numbers = select_simulations(dataset, simulation_ids, overtake_class, policy)
     if numbers is not None and not numbers.size:
         raise ConfigError(
             what="simulations",
@@ -208,7 +209,8 @@ def _export_facts(
     """Write simulations as facts.
 
     A function of its own, so that `check_arguments` checks the options, which `export_dataset`
-    takes as `**options`. Arguments are as there; `numbers` selects simulations, None for all.
+    takes as `**options`. `numbers` are the simulations to write, None for all: `Any`, because
+    `check_arguments` does not know the type of arrays. Other arguments as in `export_dataset`.
     """
     from overtaking.analysis.logic.export import write_facts
 
@@ -234,7 +236,7 @@ def _export_popper(
 ) -> int:
     """Write the input of the learner Popper: an example for each simulation.
 
-    `check_arguments` checks `about`, as in `_export_facts`.
+    A function of its own for the same reason as `_export_facts`; arguments as there.
     """
     from overtaking.analysis.learning.examples import examples_of
     from overtaking.analysis.learning.popper import write_popper
@@ -267,20 +269,20 @@ def import_recording(
         strict: Whether any finding is an error, raised before anything is written. (The policy
             `strict`, a set of rules of law, is something else.)
         progress: Called with the number of simulations that are done, and of all.
-        on_read: Called with the number of bytes that are read, and of all, before the first
-            simulation is made; `progress` if left out. Each byte counts three times: for the hash
-            of the file, for its table, and for the examination. The thread that calls it may be
-            another one.
-        options: Each format has some of these.
+        on_read: Called with the number of bytes that are done, and of all, before the first
+            simulation is made; `progress` if left out. The file is passed through three times (for
+            its hash, its table and the examination), so "all" is three times its size. The call may
+            come from another thread.
+        options: Each format has some of these; all may be left out, except `columns`.
             `attempts_only=True` omits vehicles that follow another and never move left (not for
             `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by
             default (not for `pinto2023`).
             `lanelet` is the id of a lanelet on the road to read, in a CommonRoad file with several;
             `direction`, 1 or 2, selects a carriageway of highD.
             `road` is the road that a table was recorded on: a name, an OpenDRIVE file, or a `Road`.
-            `columns` states which column of a `table` holds which quantity in which unit: the name
-            of a known map, a TOML file, or its content. `only` maps column names to the value that
-            a row must have.
+            `columns`, required for a `table`, states which column holds which quantity in which
+            unit (a *map*): the name of a map of the package, a TOML file, or its content. `only`
+            maps column names to the value that a row must have; other rows are omitted.
             `driving_side` ("right", "left") and `speed_limit` [m/s], infinite for no limit, replace
             values of the file.
             `smooth=True` smooths the tracks by the method of Thiemann et al. (2008) for NGSIM.
@@ -303,7 +305,7 @@ def import_recording(
     from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
-        # An unknown name passes here; the reader refuses it and lists the options of the format.
+        # An unknown name passes as `Any`; the reader refuses it and lists the format's options.
         check_argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     with report_reading(on_read or progress):
@@ -349,15 +351,17 @@ def label_recordings(
         executor: Where recordings are labelled: `threads` of this process, `processes` of this
             machine, `ray` for a Ray cluster; `auto` takes processes for more than 256 recordings,
             else threads. The result has the same bytes.
-        workers: Number of processes; None for one per core.
-        address: Address `HOST:PORT` of a running Ray cluster.
+        workers: Number of processes, not for `threads` or with `address`; None for one per core.
+        address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
+            machine for the duration of the call.
         resume: Whether to complete the result of an interrupted call; failed recordings are tried
             again.
         strict: Whether any finding is an error. All recordings are then read twice, first to
             examine them before anything is written. (The policy `strict`, a set of rules of law, is
             something else.)
         progress: Called with the number of recordings that are done, and of all.
-        on_read: Called as in `import_recording` for each recording that this process reads itself.
+        on_read: Called as in `import_recording` for each recording that this process reads itself;
+            None reports no bytes, because `progress` counts recordings here.
         options: As in `import_recording`.
 
     Returns:
@@ -395,6 +399,7 @@ def label_recordings(
             strict=strict,
             progress=progress,
         )
+    # `recordings.json` holds findings as dictionaries, one for each.
     warn_about([ImportFinding(**row) for row in result["import_report"]])
     return result
 
@@ -423,8 +428,8 @@ def trajectories_from_table(
 
     Args:
         table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
-        columns: Which column holds which quantity in which unit: the name of a known map, a TOML
-            file, its content, or only its section `columns`, such as
+        columns: Which column holds which quantity in which unit (a *map*): the name of a map of the
+            package, a TOML file, its content, or only its section `columns`, such as
             `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
         road: The road, in the coordinates of the table: a name, an OpenDRIVE file, or a `Road`.
             None for the road that the map describes; lanes that the map lacks are inferred from the
@@ -434,7 +439,8 @@ def trajectories_from_table(
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
             the map or the road states.
         attempts_only: Whether vehicles that follow another and never move left are omitted.
-        vehicles: Largest number of vehicles of a simulation.
+        vehicles: Largest number of vehicles of a simulation; vehicles that were never near the
+            ego are omitted first.
         strict: Whether any finding is an error. (The policy `strict`, a set of rules of law, is
             something else.)
 
@@ -455,6 +461,7 @@ def trajectories_from_table(
     from overtaking.recordings.track_table import track_rows_from_table
 
     stated_road = None if road is None else resolve_road(road)
+    # The side comes before the reading, which infers lanes by it; the limit can be set afterwards.
     mapping = with_driving_side(column_map(columns), driving_side, stated_road)
     track_rows = track_rows_from_table(table, mapping)
     recording = recording_of(track_rows, mapping, "table", road=stated_road)
@@ -470,7 +477,7 @@ def trajectories_from_table(
 
 @check_arguments
 def write_column_map(table: str | Path, out: str | Path) -> None:
-    """Write a template of a map of columns, the option `columns` of a table to import.
+    """Write a template for the option `columns` of `import_recording`, to be filled in by hand.
 
     Args:
         table: The CSV, Parquet or Arrow file to import; a comment in the template lists its
