@@ -10,8 +10,9 @@ action in `ACTION_KINDS`; `Actions` is the record of the answers, from which a s
 repeated. All observed values are float32, also codes and flags, so that they form one table.
 
 The model driver goes on to perceive and judge the traffic while an external driver drives. "The
-driver" in the descriptions of columns is this model driver, whose beliefs are observed. The target
-is the vehicle that the ego overtakes; the leader is the vehicle ahead in its lane.
+driver" in the descriptions of columns is this model driver, whose beliefs are observed; only
+`requested_accel` and `wanted_side` follow the last action. The target is the vehicle that the ego
+overtakes; the leader is the vehicle ahead in its lane.
 """
 
 import hashlib
@@ -140,8 +141,8 @@ class PassingColumns(NamedTuple):
 
     The columns are zero on one-way roads. On two-way roads they are the judgement of the model
     driver, also where a sensor measures the neighbours; only `gap_ahead_of_leader` is then zero,
-    because sensors do not measure it. A tall vehicle is a truck, over which the driver cannot look.
-    `line_is_solid` covers the next 150 m (`oncoming.line_ahead` in `model.toml`). In
+    because sensors do not measure it. A tall vehicle is a truck or a van, over which the driver
+    cannot look. `line_is_solid` covers the next 150 m (`oncoming.line_ahead` in `model.toml`). In
     `return_urgency` and `abort_state` 0.5 is the code of the lesser of two states.
     """
 
@@ -177,7 +178,7 @@ class PassingColumns(NamedTuple):
         ObservedValue(
             "1",
             "Factor on the gap that the driver leaves to the overtaken vehicle at the return, "
-            "above 1 if that is a truck",
+            "above 1 if that is a truck or van",
         ),
     ]
     line_is_solid: Annotated[

@@ -565,7 +565,7 @@ class Road:
             )
         max_curvature = _reference_line(segments).max_curvature
         max_offset = max(abs(self.kerb_edge_d), abs(float(self.lane_boundaries[-1])))
-        if not max_curvature * max_offset < MAX_CURVATURE_TIMES_OFFSET:
+        if max_curvature * max_offset >= MAX_CURVATURE_TIMES_OFFSET:
             raise self._error(
                 "bend",
                 f"lanes within {MAX_CURVATURE_TIMES_OFFSET:g} of its radius from the reference "
