@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
-    begins, announced = 1500.0, float(constant("model.oncoming.line_ahead"))
+    begins, announced = 1500.0, float(constant("model.oncoming.line_lookahead"))
     course = RoadCourse(
         centre_line_spans=(CentreLineSpan(start=begins, stop=6000.0, mark=RoadMark.SOLID),)
     )
@@ -55,7 +55,7 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
     assert out[0][0] == out[1][0]
     assert out[0][-1] < out[1][-1] - 10
     s, body = runs[0].states.s[0, :2, out[0][-1]], runs[0].scenario.vehicles.length[0, :2].mean()
-    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(constant("model.oncoming.squeeze_gap"))
+    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(constant("model.oncoming.min_return_gap"))
 
 
 def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():

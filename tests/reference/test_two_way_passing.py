@@ -112,6 +112,6 @@ def test_who_follows_a_truck_leaves_more_room_than_behind_a_car():
     kept = (
         CALM_DRIVER["time_gap"]
         * 18.0
-        * np.array([1.0, float(constant("model.oncoming.tall_room"))])
+        * np.array([1.0, float(constant("model.oncoming.tall_vehicle_gap_factor"))])
     )
     np.testing.assert_allclose(gap, CALM_DRIVER["min_gap"] + kept, rtol=0.01)

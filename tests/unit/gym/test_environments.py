@@ -292,7 +292,7 @@ def test_the_observation_of_a_pass_is_not_clipped():
         for index, column in enumerate(envs.OBSERVATION_COLUMNS)
         if column.name == "passing.tall_vehicle_gap_factor"
     )
-    table[:, index] = toml_reader.number("model.oncoming.tall_room")
+    table[:, index] = toml_reader.number("model.oncoming.tall_vehicle_gap_factor")
     assert (clip_observation(table, normalize=False) == table).all()
 
 
