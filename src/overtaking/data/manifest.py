@@ -256,7 +256,7 @@ class Identity(_Record):
     def pushes(self) -> LateralPushes | None:
         """How weather acts instead of by physics; None for physics, and for recordings."""
         found = checked_spec(self.spec).weather.pushes if self.spec else None
-        return found and found.to_model
+        return found and found.lateral_pushes
 
     @property
     def fingerprint(self) -> str:

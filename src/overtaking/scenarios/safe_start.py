@@ -1,14 +1,14 @@
-"""Repairs starts so that no vehicles overlap and every driver can avoid the vehicle ahead.
+"""Repairs starts so that no vehicles overlap and every driver can brake for the vehicle ahead.
 
-Samplers of traffic return a `TrafficStart`; `sampler` obtains stations and speeds from it, and
-`repair_starts` moves vehicles along their lane and slows them where necessary. Without a repair, a
-driver may start so fast and near that no braking helps, and its collision says nothing about
-overtaking.
+The three samplers of traffic (placed, motorway, two-way) return a `TrafficStart`. `sampler` obtains
+stations and speeds from it, and `repair_starts` moves vehicles along their lane and slows them
+where necessary. Without a repair, a driver may start so fast and near that no braking helps, and
+its collision says nothing about overtaking.
 
 Arrays have shape (simulation, vehicle) unless stated otherwise; a *slot* is a position in the
 second axis, and the ego, the vehicle under study, has slot 0. A *station* `s` is the distance of a
 vehicle's centre along the road, in its own direction of travel: a follower has the smaller station
-in both directions.
+in both directions. Oncoming vehicles of a two-way road have a lane number of their own, 1.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, U8, IndexArray, Mask
 from overtaking.core.native import maximum, minimum
@@ -48,7 +47,7 @@ MAX_KEPT_GAP_SHARE = number("sampling.safety.max_kept_gap_share")
 
 _NO_LANE = np.uint8(100)
 """First lane number of empty slots. Each empty slot has a lane of its own, so that it limits no
-vehicle. Roads have at most 8 lanes and scenarios at most 32 slots."""
+vehicle. Roads have at most 8 lanes and scenarios at most 32 slots, so numbers fit into 8 bits."""
 
 
 class StartStates(NamedTuple):
@@ -91,7 +90,7 @@ class StartZone:
             high=road.length,
             ego_lanes=tuple(range(road.num_lanes)),
             num_lanes=road.num_lanes,
-            max_in_lane=255,  # More than a scenario has vehicles.
+            max_in_lane=255,  # More than the vehicles of a scenario, at most 32.
         )
 
 
@@ -107,10 +106,11 @@ class TrafficStart:
         zone: The part of the road on which they may start.
         deadline: Time at which a simulation ends if the ego has not begun to overtake, shape
             (simulation,) [s].
-        states_at_speed: Returns stations and speeds for desired speeds [m/s]. The caller knows
-            them only when the weather is drawn, and calls it again where bends slow the vehicles.
+        states_at_speed: Function from desired speeds [m/s] to stations and speeds. The weather
+            changes desired speeds, so `sampler` calls it after the weather is drawn, and once more
+            where bends or local limits slow the vehicles.
         is_oncoming: Vehicles that drive in the other direction, with stations from the far end of
-            the road; None if there is no such direction.
+            the road; None on roads with one direction.
     """
 
     vehicles: VehicleSpecs
@@ -165,7 +165,7 @@ class FollowerLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadSpeeds:
-    """Speeds that drivers choose for the bends and lower limits at and ahead of a station.
+    """Speeds to which bends and local speed limits, here and farther ahead, make drivers slow down.
 
     Attributes:
         road: A road with bends, slopes or several speed limits, as the simulation uses it.
@@ -210,7 +210,7 @@ class RoadSpeeds:
         is_oncoming = lane >= self.road.num_own_lanes
         limit = allowed_speed(constants, self.road, s, is_oncoming)
         desired_speed = adapted_speed(factors, limit)
-        # The limit of the whole road is already part of the desired speed of the start.
+        # The speeds to be limited already follow from `speed_limit`; only lower limits count here.
         desired_speed = np.where(limit < self.speed_limit, desired_speed, np.float32(np.inf))
         in_bend = bend_speed(constants, self.road, self.max_lateral_accel, s, is_oncoming)
         return minimum(in_bend, desired_speed)
@@ -221,8 +221,8 @@ def assumed_start_decel(
 ) -> F32:
     """Deceleration that a driver can count on when braking from a speed, positive [m/s^2].
 
-    Friction falls with speed, so the friction at the start of braking is a safe value for all of
-    it. Puddles count with the share of the lane that they cover.
+    Friction is lowest at the highest speed, so its value at the start of braking is on the safe
+    side for the rest of it. Puddles count with the share of the lane that they cover.
 
     Args:
         vehicles: Vehicles, shape (simulation, vehicle).
@@ -259,10 +259,9 @@ def repair_starts(
 ) -> StartStates:
     """Move and slow vehicles until none overlap and every driver can avoid the vehicle ahead.
 
-    Three passes, each over all vehicles once: separate the vehicles, slow them for the road, and
-    make collisions avoidable. Vehicles stay in their lanes and in their order. In the traffic of
-    the study, the repair lowered the share of simulations with a collision in the first three
-    seconds from 20 % to 2 %.
+    Three passes: separate the vehicles, slow them for bends and limits, and make collisions
+    avoidable. Vehicles stay in their lanes and in their order. In placed traffic the repair lowered
+    the share of simulations with a collision in the first three seconds from 20 % to 2 %.
 
     Args:
         drawn: Starts as drawn.
@@ -350,11 +349,11 @@ class _SortedVehicles:
     reaction_time: list[F32]
     decel: list[F32]
     min_gap: np.float32
-    slot: list[NDArray[np.intp]]
+    slot: list[IndexArray]
     road_speeds: RoadSpeeds | None
 
     def slow_for_road(self, rank: int) -> None:
-        """Limit the speed of the vehicles of a rank to their choice for bends and limits ahead."""
+        """Limit the speed of the vehicles of a rank for bends and limits; no effect without any."""
         if self.road_speeds is not None:
             limit = self.road_speeds.speed_at(self.s[rank], self.lane[rank], self.slot[rank])
             self.speed[rank] = minimum(self.speed[rank], limit)
@@ -370,6 +369,8 @@ class _SortedVehicles:
 
 def _separate(vehicles: _SortedVehicles, zone: StartZone) -> list[F32]:
     """Move vehicles forward until no gap is too small, then back into the zone; changes `s`.
+
+    All vehicles fit: `placed_traffic.start_zone` checks a short zone, other zones are long enough.
 
     Returns:
         For each rank the smallest station that leaves space in the zone for all vehicles behind it,
@@ -398,7 +399,7 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
 
     The leader counts as if it had, from the first moment on, the lowest speed of all vehicles ahead
     in the lane: this is worse than any braking of the leader down to that speed. A follower at that
-    speed is safe, so no vehicle gets slower than the slowest vehicle was drawn.
+    speed is safe, so no vehicle needs to be slower than the slowest vehicle ahead of it.
 
     Args:
         vehicles: The vehicles; their stations and speeds change.
@@ -410,8 +411,10 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
         contact_s, speed_ahead = _contact_and_speed_ahead(vehicles, follower, lowest_speed)
         reaction_time, decel = vehicles.reaction_time[follower], vehicles.decel[follower]
         closing_speed = maximum(vehicles.speed[follower] - speed_ahead, np.zeros_like(speed_ahead))
+        # The leader may have moved back, so the smallest gap is restored first.
         s = minimum(vehicles.s[follower], contact_s - vehicles.min_gap)
         safe_s = minimum(s, contact_s - _avoiding_gap(closing_speed, reaction_time, decel))
+        # Not negative: the leader, too, stays in front of its rear limit.
         free_space = s - rear_limits[follower]
         last_s = rear_limits[follower] + vehicles.kept_gap_share[follower] * free_space
         s = maximum(safe_s, last_s)
@@ -436,7 +439,7 @@ def _contact_and_speed_ahead(
 
     Returns:
         Stations of the follower's centre [m] and lowest speeds ahead [m/s], shape (simulation,);
-        both are infinite where the lane ahead is free.
+        both are infinite, and so limit nothing, where the lane ahead is free.
     """
     contact_s = np.full_like(vehicles.s[follower], np.inf)
     speed = np.full_like(contact_s, np.inf)
@@ -455,7 +458,7 @@ def _avoiding_gap(closing_speed: F32, reaction_time: F32, decel: F32) -> F32:
     """Gap from which braking leaves the clearance: clearance + dv t + dv^2 / 2b [m].
 
     Args:
-        closing_speed: Speed dv of the follower above its leader, shape (simulation,) [m/s].
+        closing_speed: Speed dv of the follower minus speed ahead, shape (simulation,) [m/s].
         reaction_time: Time t until the follower brakes [s].
         decel: Its deceleration b [m/s^2].
     """

@@ -56,9 +56,9 @@ ScenarioModifier = Callable[[Scenario], Scenario]
 """Function that changes the weather or the drivers of scenarios, for example to ask what would have
 happened without rain.
 
-It is called before the starts are computed, so speeds and braking distances at the start follow the
-change. Only the gaps in which motorway and two-way traffic lines up follow the time gaps, gaps at
-standstill and lengths as drawn, before the change."""
+It is called before the starts are computed, so speeds and braking distances at the start follow
+from the changed scenario. An exception are the gaps between the vehicles of motorway and two-way
+traffic: they follow from the time gaps, gaps at standstill and lengths as drawn."""
 
 BLOCK_SIZE = 2048
 """Simulations that are drawn together: few enough for their arrays to stay in the processor's
@@ -78,8 +78,8 @@ class ScenarioSource:
 
     Attributes:
         specification: The specification of the scenarios.
-        road: The road. Scenarios have the same road, but longer if vehicles would otherwise leave
-            it before the horizon.
+        road: The road. Scenarios have a longer copy of it if vehicles would otherwise leave it
+            before the horizon.
         seed: Seed of the data set, 0 <= seed < 2**64.
     """
 
@@ -100,7 +100,8 @@ class ScenarioSource:
         Raises:
             ConfigError: The seed or an index is out of range, or the specification does not fit
                 the road.
-            InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
+            InfeasibleError: Placed traffic has too many vehicles for its zone, or a vehicle type
+                too slow for its lowest speed.
         """
         indices = _checked_indices(scenario_index)
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")
@@ -115,12 +116,12 @@ class ScenarioSource:
 
 
 def extend_road(specification: Specification, road: Road) -> Road:
-    """The road that the manifest of a data set states.
+    """Extend a road for two-way traffic; roads for other traffic stay as they are.
 
-    `ScenarioSource.sample` extends any road that is too short. On a two-way road the length decides
-    scenarios, because oncoming vehicles start at its far end, so the manifest states the extended
-    road. On a road with one direction the length changes no other value of a scenario, and the
-    manifest states the road as it is.
+    The description of a data set (`dataset.json`) states the result. `ScenarioSource.sample`
+    extends any road that is too short. On a two-way road the length decides scenarios, because
+    oncoming vehicles count their stations from its far end, so data sets state the extended road.
+    On a road with one direction the length changes no other value of a scenario.
 
     Args:
         specification: The specification of the scenarios.
@@ -137,6 +138,7 @@ def extend_road(specification: Specification, road: Road) -> Road:
 def _checked_indices(scenario_index: ArrayLike) -> U64:
     """The indices as an array; ConfigError unless they are whole numbers from 0 on."""
     indices = np.asarray(scenario_index)
+    # An empty list becomes an array of float64, which is allowed.
     is_whole = np.issubdtype(indices.dtype, np.integer) or indices.size == 0
     if indices.ndim != 1 or not is_whole or (indices.size and int(indices.min()) < 0):
         raise ConfigError(
@@ -152,7 +154,12 @@ def _checked_indices(scenario_index: ArrayLike) -> U64:
 def _traffic_sampler_and_road(
     specification: Specification, road: Road
 ) -> tuple[TrafficSampler, Road]:
-    """The function that draws the traffic of a specification, and the road, long enough for it."""
+    """The function that draws the traffic of a specification, and the road, long enough for it.
+
+    Raises:
+        ConfigError: The specification does not fit the road.
+        InfeasibleError: See `ScenarioSource.sample`.
+    """
     traffic = specification.traffic
     if isinstance(traffic, FlowTraffic):
         _check_lanes(specification, traffic, road)
@@ -236,7 +243,7 @@ def _sample_block(
 def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Weather) -> Scenario:
     """Scenarios whose vehicles have lanes, but zeros in place of stations and speeds."""
     specification = block.specification
-    # Lateral pushes that stand for the physical effects of the weather, as in the study, or None.
+    # Lateral pushes in place of the physical effects of the weather; None for physical effects.
     pushes = specification.weather.pushes
     not_yet_known = np.zeros_like(start.drivers.desired_speed)
     return Scenario(
@@ -256,7 +263,7 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
         start_s=not_yet_known,
         start_lane=start.lane,
         start_speed=not_yet_known,
-        pushes=pushes.to_model if pushes else None,
+        pushes=pushes.lateral_pushes if pushes else None,
     )
 
 

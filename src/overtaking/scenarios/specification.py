@@ -9,10 +9,12 @@ each simulation draws uniformly unless its key says otherwise.
 The checks here need nothing but the file; `sampler` checks the specification against the road. The
 *ego* is the vehicle under study, and a *trait* is a parameter of a driver, a field of
 `model.vehicles.DriverTraits`. A *population*, from `knowledge/data/drivers.toml`, has distributions
-of traits. `u` is a random number, uniform in (0, 1), and `z` is a standard normal one.
+of traits. *Placed* traffic is the kind of traffic without a mode: a few vehicles in a short zone.
+`u` is a random number, uniform in (0, 1), and `z` is a standard normal one.
 
 Section `[[proposal]]` draws rare simulations more often (importance sampling): its *components*
-change the distributions of some random numbers. The *profile* is the specification without it.
+change the distributions of some random numbers. The other sections describe the distributions
+without a change, here called the *profile*, like a TOML file with a specification.
 """
 
 from __future__ import annotations
@@ -61,7 +63,7 @@ PROPOSAL_UNIFORMS = (
     "fog",  # Density of the fog, if any.
     "wind",
     "puddles",
-    "clouds",
+    "clouds",  # Cloudiness.
     "sun",  # Height of the sun.
     "sun_direction",  # 0.5: the sun stands ahead.
     "density",  # Density of the traffic on a motorway.
@@ -92,22 +94,25 @@ PROPOSAL_NORMALS = tuple(
     )
 )
 """Names of the standard normal numbers z that a component may change. Each decides a trait of the
-ego whose distribution is normal or lognormal; a large number gives a large trait."""
+ego; a large number gives a large trait. The list is a choice: `accel`, `speed_limit_compliance` and
+`speed_over_leader` are normal or lognormal in some population, too. A component has no effect on a
+trait that is constant in the population."""
 
 _MIN_PART = 0.001
-"""Smallest width of a part of (0, 1) (a choice). Weights contain 1 / width, which a width of zero
-would make infinite."""
+"""Smallest width of a *part*: the limits within (0, 1) between which a component draws a u (a
+choice). Weights contain 1 / width, which a width of zero would make infinite."""
 
 
 def _check_part(part: tuple[float, float]) -> tuple[float, float]:
-    """Refuse a part of (0, 1) that is too narrow, or whose limits are in the wrong order."""
+    """Refuse a part that is too narrow, or whose limits are in the wrong order."""
     if part[1] - part[0] < _MIN_PART:
         expected = f"a lower end below the upper one, by {_MIN_PART:g} or more"
         raise specification_error(expected, "swap them or move them apart", got=list(part))
     return part
 
 
-# Limits of the changes that a component may make; choices, which keep weights finite.
+# Limits of the changes that a component may make, see `Component`; choices, which keep weights
+# finite.
 _Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_check_part)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
@@ -145,10 +150,10 @@ class Component(Section):
         powers: Power by name of the number, one of `PROPOSAL_UNIFORMS`.
         parts: Lower and upper limit by name of the number, one of `PROPOSAL_UNIFORMS`.
         shifts: Shift by name of the number, one of `PROPOSAL_NORMALS` [standard deviations].
-        tempers: For each temper t, from 0 to 1, the component has a copy with an equal part of its
-            share, whose powers are raised to t and whose shifts are multiplied by t. So a small t
-            changes little, and the weights do not jump between changed and unchanged simulations.
-            Parts stay.
+        tempers: For each temper t, above 0 and up to 1, the component has a copy, whose powers are
+            raised to t and whose shifts are multiplied by t; parts stay. So a copy with a small t
+            changes little. The copies divide the share equally. With several of them, weights
+            change gradually from unchanged to strongly changed simulations.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
@@ -189,9 +194,9 @@ class Component(Section):
     def without_ego_quantities(self) -> Self:
         """The component without its changes of the ego's driver.
 
-        `analysis.evaluation` compares drivers, which all get the same scenes; weights then must
-        cover the scene and the other drivers alone. They are exact, because a component draws each
-        number independently: its distribution of the remaining numbers is the marginal one.
+        `analysis.evaluation` compares drivers in the same scenes. Each takes the place of the ego's
+        driver, so the weights must leave its numbers out. These weights are exact: a component
+        draws each number independently, so the other numbers keep their distribution.
         """
         changes = {
             field: {
@@ -231,6 +236,7 @@ Proposal = Annotated[tuple[Component, ...], Field(min_length=1), AfterValidator(
 """Components; all other simulations are drawn from the profile itself, which bounds every weight by
 1 / (1 - the sum of the shares)."""
 
+# Types of keys of `IndependentWeather`; the limits are choices.
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
 """Exponent e of low + (high - low) u^e; None for another distribution."""
 
@@ -244,7 +250,8 @@ Weibull = (
 def _traffic_mode(section: Any) -> str:
     """Tag of the model for section `[traffic]`: its key `mode`, or "placed" without a known mode.
 
-    Pydantic calls this with the table of a file or with a model.
+    An unknown mode leads to an error all the same: `PlacedTraffic` has no key `mode`. Pydantic
+    calls this with the table of a file or with a model.
     """
     mode = section.get("mode") if isinstance(section, dict) else getattr(section, "mode", None)
     return mode if mode in ("flow", "two-way") else "placed"
@@ -294,8 +301,8 @@ class PushesSection(Section):
 
     The study is Pinto, Dutra and Fonseca (2023). The road is dry and the air clear and still. Rain
     and wind push all vehicles sideways, to the side to which the wind blows; less rain or wind
-    makes the pushes rarer. By night, above 60 % of clouds and towards a low sun, drivers see as far
-    as `sight_m`.
+    makes the pushes rarer. By night, above 60 % of clouds (the study's limit) and towards a low
+    sun, drivers see as far as `sight_m`.
 
     Attributes:
         accel_mps2: Lateral acceleration of a push; 0 without pushes.
@@ -310,7 +317,7 @@ class PushesSection(Section):
     sight_m: Annotated[float, Field(ge=1.0, le=1000.0)]
 
     @property
-    def to_model(self) -> LateralPushes:
+    def lateral_pushes(self) -> LateralPushes:
         """The same values as a scenario states them, in SI units."""
         return LateralPushes(
             accel=self.accel_mps2,
@@ -340,7 +347,7 @@ class IndependentWeather(Section):
     The percentages have the meaning of the simulator CARLA: 100 is the heaviest rain, the strongest
     wind, the densest fog. A quantity is drawn from one of three distributions:
 
-    - uniform between the ends of its range;
+    - uniform between low and high, the ends of its range;
     - with an exponent e, low + (high - low) u^e, which makes small values more frequent for e > 1;
     - with `..._weibull`, low + a Weibull number with this scale and shape, limited to high, for
       quantities that are seldom extreme.
@@ -406,9 +413,9 @@ class IndependentWeather(Section):
 
 
 def _fixed_trait_fields() -> dict[str, Any]:
-    """Fields of `FixedTraits`: (type, default) by key, for each trait with a range.
+    """Fields of `FixedTraits`: (type, default) by key, for each trait that is a number.
 
-    Flags, such as `uses_indicator`, have no range and cannot be fixed.
+    Flags, such as `uses_indicator`, cannot be fixed. They are the traits without a range.
     """
     fields: dict[str, Any] = {}
     for name, field in RECORDED_TRAITS.items():
@@ -471,6 +478,7 @@ class DriversSection(Section):
             fixed_value, spec = fixed.get(name), TRAIT_RANGES[name]
             min_allowed, max_allowed = spec.limits
             unit = "" if spec.unit == "1" else f" {spec.unit}"
+            # For the whole population, also if `driving_style` is narrower: a choice.
             low, high = (
                 trait_range(self.population, name)
                 if fixed_value is None
@@ -565,7 +573,7 @@ _SECTIONS: dict[tuple[str, ...], type[Section]] = {
     ("proposal",): Component,
     ("traffic", "lanes"): FlowLane,
 }
-"""Models of the sections, by path, whose keys do not depend on a mode."""
+"""Models of the sections whose keys do not depend on a mode, by path of the section."""
 
 
 def known_keys(section: tuple[str, ...], mode: str | None = None) -> tuple[str, ...]:
@@ -574,7 +582,8 @@ def known_keys(section: tuple[str, ...], mode: str | None = None) -> tuple[str, 
     Args:
         section: Path of the section, such as `("drivers", "fixed")`; a number in it is the position
             of an entry of a list, as in `("proposal", "0")`.
-        mode: The `mode` of section `[weather]` or `[traffic]`; None for any other section.
+        mode: The `mode` of section `[weather]` or `[traffic]`, or "placed"; None for any other
+            section.
     """
     if section == ("weather",):
         model = PresetWeather if mode == "presets" else IndependentWeather

@@ -1,10 +1,13 @@
 """Types of the values of a specification, and error messages for wrong values.
 
-`specification` and `traffic_specification` declare the sections of a specification as Pydantic
-models; their fields have the types at the end of this module, such as `SpeedRange`. A type is a
-Python type with limits and with *checks*: functions that return the value, or raise
+`specification` and `traffic_specification` declare the sections of a specification, a TOML file, as
+Pydantic models. Their fields have the types at the end of this module, such as `SpeedRange`. A type
+is a Python type with limits and with *checks*: functions that return the value, or raise
 `specification_error`. `config_error` turns what Pydantic finds into the one-line error that users
 see.
+
+Two sections have several models: `[weather]` always has a key `mode` that names one, `[traffic]`
+has it except for placed traffic (a few vehicles in a short zone).
 """
 
 from __future__ import annotations
@@ -28,8 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 KnownKeys: TypeAlias = "Callable[[tuple[str, ...], str | None], tuple[str, ...]]"
-"""Function from the path of a section and its mode to the keys that it may have; see
-`specification.known_keys`."""
+"""Function from the path of a section and its mode, None for a section without modes, to the keys
+that it may have: `specification.known_keys`."""
 
 _ERROR_TYPE = "specification"
 """Type of the errors of our own checks, beside the types of Pydantic."""
@@ -56,7 +59,8 @@ def name_check(kind: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str
 
     Args:
         kind: Kind of the name for the message, such as "road".
-        names: Function that returns the known names, called at each check.
+        names: Function that returns the known names. It is called at each check, so that files with
+            names are read only when a specification is.
     """
 
     def check_name(name: str) -> str:
@@ -91,9 +95,9 @@ def config_error(error: ValidationError, where: str, known_keys: KnownKeys) -> C
 def _path_and_mode(finding: ErrorDetails) -> tuple[list[str], str | None]:
     """The parts of the dotted key that a finding is about, and the mode of its section.
 
-    Only `[weather]` and `[traffic]` have a mode; elsewhere it is missing (None). Pydantic puts it
-    after the section, as in `("traffic", "flow", "lanes", 0)`. For the key of a table it adds
-    "[key]", which is no part of a dotted key.
+    Only `[weather]` and `[traffic]` have a mode, "placed" for traffic without one; other sections
+    get None. Pydantic puts it after the section, as in `("traffic", "flow", "lanes", 0)`. For the
+    key of a table it adds "[key]", which is no part of a dotted key.
     """
     path = [str(part) for part in finding["loc"] if part != "[key]"]
     if path[:1] in (["weather"], ["traffic"]) and len(path) > 1:
@@ -101,7 +105,9 @@ def _path_and_mode(finding: ErrorDetails) -> tuple[list[str], str | None]:
     return path, None
 
 
-_MODE = 'mode = "presets" or mode = "independent"'  # Only `[weather]` requires a mode.
+# Modes of `[weather]`, the only section whose wrong mode leads to such an error. With a wrong mode,
+# `[traffic]` is read as placed traffic, in which `mode` is an unknown key.
+_MODE = 'mode = "presets" or mode = "independent"'
 
 # Descriptions of a valid value, by Pydantic's type of error.
 _EXPECTED_BY_TYPE = {
@@ -137,6 +143,7 @@ def _explain(
         return "a known key", repr(path[-1]), suggestion(path[-1], keys())
     if kind == "union_tag_not_found":
         # The input is the table of the section: perhaps one of its keys is a misspelt `mode`.
+        # Without such a key, `_EXPECTED_BY_TYPE` describes the error below.
         similar = difflib.get_close_matches("mode", map(str, finding["input"]), n=1)
         if similar:
             return f"the key mode, {_MODE}", f"the key {similar[0]}", "did you mean mode?"
@@ -176,8 +183,9 @@ MAX_SPEED_KMH = 250.0
 """Largest speed that a specification may state [km/h]."""
 
 MIN_GAP_M = 3.0
-"""Smallest value of `starts.min_gap_m` [m]. It exceeds the 2 m that braking leaves at least
-(`safe_start.CLEARANCE`)."""
+"""Smallest value of `starts.min_gap_m`, the smallest gap between two vehicles of a lane at the
+start [m]. It exceeds the 2 m that must remain after a driver brakes for the vehicle ahead
+(`safe_start.CLEARANCE`), so a vehicle at this gap is safe at its leader's speed."""
 
 MIN_VEHICLES = 2
 """Fewest vehicles: the ego, whose overtaking is studied, and a vehicle to overtake."""
@@ -215,7 +223,10 @@ def check_some_weight(weights: dict[str, float]) -> dict[str, float]:
 
 
 def check_four_wheels(weights: dict[str, float]) -> dict[str, float]:
-    """Refuse motorcycles ("MC") and bicycles ("B") in the weights of the ego's vehicle classes."""
+    """Refuse motorcycles ("MC") and bicycles ("B") as vehicle classes of the ego.
+
+    The ego has four wheels, as in the study of Pinto, Dutra and Fonseca (2023): a choice.
+    """
     two_wheelers = sorted({"MC", "B"} & {name for name, weight in weights.items() if weight > 0.0})
     if two_wheelers:
         raise specification_error(
@@ -232,7 +243,10 @@ def check_distinct(lanes: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def check_on_clock(interval_ms: int) -> int:
-    """Refuse an interval of frames that is not a multiple of the time step, `STEP_MS` [ms]."""
+    """Refuse an interval of recorded frames that is not a multiple of the simulation's time step.
+
+    Both are in milliseconds.
+    """
     if interval_ms % STEP_MS:
         nearest = max(STEP_MS, round(interval_ms / STEP_MS) * STEP_MS)
         raise specification_error(f"a multiple of {STEP_MS}", f"use {nearest}")
@@ -244,7 +258,7 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]  # World x or y [m].
 Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]  # Distance along a road [m].
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # At least one time step [s].
+Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # At least a time step, 10 ms [s].
 Factor = Annotated[float, Field(ge=0.01, le=100.0)]
 Density = Annotated[float, Field(ge=0.1, le=250.0)]  # Vehicles on a kilometre of a lane.
 SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
@@ -260,7 +274,7 @@ PercentRange = Annotated[tuple[Percent, Percent], AfterValidator(check_ascending
 AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]  # Height of the sun [degrees].
 Weight = Annotated[float, Field(ge=0.0, le=1e6)]  # Relative frequency.
 
-# Names that the files of `knowledge/data` define.
+# Names that the files of `knowledge/data` define. Users know a vehicle class as a vehicle type.
 TypeName = Annotated[str, AfterValidator(name_check("vehicle type", lambda: VEHICLE_CLASS_NAMES))]
 ColourName = Annotated[str, AfterValidator(name_check("colour", lambda: COLOUR_NAMES))]
 
@@ -287,7 +301,8 @@ Presets = Annotated[
 class Section(BaseModel):
     """Base of the models of all sections, which are frozen.
 
-    Unknown keys, values of another type, infinite numbers and NaN are errors.
+    Unknown keys, values of another type, infinite numbers and NaN are errors. Ranges are tuples;
+    `profiles.load_specification` makes them of the lists of a file before it calls the models.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

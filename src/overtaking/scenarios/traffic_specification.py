@@ -8,10 +8,13 @@
 `specification.Specification` contains the section; `placed_traffic`, `motorway_traffic` and
 `two_way_traffic` draw the vehicles. The *ego* is the vehicle whose overtaking is studied. The name
 of a key states its unit; two values in brackets are a range, from which each simulation draws
-uniformly unless the key says otherwise. Weights are relative frequencies by name. Vehicle types,
-called vehicle classes elsewhere, are S, M and L (small, medium and large cars), V (van), T (truck),
-MC (motorcycle) and B (bicycle). Types of values, such as `Count`, have their limits in
-`specification_values`.
+uniformly unless the key says otherwise. Weights are relative frequencies by name. Vehicle types are
+S, M and L (small, medium and large cars), V (van), T (truck), MC (motorcycle) and B (bicycle); the
+code, unlike the file, calls them vehicle classes. Types of values, such as `Count`, have their
+limits in `specification_values`; limits stated here are choices.
+
+The *deadline* is the time at which a simulation ends if the ego has not begun to overtake: the
+stated one, `time.attempt_deadline_s`, or an earlier one where the drawn traffic ends too near.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ class PlacedTraffic(Section):
         spawn_s_m: Range of the position along the road in which they start. Exactly one of the two
             ranges is stated.
         ego_lanes: Lanes in which the ego may start, 0 the slowest, each equally likely; None for
-            all but the fastest lane, in which there is no lane to overtake in.
+            all but the fastest lane, which has no lane beside it for an overtake.
     """
 
     vehicles: Annotated[tuple[Count, Count], AfterValidator(check_ascending)]
@@ -117,8 +120,8 @@ class FlowTraffic(Section):
 
     Attributes:
         mode: Distinguishes the models of section `[traffic]`.
-        vehicles: Fewest and most vehicles, the ego among them. Between these there are as many as
-            keep the ends of the traffic out of the ego's sight while it may overtake.
+        vehicles: Fewest and most vehicles, the ego among them. Within these limits, vehicles are
+            added until the ego sees no end of the traffic while it may overtake.
         density_per_km_lane: Range of the density, the mean of all lanes [vehicles per km and lane].
         lanes: Traffic of each lane of the road, the slowest first.
         free_speed_kmh: Mean desired speed on a free road by vehicle type.
@@ -127,8 +130,8 @@ class FlowTraffic(Section):
         colours: Weights of the colours.
         ego_lanes: Lanes in which the ego may start, in proportion to their densities; not the
             fastest.
-        sight_m: Distances to which the ego looks back and ahead, not a range. If the slots suffice,
-            no end of the traffic comes nearer.
+        sight_m: Distances to which the ego looks back and ahead, not a range; back is at most as
+            far as ahead. If the most vehicles suffice, no end of the traffic comes nearer.
     """
 
     mode: Literal["flow"]
@@ -165,13 +168,13 @@ class FlowTraffic(Section):
 
 
 END_MARGIN = number("sampling.flow.end_margin")
-"""Road behind the rearmost vehicle, and beyond both ends of two-way traffic [m]. A choice of
-`knowledge/data/sampling.toml`."""
+"""Road behind the rearmost vehicle of a motorway, and smallest distance of vehicles from both ends
+of a two-way road [m]. A choice: 50 m (`knowledge/data/sampling.toml`)."""
 
 _FlowPerHour = Annotated[float, Field(ge=10.0, le=1500.0)]  # Vehicles per hour; limits are choices.
 _BusierShare = Annotated[float, Field(ge=0.5, le=1.0)]
 
-# Numbers of vehicles besides the ego, of which one is ahead of it.
+# Numbers of vehicles of one group, ahead, behind or oncoming. `TwoWayTraffic` limits their sum.
 _CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
 _CountFromZero = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
 
@@ -190,15 +193,15 @@ class TwoWayTraffic(Section):
         mode: Distinguishes the models of section `[traffic]`.
         ahead: Number of vehicles ahead of the ego in its direction.
         behind: Number of vehicles behind it.
-        oncoming: Number of vehicles of the other direction. If the ego could meet all of them, the
-            simulation has an earlier deadline. Vehicles of either direction that would start
-            beyond the ends of the road are left out.
+        oncoming: Number of vehicles of the other direction. The deadline is earlier if the ego
+            could otherwise see the empty road behind the last of them during an overtake. Vehicles
+            of either direction that would start beyond the ends of the road are left out.
         flow_vph: Range of the flow, the mean of both directions [vehicles per hour and direction].
         split: Range of the share of the busier direction in the flow of both, 0.5 or more. Either
             direction may be the busier one.
         min_headway_s: Smallest headway; the rest of a headway is exponentially distributed.
-        held_up: Share of the egos that follow the vehicle ahead in a platoon at the start; for the
-            others the headway to it is drawn like all headways.
+        held_up: Share of the egos that start within 4 s behind the vehicle ahead; for the others
+            the headway to it is drawn like all headways.
         types: Weights of the vehicle types of all vehicles but the ego.
         ego_types: Weights of the ego's vehicle types; never a two-wheeler.
         semitrailers: Share of the trucks that pull a semitrailer.
@@ -256,6 +259,7 @@ class TwoWayTraffic(Section):
                 key="free_speed_kmh",
                 got=f"none for {name}",
             )
+        # Unlike `check_four_wheels`, this error shows the two-wheelers instead of all weights.
         two_wheelers = [name for name in ("MC", "B") if self.ego_types.get(name, 0.0) > 0.0]
         if two_wheelers:
             raise specification_error(
@@ -273,6 +277,7 @@ class TwoWayTraffic(Section):
                 got=list(self.start_s_m),
             )
         max_flow = _MAX_FLOW_SHARE * (3600.0 / self.min_headway_s)
+        # `flow_vph` is the mean of both directions, half of the flow of the road.
         busier_flow = 2.0 * self.flow_vph[1] * self.split[1]
         if busier_flow > max_flow:
             raise specification_error(

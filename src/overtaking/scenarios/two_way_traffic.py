@@ -12,9 +12,12 @@ direction: stations of oncoming vehicles count from the far end of the road. A v
 drive into a slower one ahead follows it. The *horizon* is the longest duration of a simulation; the
 *deadline* is the time at which it ends if the ego has not begun to overtake.
 
-Three constants have the values of `motorway_traffic`: `END_MARGIN` (road beyond the outermost
-vehicles [m]), `PASSING_MARGIN` (largest speed while overtaking over the desired speed) and
+Three constants hold for motorway traffic, too: `END_MARGIN` (smallest distance of vehicles from the
+ends of the road [m]), `PASSING_MARGIN` (largest speed while overtaking over the desired speed) and
 `RETURN_TIME` (duration of a common overtake [s]).
+
+*Importance sampling* draws rare scenarios more often. For this, `proposal.transform` replaces a
+random number, by its name, and weighs the simulation (`random_draws`).
 """
 
 from collections.abc import Mapping
@@ -26,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, U8, U64, Mask
-from overtaking.core.native import log, minimum
+from overtaking.core.native import log, maximum, minimum
 from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
@@ -60,13 +63,14 @@ from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, w
 MAX_HEADWAY = number("sampling.two_way.max_headway")
 """Longest headway [s], 60 s, a choice. The ego rarely meets a vehicle that comes later.
 
-The limit holds for all headways, so the road can be short. At low flows it makes traffic denser
-than stated: with a minimum of 1.5 s the mean headway at 100 vehicles per hour is 30 s instead of
-36 s, at 50 per hour 41 s instead of 72 s; at 400 per hour the difference is below 0.01 s."""
+The limit keeps the road short, whose length covers the longest possible headways. At low flows it
+makes traffic denser than stated: with a minimum of 1.5 s the mean headway at 100 vehicles per hour
+is 30 s instead of 36 s, at 50 per hour 41 s instead of 72 s; at 400 per hour the difference is
+below 0.01 s."""
 
 MAX_PLATOON_HEADWAY = number("sampling.two_way.max_platoon_headway")
-"""An ego that is held up at the start follows the vehicle ahead within this headway [s], a
-choice."""
+"""An ego that is held up at the start follows the vehicle ahead within this headway, 4 s, a choice
+[s]."""
 
 MIN_DEADLINE = np.float32(1.0)
 """Smallest deadline [s], a choice: a scenario needs a positive one. Where the road behind the last
@@ -104,7 +108,7 @@ class ArrivalProcess:
         shortest = np.float32(self.min_headway)
         # -log(u) is exponentially distributed with a mean of 1.
         headway = shortest - (self.mean_headway - shortest) * log(stream.uniform())
-        return minimum(headway, np.full_like(headway, MAX_HEADWAY))
+        return minimum(headway, np.float32(MAX_HEADWAY))
 
 
 class Arrivals(NamedTuple):
@@ -142,9 +146,9 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         traffic: Section `[traffic]` of the specification.
 
     Returns:
-        Vehicles and drivers, oncoming ones with stations from the far end of the road. Stations
-        follow later, when the desired speeds in the weather of each simulation are known: the
-        caller passes them to `states_at_speed`.
+        Vehicles and drivers. Rain, fog and night lower the desired speeds, and with them the gaps.
+        So the caller computes these speeds first and passes them to `states_at_speed`, which
+        returns the stations, for oncoming vehicles from the far end of the road.
     """
     drawn = _draw_slots(block, traffic)
     # Vehicles beyond an end of the road are left out; the road is so long that the ego meets no
@@ -158,8 +162,9 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         vehicles=slots.vehicles,
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
-        # The repair of starts moves a vehicle that starts too near back as far as safe braking
-        # requires (a kept share of 0), even beyond the beginning of the road (a negative `low`).
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader. It may
+        # give up all of the space behind it (a kept share of 0), and move beyond the beginning of
+        # the road: a negative station is valid, and `low` is farther back than any vehicle needs.
         kept_gap_share=np.zeros_like(slots.desired_speed),
         zone=StartZone.whole_road(block.road, low=-block.road.length),
         deadline=_attempt_deadline(block, traffic, drawn),
@@ -176,9 +181,9 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     the highest passing speed cover towards each other before the horizon, plus the sight distance;
     it is shorter if all oncoming vehicles fit into less.
 
-    With no or one oncoming vehicle the road can be too short for a fast ego: with one, profile
-    `rural` has 2.5 km of road beyond the farthest start, and the fastest driver wants to drive
-    3.0 km before the horizon.
+    A known gap: with no or one oncoming vehicle, the stretch is so short that a fast ego may leave
+    the road. With one, profile `rural` has 2.5 km of road beyond the farthest start, and the
+    fastest driver wants to drive 3.0 km before the horizon.
 
     Args:
         specification: The specification of the scenarios: its horizon and its drivers.
@@ -206,7 +211,7 @@ def flows_per_second(specification: Specification, seed: int, scenario_index: U6
         scenario_index: Index of each scenario, shape (simulation,).
     """
     traffic = specification.traffic
-    assert isinstance(traffic, TwoWayTraffic)
+    assert isinstance(traffic, TwoWayTraffic)  # The caller ensures it.
     stream = RandomStream(seed, scenario_index, Stream.LAYOUT)
     for _ in range(_DRAWS_PER_DESIRED_SPEED * (traffic.num_slots - 1)):
         stream.uniform()
@@ -255,7 +260,7 @@ def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
 
 
 def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
-    """Move the vehicles on the road to the first slots, as a scenario requires.
+    """Move the vehicles on the road to the first slots: a scenario has no empty slot before others.
 
     They stay in the order in which they were drawn. In the slots behind them, `vehicles.valid` is
     false; these slots keep the numbers of the vehicles that are left out.
@@ -304,7 +309,8 @@ def _own_direction_stations(
 ) -> list[F32]:
     """Stations of the ego, then of the vehicles ahead, then of the vehicles behind [m].
 
-    Each group begins with the vehicle nearest to the ego.
+    Each group begins with the vehicle nearest to the ego. An ego that is held up has a short
+    headway to the vehicle ahead; `following_starts` then makes it follow if it is faster.
 
     Args:
         block: The simulations that are drawn together.
@@ -373,7 +379,8 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
 
     Only a fixed number of oncoming vehicles is drawn. The deadline comes `RETURN_TIME` before the
     ego can see the empty road behind the last of them, so that a common overtake which begins at
-    the deadline still meets complete traffic.
+    the deadline still meets complete traffic. Both vehicles count with the highest desired speed;
+    higher speeds while overtaking are left out, a choice.
 
     Args:
         block: The simulations that are drawn together.
@@ -382,15 +389,14 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
             farthest oncoming vehicle.
     """
     ego_s = drawn.s[:, EGO_SLOT]
-    # Without oncoming vehicles, there is no last one that the ego could see.
+    # Without oncoming vehicles, the last one is infinitely far: the stated deadline holds.
     last_oncoming_s = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
     distance = np.float32(block.road.length) - last_oncoming_s - ego_s
     max_closing_speed = np.float32(2.0 * max_desired_speed(block.specification, traffic))
     time_until_in_sight = (distance - np.float32(traffic.sight_m)) / max_closing_speed
     deadline = time_until_in_sight - np.float32(RETURN_TIME)
     stated_deadline = np.full_like(deadline, block.specification.time.attempt_deadline_s)
-    deadline = minimum(deadline, stated_deadline)
-    return np.where(deadline < MIN_DEADLINE, MIN_DEADLINE, deadline)
+    return maximum(minimum(deadline, stated_deadline), MIN_DEADLINE)
 
 
 def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
@@ -408,7 +414,10 @@ def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
 
 
 def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
-    """Mean free speed of the vehicles, which converts headways into distances [m/s]."""
+    """Mean free speed of the vehicles, which converts headways into distances [m/s].
+
+    The ego and slow vehicles are not counted apart: a choice.
+    """
     # Versions of Python differ in the last bit of a `sum` in float64; float32 rounds it off.
     total = sum(traffic.types.values())
     mean = sum(traffic.free_speed_kmh[name] * share for name, share in traffic.types.items())

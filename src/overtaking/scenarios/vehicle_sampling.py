@@ -2,13 +2,16 @@
 
 `sample_vehicles` is called by the samplers of the three kinds of traffic, which pass a function for
 the classes; `typical_vehicles` makes vehicles without random numbers, for recordings. Both return a
-`VehicleSpecs`. Each *vehicle class* (S, M and L for small, medium and large cars, V van, T truck,
+`VehicleSpecs`. *Placed traffic* is one of the three: a few vehicles in a short zone, as in the
+study of Pinto, Dutra and Fonseca (2023). The others are motorways and two-way roads.
+
+Each *vehicle class* (S, M and L for small, medium and large cars, V van, T truck,
 MC motorcycle, B bicycle) has its numbers in `knowledge/data/vehicle_classes.toml`; its code is its
 position in `VEHICLE_CLASS_NAMES`, the same as in `VehicleKind`.
 
 Arrays have shape (simulation, vehicle). The position in the second axis is the *slot*; slot 0 is
-the ego, the vehicle whose overtaking is studied. All numbers are float32, so that a seed gives the
-same bits on every machine.
+the ego, the vehicle whose overtaking is studied. Numbers are computed in float32 with the functions
+of `core.native`, which give the same bits on every machine.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,8 +37,8 @@ from overtaking.scenarios.traffic_specification import PlacedTraffic
 from overtaking.world.constants import model_constants
 
 POWER_RESERVE = number("sampling.vehicles.power_reserve")
-"""Power of a bicycle in the study's traffic, over the power that its speed takes; without a reserve
-it could not accelerate [1]. A choice."""
+"""Power of a bicycle in placed traffic, over the power that its speed takes; without a reserve it
+could not accelerate [1]. A choice."""
 
 WEAR_MODE = number("sampling.vehicles.wear_mode")
 """Most frequent wear of tyres, 0 new to 1 bald. A choice."""
@@ -101,7 +104,8 @@ def sample_vehicles(
     """
     stream = block.slot_streams(Stream.VEHICLE, num_slots)
     kind = kinds(stream.uniform())  # `kind_number` relies on this being the first number.
-    # The numbers are drawn in this order; another order would change every scenario.
+    # The numbers are drawn in this order; another order would change every scenario. Normal numbers
+    # from `stream.normal` are limited to 2.5 standard deviations.
     return _complete_vehicles(
         DrawnBody(
             kind=kind,
@@ -116,7 +120,10 @@ def sample_vehicles(
 
 
 def _tyre_wear(u: F32) -> F32:
-    """Wear of tyres, 0 new to 1 bald: the inverse of a triangular distribution at `u` in (0, 1)."""
+    """Wear of tyres, 0 new to 1 bald: the inverse of a triangular distribution at `u` in (0, 1).
+
+    The distribution reaches from 0 to 1, with its peak at `WEAR_MODE`.
+    """
     bald, mode = np.float32(1.0), np.float32(WEAR_MODE)
     return np.where(u < mode, np.sqrt(mode * u), bald - np.sqrt((bald - mode) * (bald - u)))
 
@@ -125,7 +132,8 @@ def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpe
     """The vehicles, with every bicycle able to hold its desired speed.
 
     The study has bicycles at 50 to 120 km/h on a motorway, which no rider reaches. They get the top
-    speed and the power that this takes, and stay marked as `unlawful_presence`.
+    speed and the power that this takes. Their flag `unlawful_presence` stays: the law bans bicycles
+    from motorways.
 
     Args:
         vehicles: Vehicles, shape (simulation, vehicle).
@@ -135,7 +143,7 @@ def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpe
     constants = model_constants()
     drag = constants.half_air_density * vehicles.drag_area * desired_speed * desired_speed
     rolling = vehicles.rolling_resistance * vehicles.mass * constants.gravity
-    # Only a part of the power reaches the wheels in the model, `power_share`.
+    # In the model, only the part `power_share` of the power reaches the wheels.
     usable_share = np.float32(number("model.dynamics.power_share") / POWER_RESERVE)
     power = maximum((drag + rolling) * desired_speed / usable_share, vehicles.power)
     max_speed = maximum(desired_speed, vehicles.max_speed)
@@ -196,9 +204,10 @@ def typical_vehicles(kind: U8, colour: U8) -> VehicleSpecs:
 
 
 def top_speeds() -> F32:
-    """Highest speed of each vehicle class by its code, shape (class,) [m/s].
+    """Highest speed of each vehicle class by its code, for drawing speeds, shape (class,) [m/s].
 
-    Infinite for bicycles: placed traffic has them at any speed, see `with_able_bicycles`.
+    Infinite for bicycles: placed traffic has them at any speed, see `with_able_bicycles`. The field
+    `VehicleSpecs.max_speed` of a drawn bicycle is the real one.
     """
     speeds = _class_values("governed_speed").copy()
     speeds[VehicleKind.BICYCLE] = np.inf
@@ -260,7 +269,10 @@ def _class_limits(quantity: str) -> tuple[F32, F32]:
 
 @cache
 def _class_sigmas(quantity: str) -> F32:
-    """Standard deviation of a quantity by code of the class, 0 where it is the same for all."""
+    """Standard deviation of a quantity by code of the class, shape (class,).
+
+    It is 0 where the file states none: all vehicles of the class then have the central value.
+    """
     entries = [getattr(vehicle_class, quantity) for vehicle_class in vehicle_classes().values()]
     return np.array([entry.sigma or 0.0 for entry in entries], np.float32)
 
@@ -303,8 +315,8 @@ def _complete_vehicles(body: DrawnBody) -> VehicleSpecs:
     kind = body.kind
     wheelbase = class_value("wheelbase", kind)
     cg_to_front = class_value("cg_to_front_ratio", kind) * wheelbase
-    # Product of the distances of the axles from the centre of gravity, a b. The yaw inertia is
-    # close to mass times a b for cars.
+    # Product of the distances of the axles from the centre of gravity, a b. The yaw inertia is mass
+    # times a b times a factor of the class, near 1 for cars.
     axle_distances = cg_to_front * (wheelbase - cg_to_front)
     class_fields = {
         name: class_value(name, kind)

@@ -3,9 +3,12 @@
 `sample_weather` takes section `[weather]` of a specification and returns a `Weather`, arrays of
 shape (simulation,). Its percentages have the meaning of the simulator CARLA: 100 is the heaviest
 rain, the strongest wind, the densest fog. A *preset* is a named weather of CARLA, such as
-`ClearNoon`. Directions are anticlockwise from the direction of travel [rad].
+`ClearNoon`. In *independent* weather each quantity is drawn by itself. Directions are anticlockwise
+from the direction of travel [rad]. The *study* is Pinto, Dutra and Fonseca (2023).
 
-All numbers are float32, so that a seed gives the same bits on every machine.
+*Importance sampling* draws rare scenarios more often: it may replace random numbers of independent
+weather, by name (`random_draws`). Numbers are computed in float32 with the functions of
+`core.native`, which give the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -38,11 +41,11 @@ if TYPE_CHECKING:
 
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
-"""The low sun of a preset stands within this angle of the direction of travel [rad], a choice: in
-the study, ClearSunset has the sun at the driver's eye level."""
+"""Where a preset has a low sun, it stands within this angle of the direction of travel [rad], a
+choice: 10 degrees. In the study, the preset ClearSunset has the sun at the driver's eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
-"""Smallest cloudiness with rain [%]: CARLA's presets with rain have 60 and more."""
+"""Smallest cloudiness with rain [%], 60 as in CARLA's presets with rain."""
 
 MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
 """Smallest percentage of water on the road, over the percentage of rain [1], a choice."""
@@ -75,8 +78,8 @@ def draw_weather(
         section: Section `[weather]` of a specification.
         stream: The stream `Stream.WEATHER`, before its first draw.
         transform: Called with the name and the random numbers of each quantity of independent
-            weather; returns the numbers to use. Importance sampling replaces the numbers here; by
-            default they stay.
+            weather, but for the direction of the wind; returns the numbers to use. Importance
+            sampling replaces the numbers here; by default they stay.
     """
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
     sun_u = stream.uniform()
@@ -137,11 +140,11 @@ def _quantity_from_uniform(
     if weibull is not None:
         scale, shape = weibull
         # The inverse of the Weibull distribution: scale (-ln(1 - u))^(1 / shape).
-        minus_log_tail = -log(maximum(np.float32(1.0) - u, np.full_like(u, _MIN_TAIL)))
-        excess = np.float32(scale) * power(minus_log_tail, np.full_like(u, 1.0 / shape))
-        return minimum(np.float32(limits[0]) + excess, np.full_like(u, limits[1]))
+        minus_log_tail = -log(maximum(np.float32(1.0) - u, _MIN_TAIL))
+        excess = np.float32(scale) * power(minus_log_tail, np.float32(1.0 / shape))
+        return minimum(np.float32(limits[0]) + excess, np.float32(limits[1]))
     if exponent is not None:
-        u = power(u, np.full_like(u, exponent))
+        u = power(u, np.float32(exponent))
     return scale_to_range(u, *limits)
 
 
@@ -233,7 +236,7 @@ def is_low_sun(altitude: F32, cloudiness: F32) -> Mask:
 
 
 def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
-    """Whether a low sun stands ahead, which the study calls horizon line, HL.
+    """Whether a low sun stands ahead, within 25 degrees; the study calls this "horizon line".
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
