@@ -7,13 +7,13 @@ arrays by field name: fields of `VehicleParameters`, one number per vehicle, and
 from `knowledge/data` (`constant`).
 
 A *decision* is one of 20 instants per second at which drivers perceive and decide. A *slot* is the
-number of a vehicle in its simulation; the ego has slot 0.
+number of a vehicle in its simulation; the ego, the vehicle under study, has slot 0.
 
 A scenario may replace the physical effects of its weather by random lateral pushes
 (`Scenario.pushes`). Then the *effective* weather, to which drivers react, is a dry, clear day. In
-all other scenarios it is the weather as recorded. Only whether it is night where drivers see and
-judge oncoming vehicles always follows the recorded weather. This is a choice, which matters only on
-two-way roads with pushes; no scenario of the package has both.
+all other scenarios it is the weather as recorded. There is one exception: oncoming vehicles are
+seen and judged as by night if the recorded weather is at night. It is a choice, which matters only
+on two-way roads with pushes; no scenario of the package has both.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ ONCOMING_JUDGEMENT_FIELDS = (
     "expected_oncoming_speed",
     "urgent_change_duration",
 )
-"""Fields of `SimulationParameters` that only two-way roads need; the caller sets 0 on others."""
+"""Fields of `SimulationParameters` for two-way roads; on other roads the caller sets them to 0."""
 
 REACTION_TO_ONCOMING_FIELDS = (
     "assumed_sight_factor",
@@ -51,7 +51,7 @@ REACTION_TO_ONCOMING_FIELDS = (
     "edge_shift_when_passed",
     "speed_factor_when_passed",
 )
-"""Fields of `VehicleParameters` that only two-way roads need; the caller sets 0 on others."""
+"""Fields of `VehicleParameters` for two-way roads; on other roads the caller sets them to 0."""
 
 _UNREACHABLE = np.float32(1e9)
 """A threshold that disables lane changes: no incentive [m/s^2] or speed gain [m/s] reaches it."""
@@ -61,9 +61,8 @@ _UNLIMITED_FRICTION = np.float32(10.0)
 
 _QUINTIC_PEAK = np.float32(5.77)
 """Largest acceleration of a quintic path from rest to rest over a distance D in a time T, in
-D / T^2: 10 / sqrt(3) = 5.7735. The missing digits shorten the duration by 0.03 % in
-`_min_change_duration`. They stay away, as they would change the results of all simulations that
-depend on it."""
+D / T^2: 10 / sqrt(3) = 5.7735. The rounding shortens the result of `_min_change_duration` by
+0.03 %. More digits would change all simulations that depend on it."""
 
 _MIN_DEMAND = np.float32(0.1)
 """Lower limit of the trait `gap_demand_factor` where `_passing` divides by its root: the trait is 0
@@ -198,7 +197,7 @@ def weather_slowing(scenario: Scenario, conditions: SceneConditions) -> dict[str
 
 
 def oncoming_judgement(context: StepContext) -> dict[str, F32]:
-    """How drivers judge distance and speed of oncoming vehicles, and hurry before them.
+    """How drivers judge oncoming vehicles, and how fast they can return before them.
 
     - `oncoming_error`: coefficient of variation of judged distances, larger at night [1].
     - `oncoming_sight`: distance at which drivers see an oncoming car in this weather and light [m].
@@ -225,7 +224,8 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
         "oncoming_error": error if context.effects.distance_error else np.zeros_like(error),
         "oncoming_sight": _sight_of_oncoming(context),
         "expected_oncoming_speed": np.full_like(error, expected_speed),
-        # `hasty_change` is the duration on a dry road; on a slippery road friction limits it.
+        # `hasty_change` is the shortest duration on a dry road. On a slippery road friction limits
+        # the duration.
         "urgent_change_duration": maximum(
             _min_change_duration(context), constant("model.oncoming.hasty_change")
         ),
@@ -387,6 +387,7 @@ def _stoppable_speed(is_night: Mask, conditions: SceneConditions) -> F32:
     by_day = maximum(visible.by_contrast, visible.by_lamp)
     sight = np.where(is_night, visible.by_lamp, by_day)
     reaction_time = np.full_like(sight, constant("model.speed_choice.reaction_time"))
+    # The share of the friction that drivers count on for an emergency stop.
     grip_share = constant("model.speed_choice.grip_share")
     # Not `context.constants`: the sampling of scenarios calls this without a `StepContext`. Gravity
     # is the same in both.
@@ -452,7 +453,7 @@ def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     streams = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], streams)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")
-    # One draw for both: no driver yields and speeds up.
+    # One draw decides both, so that no driver yields and also speeds up.
     speed_draw = draws.uniform()
     is_yielding = speed_draw < constant("model.oncoming.yields_share")
     is_racing = speed_draw > ONE - constant("model.oncoming.races_share")

@@ -96,9 +96,10 @@ class RoadParameters:
         length: End of the road, from which oncoming vehicles count their stations [m].
         edge_sum: Sum of the lateral positions of both edges. An oncoming vehicle at d is at
             `edge_sum` - d in the frame of its own direction [m].
-        sight: Sight distances that the map states, first along the road, then against it. For each
-            direction three rows: stations [m], sight distance there [m], its change per metre from
-            there on [1]. Shape (2, 3, MAX_STATIONS); zeros without oncoming traffic.
+        sight: Sight distances that the map states, first for drivers along the road, then against
+            it. For each direction three rows: stations, from the start of the road [m], sight
+            distance there [m], its change per metre from there on [1]. Shape (2, 3, MAX_STATIONS);
+            zeros without oncoming traffic.
         solid_line: Three rows: stations [m]; 1 if from there on traffic along the road must not
             cross the line between the directions, else 0; the same for oncoming traffic. Shape
             (3, MAX_STATIONS); zeros without oncoming traffic.

@@ -230,8 +230,8 @@ def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
     """
     num_ahead = round(max_sight() / station_spacing())
     stations = _stations(road)
-    # Distance from the first station in the order of travel.
     continued = stations[-1] + np.arange(1, num_ahead + 1) * station_spacing()
+    # From the first station in the order of travel.
     distance = np.concatenate([stations, continued])
     return (distance if direction > 0 else stations[-1] - distance), num_ahead
 
@@ -251,7 +251,7 @@ def _sight_round_bends(road: Road, direction: int, clearance: float) -> F64:
     cosine, sine = cos_sin(road.heading_at(stations))
     distances = []
     for side, d in zip((1.0, -1.0), _outer_centres(road), strict=True):
-        # A driver in the lane nearest to the wall sees least.
+        # The sight from the lane nearest to the wall is the shortest; it counts for all lanes.
         path = Path(road.to_world(stations, d), direction * cosine, direction * sine)
         wall = road.to_world(stations, d + side * clearance)
         # `side` is +1 to the left of the road, which is to the right of a driver against it.

@@ -7,9 +7,9 @@ simulation. To change a value, go to the module that computes it: `vehicle_param
 
 A *step* is 10 ms, a *decision* is one of 20 instants per second at which drivers decide, a *frame*
 is a recorded instant. A *slot* is the number of a vehicle in its simulation. The *ego*, the vehicle
-under study, has slot 0; in simulations with few vehicles the last slots are empty.
-Inside the simulation the lateral axis points towards the overtaking side, so that left-hand traffic
-is the mirror image of right-hand traffic.
+under study, has slot 0; in simulations with few vehicles the last slots are empty. Inside the
+simulation the lateral axis points towards the overtaking side, so that left-hand traffic is the
+mirror image of right-hand traffic.
 """
 
 import dataclasses
@@ -289,7 +289,9 @@ class StepParameters:
 
 
 class ParameterSwitch(NamedTuple):
-    """New parameters in the middle of a simulation: a branch changes weather, drivers or vehicles.
+    """New parameters in the middle of a simulation, where weather, drivers or vehicles change.
+
+    A *branch* of a simulation uses it: the same simulation up to a frame, then with the changes.
 
     Attributes:
         step: Step from which they hold, at least 1.
@@ -331,10 +333,10 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
         vehicle |= reaction_to_oncoming(context)
         simulation |= oncoming_judgement(context)
     else:
-        # A field that only oncoming traffic needs is 0 here.
         check_one_direction(
             scenario, "a road that is not two equally wide lanes, one in each direction"
         )
+        # Without oncoming traffic nothing uses these fields.
         vehicle |= dict.fromkeys(REACTION_TO_ONCOMING_FIELDS, np.zeros_like(scenario.start_s))
         simulation |= dict.fromkeys(ONCOMING_JUDGEMENT_FIELDS, np.zeros_like(scenario.horizon))
     return StepParameters(
