@@ -55,7 +55,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
            --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 LOCK    := $(COMPILE) pyproject.toml
 
-.PHONY: help demo test test-ci test-pythons test-lowest test-docs test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+.PHONY: help demo test test-ci test-pythons test-lowest test-docs test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer stub check-viewer \
         lock build dev qc rl format clean more-levels
 
 help:  ## List what can be made
@@ -151,6 +151,9 @@ bench: dev  ## Measure the speed against its peers
 
 viewer: dev  ## Build the page of `overtaking view` from viewer/src, with Node from the package registry
 	$(BIN)/python viewer/make.py
+
+stub: dev  ## Write the stub of the compiled engine, src/overtaking/_core.pyi, from its Rust sources
+	$(BIN)/python crates/engine_stub.py
 
 check-viewer: $(VENV)/.dev
 	$(BIN)/python viewer/make.py --check

@@ -55,7 +55,7 @@ def write(
     [(switch, changed)] = later or [(0, None)]
     road, constants = engine.road_values(given), engine_constants(given.constants)
     slots, simulations = given.vehicle_table.shape[1:]
-    room = -(-given.num_frames // _core.LANES) * _core.LANES
+    room = -(-given.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     header = [simulations, slots, room, given.steps_per_frame, road["num_lanes"]]
     whole = [*header, int(changed is not None), switch, given.seed]
     parts = [

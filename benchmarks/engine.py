@@ -216,7 +216,9 @@ def engine_sample(batch: Batch, seconds: float, level: str | None = None) -> Sam
         vehicle_seconds=vehicle_seconds,
         wall=time.perf_counter() - wall,
         core=time.process_time() - core,
-        version=f"{_core.VERSION}, {level or _core.simd_level()}, {_core.num_threads()} threads",
+        version=(
+            f"{_core.VERSION}, {level or _core.default_simd_level()}, {_core.num_threads()} threads"
+        ),
     )
 
 
@@ -254,7 +256,8 @@ def peer_sample(program: str, *options: str, seconds: float) -> Sample:
 
 def contenders() -> dict[str, Callable[..., Sample]]:
     """What is measured, by name: a function of the seconds to spend."""
-    levels = [name for name, has in _core.simd_levels() if has and name != _core.simd_level()]
+    default = _core.default_simd_level()
+    levels = [name for name, has in _core.simd_levels() if has and name != default]
     ours = {
         OURS: five_batch(),
         "engine, scenarios drawn as well": whole_batch(),

@@ -61,7 +61,7 @@ def target_signals(run: Trajectories, seen: EgoSignals, vehicle: Any) -> TargetS
 def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
     """The ego and a neighbour, one instant after the other."""
     places = np.broadcast_to(np.int64(place), np.shape(rows))
-    found = {name: np.zeros(len(rows), np.float32) for name in _core.encounter_fields()}
+    found = {name: np.zeros(len(rows), np.float32) for name in _core.FIELD_NAMES["encounters"]}
     none_there = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
     valid = np.zeros(len(rows), np.bool_)
     ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}

@@ -53,7 +53,7 @@ def drawing(film: Film) -> float:
     def draw() -> None:
         for number in range(film.num_frames):
             film.draw(number, canvas)
-            canvas.yuv(planes)
+            canvas.write_yuv(planes)
 
     return shortest(draw)
 
@@ -69,7 +69,7 @@ class Still:
 
     def draw(self, frame: int, out: Canvas) -> Canvas:
         """Copy a frame that was kept."""
-        out.paste(self._frames[frame], 0, 0, (0, WIDTH))
+        out.copy_columns(self._frames[frame], 0, 0, (0, WIDTH))
         return out
 
 

@@ -25,7 +25,7 @@ def test_words_are_those_of_the_readable_generator(level, seed, first, stream, d
     with np.errstate(over="ignore"):
         index, streams = np.uint64(first) + step, np.uint32(stream) + step.astype(np.uint32)
     expected = random_numbers.philox_words(seed, index, streams, draw)
-    found = _core.words(seed=seed, index=index, stream=streams, draw=draw, level=level)
+    found = _core.random_words(seed=seed, index=index, stream=streams, draw=draw, level=level)
     assert [one.tolist() for one in found] == [one.tolist() for one in expected]
 
 
@@ -34,7 +34,7 @@ def test_words_are_those_of_the_readable_generator(level, seed, first, stream, d
 @given(arrays.arrays(np.float32, LENGTH, elements=st.floats(-1e3, 1e3, width=32)))
 def test_exponentials_are_those_of_the_readable_function(level, values):
     found = values.copy()
-    _core.exponentials(found, level=level)
+    _core.exp_in_place(found, level=level)
     assert found.tobytes() == float32_math.exp(values).astype(np.float32).tobytes()
 
 
@@ -43,7 +43,7 @@ def test_exponentials_are_those_of_the_readable_function(level, values):
 @given(arrays.arrays(np.float32, LENGTH, elements=st.floats(-1.0, 2.0**99, width=32)))
 def test_logarithms_are_those_of_the_readable_function(level, values):
     found = values.copy()
-    _core.logarithms(found, level=level)
+    _core.log_in_place(found, level=level)
     assert found.tobytes() == float32_math.log(values).astype(np.float32).tobytes()
 
 
@@ -51,7 +51,7 @@ def test_logarithms_are_those_of_the_readable_function(level, values):
 @given(arrays.arrays(np.uint32, LENGTH, elements=WORD))
 def test_uniform_numbers_are_those_of_the_readable_function(words):
     assert (
-        _core.uniforms(words).tobytes()
+        _core.uniform_numbers(words).tobytes()
         == random_numbers.uniform_from_word(words).astype(np.float32).tobytes()
     )
 
@@ -83,7 +83,7 @@ def test_limits_are_those_of_the_readable_function(values, low, high):
     assert found.tobytes() == expected.astype(np.float32).tobytes()
 
 
-@pytest.mark.parametrize("name", ["larger", "smaller"])
+@pytest.mark.parametrize("name", ["maximum_in_place", "minimum_in_place"])
 def test_others_of_another_length_are_refused(name):
     with pytest.raises(ValueError, match="others: expected 3 numbers, got 4"):
         getattr(_core, name)(np.zeros(3, np.float32), np.zeros(4, np.float32))
@@ -99,7 +99,7 @@ def test_normal_numbers_are_those_of_the_readable_function(level, seed, length):
         for word in random_numbers.philox_words(seed, index, 7, 0)[:2]
     )
     expected = random_numbers.box_muller(u, v)
-    _core.normal_pairs(u, v, level=level)
+    _core.normal_pairs_in_place(u, v, level=level)
     assert [u.tobytes(), v.tobytes()] == [one.tobytes() for one in expected]
 
 
@@ -134,11 +134,13 @@ def test_numbers_in_any_order_in_memory_are_taken_as_they_stand():
 @pytest.mark.parametrize("level", ["none", "neon" if "neon" not in LEVELS else "avx2"])
 def test_a_level_that_this_machine_lacks_is_refused(level):
     with pytest.raises(ValueError, match="level"):
-        _core.exponentials(np.zeros(1, np.float32), level=level)
+        _core.exp_in_place(np.zeros(1, np.float32), level=level)
 
 
 def test_arrays_of_different_lengths_are_refused():
     with pytest.raises(ValueError, match="stream"):
-        _core.words(seed=1, index=np.zeros(2, np.uint64), stream=np.zeros(1, np.uint32), draw=0)
+        _core.random_words(
+            seed=1, index=np.zeros(2, np.uint64), stream=np.zeros(1, np.uint32), draw=0
+        )
     with pytest.raises(ValueError, match="v:"):
-        _core.normal_pairs(np.zeros(2, np.float32), np.zeros(1, np.float32))
+        _core.normal_pairs_in_place(np.zeros(2, np.float32), np.zeros(1, np.float32))

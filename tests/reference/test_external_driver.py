@@ -115,9 +115,9 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
 
 
 def test_the_numbers_of_an_observation_have_their_names():
-    assert _core.ego_columns() == list(EGO_COLUMNS)
-    assert _core.neighbour_columns() == list(NEIGHBOUR_COLUMNS)
-    assert _core.passing_columns() == list(PASSING_COLUMNS)
+    assert _core.FIELD_NAMES["ego"] == tuple(EGO_COLUMNS)
+    assert _core.FIELD_NAMES["neighbour"] == tuple(NEIGHBOUR_COLUMNS)
+    assert _core.FIELD_NAMES["passing"] == tuple(PASSING_COLUMNS)
     given = step_parameters(scenes(3))
     table, runs, _ = new_stepper(given, "accel_lane", is_true=True).observe_start()
     assert table.shape == (3, OBSERVATION_SIZE)

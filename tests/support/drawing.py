@@ -18,4 +18,4 @@ def drawn(paint: Callable[[Canvas], object], grey: int = 0) -> NDArray[np.float6
     """What becomes of a grey picture, its red from 0 to 255, when something is drawn on it."""
     canvas = Canvas(WIDTH, HEIGHT, f"#{grey:02x}{grey:02x}{grey:02x}")
     paint(canvas)
-    return canvas.rgb()[:, :, 0].astype(np.float64)
+    return canvas.to_rgb()[:, :, 0].astype(np.float64)

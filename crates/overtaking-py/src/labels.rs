@@ -16,9 +16,11 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::Numbers;
-use crate::arrays::{expect_length, output, rows_of_two};
-use crate::recorded::{Bytes, Floats, Ints, RecordingArrays, SignalArrays, expect_slots};
+use crate::inputs::{
+    Bytes, Floats, Ints, Numbers, RecordingArrays, SignalArrays, expect_length, expect_slots,
+    output, rows_of_two,
+};
+
 use crate::spread::{SIMULATION_BYTES, reserved, spread};
 
 macro_rules! visibility_arrays {
@@ -106,8 +108,35 @@ macro_rules! with_outputs {
 }
 
 /// Compute the signals and the events of recordings.
+///
+/// Args:
+///     recording: As `labels.signals.pack` makes it: s, d, speed, heading, accel, lane and
+///         is_recorded (or None), shape (simulation, vehicle, time), and collided_with, shape
+///         (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
+///         the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
+///     visibility: As `labels.signals.conditions` makes it.
+///     thresholds: As `labels.events.thresholds` makes them.
+///     constants: As in `simulate`.
+///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
+///     zero_from: Frame from which on these arrays are zero, before and after the call, shape
+///         (simulation,).
+///     events: A row for each of `FIELD_NAMES["events"]`; filled.
+///     level: SIMD level; None for the best of this CPU.
+///
+/// Raises:
+///     ValueError: An array has another shape, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (*, recording, visibility, thresholds, constants, signals, zero_from, events, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    visibility: "Mapping[str, Any]",
+    thresholds: "Mapping[str, Any]",
+    constants: "Mapping[str, Any]",
+    signals: "dict[str, NDArray[Any]]",
+    zero_from: "NDArray[np.int32]",
+    events: "NDArray[np.int32]",
+    level: "str | None" = None,
+) -> "None")]
 #[allow(clippy::too_many_arguments)]
 pub fn ego_signals_and_events(
     py: Python<'_>,
@@ -140,15 +169,25 @@ pub fn ego_signals_and_events(
     } }
 }
 
-/// Names of the rows of events, in order.
-#[pyfunction]
-pub fn event_fields() -> Vec<&'static str> {
-    EVENT_NAMES.to_vec()
-}
-
 /// Compute gaps to the neighbours of the ego and the occupancy of the lane to its left.
+///
+/// Args:
+///     recording: As in `ego_signals_and_events`.
+///     neighbour_slot: Slots of the neighbours, flat (simulation, 6, time).
+///     outputs: gap, closing_speed and lateral_gap, shape (simulation, 6, time); left_occupancy
+///         and left_count, shape (simulation, time); filled.
+///     level: As in `ego_signals_and_events`.
+///
+/// Raises:
+///     ValueError: As in `ego_signals_and_events`.
 #[pyfunction]
-#[pyo3(signature = (*, recording, neighbour_slot, outputs, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    neighbour_slot: "NDArray[np.uint8]",
+    outputs: "dict[str, NDArray[Any]]",
+    level: "str | None" = None,
+) -> "None")]
 pub fn neighbour_signals(
     py: Python<'_>,
     recording: RecordingArrays<'_>,
@@ -173,8 +212,25 @@ pub fn neighbour_signals(
 }
 
 /// Compute the signals of the overtaken vehicles.
+///
+/// Args:
+///     recording: As in `ego_signals_and_events`.
+///     signals: Signals of the ego, as `labels.signals.pack_seen` makes them.
+///     target_slot: Slot of the overtaken vehicle, 255 without one, shape (simulation,).
+///     outputs: Arrays of shape (simulation, time) by name; filled.
+///     level: As in `ego_signals_and_events`.
+///
+/// Raises:
+///     ValueError: As in `ego_signals_and_events`, or a slot does not exist.
 #[pyfunction]
-#[pyo3(signature = (*, recording, signals, target_slot, outputs, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    signals: "Mapping[str, NDArray[Any]]",
+    target_slot: "NDArray[np.uint8]",
+    outputs: "dict[str, NDArray[Any]]",
+    level: "str | None" = None,
+) -> "None")]
 pub fn target_signals(
     py: Python<'_>,
     recording: RecordingArrays<'_>,
@@ -213,8 +269,29 @@ type AlongsideArrays<'py> = (
 );
 
 /// The frames within a span in which ego and target overlap along the road, in order.
+///
+/// Args:
+///     recording: As in `ego_signals_and_events`.
+///     signals: As in `target_signals`.
+///     target_slot: As in `target_signals`.
+///     span: First and last frame of the span, flat (end, simulation).
+///     level: As in `ego_signals_and_events`.
+///
+/// Returns:
+///     Simulation and frame of each, and of the target its lane, the gap between the sides of both
+///     [m], and its acceleration [m/s^2].
+///
+/// Raises:
+///     ValueError: As in `target_signals`.
 #[pyfunction]
-#[pyo3(signature = (*, recording, signals, target_slot, span, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    signals: "Mapping[str, NDArray[Any]]",
+    target_slot: "NDArray[np.uint8]",
+    span: "NDArray[np.int32]",
+    level: "str | None" = None,
+) -> "tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]")]
 pub fn frames_alongside<'py>(
     py: Python<'py>,
     recording: RecordingArrays<'py>,
@@ -261,8 +338,29 @@ pub struct SpanOutputArrays<'py> {
 }
 
 /// Compute margins, measures and sums over spans of frames of each simulation.
+///
+/// Args:
+///     recording: As in `ego_signals_and_events`.
+///     signals: As in `target_signals`.
+///     spans: First and last frame, flat (span, end, simulation).
+///     moments: Frames (-1: no event) and slots (255: no vehicle), flat (moment, simulation).
+///     law: Numbers of the law, as `labels.law.frames` makes them.
+///     outputs: measures, frames and sums, each with a row for each of its names; filled.
+///     level: As in `ego_signals_and_events`.
+///
+/// Raises:
+///     ValueError: As in `ego_signals_and_events`, or a frame or a slot does not exist.
 #[pyfunction]
-#[pyo3(signature = (*, recording, signals, spans, moments, law, outputs, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    signals: "Mapping[str, NDArray[Any]]",
+    spans: "NDArray[np.int32]",
+    moments: "NDArray[np.int32]",
+    law: "Mapping[str, Any]",
+    outputs: "Mapping[str, NDArray[Any]]",
+    level: "str | None" = None,
+) -> "None")]
 #[allow(clippy::too_many_arguments)]
 pub fn scan_spans(
     py: Python<'_>,
@@ -313,21 +411,31 @@ pub fn scan_spans(
     })
 }
 
-/// Names of spans, moments and the rows of the results of `scan_spans`, in order.
-#[pyfunction]
-pub fn span_fields() -> [(&'static str, Vec<&'static str>); 5] {
-    [
-        ("spans", SPAN_NAMES.to_vec()),
-        ("moments", MOMENT_NAMES.to_vec()),
-        ("measures", measure_names()),
-        ("frames", FRAME_NAMES.to_vec()),
-        ("sums", SUM_NAMES.to_vec()),
-    ]
-}
-
 /// Compute the smallest margin of a signal to a limit over a span of frames of each simulation.
+///
+/// Args:
+///     signal: Shape (simulation, time), the frames adjacent.
+///     span: First and last frame, flat (end, simulation).
+///     limit: Shape (simulation,).
+///     is_maximum: Whether the limit is the largest allowed value, and not the smallest.
+///     min_margin: The smallest margins, 3e38 without a frame, shape (simulation,); filled.
+///     frames: First and last frame with a negative margin, -1 without one, and the length of the
+///         longest run of such frames, shape (3, simulation); filled.
+///     level: As in `ego_signals_and_events`.
+///
+/// Raises:
+///     ValueError: As in `ego_signals_and_events`.
 #[pyfunction]
-#[pyo3(signature = (*, signal, span, limit, is_maximum, min_margin, frames, level=None))]
+#[pyo3(signature = (
+    *,
+    signal: "NDArray[np.float32]",
+    span: "NDArray[np.int32]",
+    limit: "NDArray[np.float32]",
+    is_maximum: "bool",
+    min_margin: "NDArray[np.float32]",
+    frames: "NDArray[np.int32]",
+    level: "str | None" = None,
+) -> "None")]
 #[allow(clippy::too_many_arguments)]
 pub fn limit_margins(
     py: Python<'_>,
@@ -360,9 +468,22 @@ pub fn limit_margins(
     })
 }
 
-/// Find the bits that are set in any frame of a span of each simulation, and those that are set in all of its frames.
+/// Find the bits that are set in any frame of a span of each simulation, and in all of them.
+///
+/// Args:
+///     values: Shape (simulation, time), the frames adjacent.
+///     span: As in `limit_margins`.
+///     out: Both, shape (2, simulation); filled. Without a frame no bit, and all bits.
+///
+/// Raises:
+///     ValueError: An array has another shape.
 #[pyfunction]
-#[pyo3(signature = (*, values, span, out))]
+#[pyo3(signature = (
+    *,
+    values: "NDArray[np.uint8]",
+    span: "NDArray[np.int32]",
+    out: "NDArray[np.uint8]",
+) -> "None")]
 pub fn flag_bits(
     values: PyReadonlyArray2<'_, u8>,
     span: Ints<'_>,
@@ -376,8 +497,27 @@ pub fn flag_bits(
 }
 
 /// Compute the measures between the ego and neighbours in single frames.
+///
+/// Args:
+///     recording: As in `ego_signals_and_events`.
+///     neighbour_slot: Slots of the neighbours, flat (simulation, 6, time).
+///     instants: Simulations, roles and frames, flat (3, instant).
+///     slot: Slot of each neighbour, 255 without one; filled.
+///     out: A row for each of `FIELD_NAMES["encounters"]`; filled.
+///     level: As in `ego_signals_and_events`.
+///
+/// Raises:
+///     ValueError: As in `ego_signals_and_events`, or an instant or a slot does not exist.
 #[pyfunction]
-#[pyo3(signature = (*, recording, neighbour_slot, instants, slot, out, level=None))]
+#[pyo3(signature = (
+    *,
+    recording: "Mapping[str, Any]",
+    neighbour_slot: "NDArray[np.uint8]",
+    instants: "NDArray[np.int64]",
+    slot: "NDArray[np.uint8]",
+    out: "NDArray[np.floating[Any]]",
+    level: "str | None" = None,
+) -> "None")]
 pub fn encounter_measures(
     recording: RecordingArrays<'_>,
     neighbour_slot: Bytes<'_>,
@@ -441,10 +581,4 @@ pub fn encounter_measures(
     }
     overtaking_labels::encounter_measures(&pairs, level, out.as_slice_mut()?);
     Ok(())
-}
-
-/// Names of the rows of `encounter_measures`, in order.
-#[pyfunction]
-pub fn encounter_fields() -> Vec<&'static str> {
-    ENCOUNTER_NAMES.to_vec()
 }

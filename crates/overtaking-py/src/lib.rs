@@ -1,14 +1,12 @@
 //! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of tiny-skia,
 //! which draws films.
 
-mod arrays;
-mod canvas;
-mod drawing;
-mod draws;
-mod driven;
-mod hash;
+mod bulk_math;
+mod column_hash;
+mod film_canvas;
+mod inputs;
 mod labels;
-mod recorded;
+mod pedal_driving;
 mod spread;
 mod stepper;
 
@@ -16,74 +14,19 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
 use overtaking_core::pool::process_pool;
 use overtaking_core::{
-    Inputs, MAX_PERCEPTS, MAX_STATIONS, MAX_VEHICLES, ModelConstants, Output, ParameterSwitch,
-    RoadDirections, SIMULATION_NAMES, VEHICLE_NAMES, require_level, with_outputs,
+    Inputs, MAX_VEHICLES, ModelConstants, Output, ParameterSwitch, SIMULATION_NAMES, VEHICLE_NAMES,
+    require_level, with_outputs,
 };
 use overtaking_portable::{is_compiled, simulate_at};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{expect_length, output};
+use crate::inputs::{Numbers, Road, expect_length, output};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
-/// The road of a batch, lateral axis towards the fast side.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct Road {
-    num_lanes: usize,
-    boundaries: [f32; 9],
-    film_path: [f32; 8],
-    overtaking_sign: f32,
-    pose: [f32; 5],
-    num_own_lanes: usize,
-    has_oncoming_traffic: bool,
-    length: f32,
-    edge_sum: f32,
-    sight: [[[f32; MAX_STATIONS]; 3]; 2],
-    solid_line: [[f32; MAX_STATIONS]; 3],
-    course_table: Vec<f32>,
-}
-
-impl Road {
-    fn ways(&self) -> RoadDirections {
-        RoadDirections {
-            num_own_lanes: self.num_own_lanes.clamp(1, 8),
-            has_oncoming_traffic: self.has_oncoming_traffic,
-            length: self.length,
-            edge_sum: self.edge_sum,
-            sight: self.sight,
-            solid_line: self.solid_line,
-        }
-    }
-}
-
-/// The constants of the model.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct Numbers {
-    values: Vec<f32>,
-    friction_new: [[f32; 4]; 3],
-    friction_worn: [[f32; 4]; 3],
-    friction_speeds: [f32; 3],
-    friction_films: [f32; 4],
-}
-
-impl Numbers {
-    fn constants(&self) -> PyResult<ModelConstants> {
-        expect_length("constants", self.values.len(), ModelConstants::NAMES.len())?;
-        let mut constants = ModelConstants::default();
-        constants.set(&self.values);
-        constants.friction_new = self.friction_new;
-        constants.friction_worn = self.friction_worn;
-        constants.friction_speeds = self.friction_speeds;
-        constants.friction_films = self.friction_films;
-        Ok(constants)
-    }
-}
-
 /// Borrow every output array, call `$body` with an `Output` over them.
-macro_rules! filled {
+macro_rules! with_borrowed_outputs {
     (
         {
             { $arrays:expr, $batch:expr, $slots:expr, $frames:expr, $body:expr }
@@ -114,9 +57,46 @@ type Turn<'a> = (
     u32,
 );
 
-/// Simulate a batch and fill the arrays of `outputs`, a dictionary by field.
+/// Simulate a batch and fill the flat arrays of `outputs`.
+///
+/// Args:
+///     vehicle: Flat (field, vehicle, simulation), fields as `FIELD_NAMES["vehicle"]`.
+///     simulation: Flat (field, simulation), fields as `FIELD_NAMES["simulation"]`.
+///     index: Number of each simulation.
+///     slots: Vehicle slots, at most `MAX_VEHICLES`.
+///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
+///     seed: Key of the random numbers.
+///     steps_per_frame: Steps between recorded frames.
+///     road: num_lanes, boundaries (9), film_path (8), overtaking_sign, and pose: x0, y0,
+///         heading, cosine, sine.
+///     constants: values as `FIELD_NAMES["constants"]`, friction_new and friction_worn (3 x 4),
+///         friction_speeds (3), friction_films (4).
+///     outputs: Flat arrays by name.
+///     later: For each step at which parameters change: vehicle and simulation parameters, numbers
+///         of the simulations, judgement errors of the egos (2, simulation) or None, and the step.
+///     actions: Kind and numbers of the actions of an external driver of the ego, (simulation,
+///         action, part).
+///     level: SIMD level; None for the best of this CPU.
+///
+/// Raises:
+///     ValueError: An array has another length, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (*, vehicle, simulation, index, slots, frames, seed, steps_per_frame, road, constants, outputs, later=Vec::new(), actions=None, level=None))]
+#[pyo3(signature = (
+    *,
+    vehicle: "NDArray[np.floating[Any]]",
+    simulation: "NDArray[np.floating[Any]]",
+    index: "NDArray[np.uint64]",
+    slots: "int",
+    frames: "int",
+    seed: "int",
+    steps_per_frame: "int",
+    road: "Mapping[str, Any]",
+    constants: "Mapping[str, Any]",
+    outputs: "dict[str, NDArray[Any]]",
+    later: "Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.uint64], NDArray[np.floating[Any]] | None, int]]" = Vec::new(),
+    actions: "tuple[str, NDArray[np.int32]] | None" = None,
+    level: "str | None" = None,
+) -> "None")]
 #[allow(clippy::too_many_arguments)]
 fn simulate(
     py: Python<'_>,
@@ -196,7 +176,7 @@ fn simulate(
     let level = require_level(level).map_err(PyValueError::new_err)?;
     let room = batch * SIMULATION_BYTES;
     let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &later, out));
-    let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
+    let done = with_outputs! { with_borrowed_outputs! { outputs, batch, slots, frames, run } };
     done?.map_err(PyValueError::new_err)
 }
 
@@ -222,26 +202,9 @@ fn script<'a>(
     })
 }
 
-/// Names of the vehicle parameters, in order.
-#[pyfunction]
-fn vehicle_fields() -> Vec<&'static str> {
-    VEHICLE_NAMES.to_vec()
-}
-
-/// Names of the simulation parameters, in order.
-#[pyfunction]
-fn simulation_fields() -> Vec<&'static str> {
-    SIMULATION_NAMES.to_vec()
-}
-
-/// Names of the constants, in order.
-#[pyfunction]
-fn constant_fields() -> Vec<&'static str> {
-    ModelConstants::NAMES.to_vec()
-}
-
 /// Every SIMD level, and whether it is compiled and this CPU can run it.
 #[pyfunction]
+#[pyo3(signature = () -> "list[tuple[str, bool]]")]
 fn simd_levels() -> Vec<(&'static str, bool)> {
     overtaking_core::simd_levels()
         .into_iter()
@@ -249,59 +212,90 @@ fn simd_levels() -> Vec<(&'static str, bool)> {
         .collect()
 }
 
-/// The SIMD level that is used when none is asked for.
+/// The SIMD level of calls that name no level.
 #[pyfunction]
-fn simd_level() -> &'static str {
+#[pyo3(signature = () -> "str")]
+fn default_simd_level() -> &'static str {
     overtaking_core::default_level_name()
 }
 
-/// Threads of the pool that simulations are spread over.
+/// Number of threads that simulate.
 #[pyfunction]
+#[pyo3(signature = () -> "int")]
 fn num_threads() -> PyResult<usize> {
     let pool = process_pool().map_err(no_threads)?;
     Ok(pool.current_num_threads())
 }
 
+/// The compiled engine; its source is `crates/overtaking-py`. Use it through `sim.engine`.
 #[pymodule]
-fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("MAX_VEHICLES", MAX_VEHICLES)?;
-    module.add("MAX_PERCEPTS", MAX_PERCEPTS)?;
-    module.add("LANES", overtaking_core::LANES)?;
-    module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
-    module.add_function(wrap_pyfunction!(simulate, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::ego_signals_and_events, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::event_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::neighbour_signals, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::target_signals, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::frames_alongside, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::scan_spans, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::span_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::limit_margins, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::flag_bits, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::encounter_measures, module)?)?;
-    module.add_function(wrap_pyfunction!(labels::encounter_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(driven::weather_driven, module)?)?;
-    module.add_function(wrap_pyfunction!(driven::drive, module)?)?;
-    module.add_function(wrap_pyfunction!(driven::moving_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::words, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::exponentials, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::logarithms, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::uniforms, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::larger, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::smaller, module)?)?;
-    module.add_function(wrap_pyfunction!(draws::normal_pairs, module)?)?;
-    module.add_function(wrap_pyfunction!(vehicle_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(simulation_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(constant_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(simd_levels, module)?)?;
-    module.add_function(wrap_pyfunction!(simd_level, module)?)?;
-    module.add_function(wrap_pyfunction!(num_threads, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::ego_columns, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::neighbour_columns, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::passing_columns, module)?)?;
-    module.add_class::<stepper::Stepper>()?;
-    module.add_class::<hash::ColumnHash>()?;
-    module.add_class::<canvas::Canvas>()?;
-    module.add_class::<drawing::Drawing>()?;
-    Ok(())
+mod _core {
+    use pyo3::prelude::*;
+    use pyo3::types::{PyDict, PyTuple};
+
+    #[pymodule_export]
+    use crate::bulk_math::{
+        exp_in_place, log_in_place, maximum_in_place, minimum_in_place, normal_pairs_in_place,
+        random_words, uniform_numbers,
+    };
+    #[pymodule_export]
+    use crate::column_hash::ColumnHash;
+    #[pymodule_export]
+    use crate::film_canvas::{Canvas, Drawing};
+    #[pymodule_export]
+    use crate::labels::{
+        ego_signals_and_events, encounter_measures, flag_bits, frames_alongside, limit_margins,
+        neighbour_signals, scan_spans, target_signals,
+    };
+    #[pymodule_export]
+    use crate::pedal_driving::{drive, weather_driven};
+    #[pymodule_export]
+    use crate::stepper::Stepper;
+    #[pymodule_export]
+    use crate::{default_simd_level, num_threads, simd_levels, simulate};
+
+    #[pymodule_export]
+    const MAX_VEHICLES: usize = overtaking_core::MAX_VEHICLES;
+    #[pymodule_export]
+    const MAX_PERCEPTS: usize = overtaking_core::MAX_PERCEPTS;
+    #[pymodule_export]
+    const SIMD_LANES: usize = overtaking_core::LANES;
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_init]
+    fn add_field_names(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let field_names = PyDict::new(module.py());
+        for (key, names) in crate::field_names() {
+            field_names.set_item(key, PyTuple::new(module.py(), names)?)?;
+        }
+        module.add("FIELD_NAMES", field_names)
+    }
+}
+
+/// Names of the fields of every table that Python exchanges with the engine, in their order, by table.
+fn field_names() -> [(&'static str, Vec<&'static str>); 14] {
+    use overtaking_core::observation_table::{
+        EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, PASSING_COLUMN_NAMES,
+    };
+    use overtaking_labels as labels;
+    [
+        ("vehicle", VEHICLE_NAMES.to_vec()),
+        ("simulation", SIMULATION_NAMES.to_vec()),
+        ("constants", ModelConstants::NAMES.to_vec()),
+        (
+            "pedal_table",
+            overtaking_core::pedal_driving::TABLE_FIELDS.to_vec(),
+        ),
+        ("ego", EGO_COLUMN_NAMES.to_vec()),
+        ("neighbour", NEIGHBOUR_COLUMN_NAMES.to_vec()),
+        ("passing", PASSING_COLUMN_NAMES.to_vec()),
+        ("events", labels::EVENT_NAMES.to_vec()),
+        ("encounters", labels::ENCOUNTER_NAMES.to_vec()),
+        ("spans", labels::SPAN_NAMES.to_vec()),
+        ("moments", labels::MOMENT_NAMES.to_vec()),
+        ("measures", labels::measure_names()),
+        ("frames", labels::FRAME_NAMES.to_vec()),
+        ("sums", labels::SUM_NAMES.to_vec()),
+    ]
 }

@@ -10,10 +10,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
 use overtaking_core::ego_action::{ActionKind, MAX_ACTION_PARTS};
-use overtaking_core::observation_table::{
-    EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, OBSERVATION_SIZE, ObservationSource,
-    PASSING_COLUMN_NAMES,
-};
+use overtaking_core::observation_table::{OBSERVATION_SIZE, ObservationSource};
 use overtaking_core::pool::process_pool;
 use overtaking_core::run::stepped_batch::{Fresh, Observed, Request, Talk};
 use overtaking_core::{
@@ -23,9 +20,8 @@ use overtaking_portable::serve_at;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::expect_length;
+use crate::inputs::{Numbers, Road, expect_length};
 use crate::spread::{expect_room, no_threads};
-use crate::{Numbers, Road};
 
 /// Memory for a simulation of a batch that waits between calls, at most: with 32 vehicles, their parameters and
 /// states of 4 bytes each, and their histories [bytes].
@@ -111,7 +107,7 @@ impl Kept {
     }
 }
 
-/// A batch that waits at every decision for what another driver orders.
+/// A batch that waits at every decision for the actions of an external driver.
 #[pyclass(frozen)]
 pub struct Stepper {
     batch: usize,
@@ -138,8 +134,24 @@ type ObservedArrays<'py> = (
 
 #[pymethods]
 impl Stepper {
+    /// Begin before the first decision.
+    ///
+    /// Args:
+    ///     batch: vehicle, simulation, index, slots, seed, steps_per_frame, road and constants as
+    ///         in `simulate`.
+    ///     kind: Kind of the actions; None if the model's driver decides.
+    ///     is_true: Whether the driver observes the true state, and not its beliefs.
+    ///     level: SIMD level; None for the best of this CPU.
+    ///
+    /// Raises:
+    ///     ValueError: An array has another length, or the kind or SIMD level is unknown.
     #[new]
-    #[pyo3(signature = (batch, kind, is_true, level=None))]
+    #[pyo3(signature = (
+        batch: "Mapping[str, Any]",
+        kind: "str | None",
+        is_true: "bool",
+        level: "str | None" = None,
+    ))]
     fn new(
         batch: Batch<'_>,
         kind: Option<&str>,
@@ -190,12 +202,28 @@ impl Stepper {
         })
     }
 
-    /// What is observed at first.
+    /// Observations at the start, (simulation, field); which simulations run; zeros.
+    #[pyo3(signature = () -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn begin<'py>(&self, py: Python<'py>) -> PyResult<ObservedArrays<'py>> {
         self.ask(py, self.batch, None)
     }
 
-    /// What is observed after some decisions with the same orders, (simulation, part).
+    /// Carry out one action of each simulation for some decisions.
+    ///
+    /// Args:
+    ///     values: Numbers of the actions, shape (simulation, part).
+    ///     decisions: Number of decisions, at least 1.
+    ///
+    /// Returns:
+    ///     Observations, for a simulation that ended within the step those at its end; which
+    ///     simulations run; the number of decisions that each carried out.
+    ///
+    /// Raises:
+    ///     ValueError: The actions have another length.
+    #[pyo3(signature = (
+        values: "NDArray[np.int32]",
+        decisions: "int",
+    ) -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn step<'py>(
         &self,
         py: Python<'py>,
@@ -207,7 +235,19 @@ impl Stepper {
         self.ask(py, self.batch, Some(Request::Go { values, decisions }))
     }
 
-    /// What is observed at first in new simulations, which begin in these rows.
+    /// Begin new simulations in rows of the batch, and observe their start.
+    ///
+    /// Args:
+    ///     rows: The rows, each once.
+    ///     batch: The new simulations, one for each row, with as many slots as the others. Their
+    ///         seed, road and constants are those of the others.
+    ///
+    /// Raises:
+    ///     ValueError: A row occurs twice or does not exist, or an array has another length.
+    #[pyo3(signature = (
+        rows: "NDArray[np.int64]",
+        batch: "Mapping[str, Any]",
+    ) -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn renew<'py>(
         &self,
         py: Python<'py>,
@@ -288,22 +328,4 @@ impl Drop for Stepper {
             let _ = thread.join();
         }
     }
-}
-
-/// Names of the observed columns of the ego, in order.
-#[pyfunction]
-pub fn ego_columns() -> Vec<&'static str> {
-    EGO_COLUMN_NAMES.to_vec()
-}
-
-/// Names of the observed columns about a pass against oncoming traffic, in order.
-#[pyfunction]
-pub fn passing_columns() -> Vec<&'static str> {
-    PASSING_COLUMN_NAMES.to_vec()
-}
-
-/// Names of the observed columns of a neighbour, in order.
-#[pyfunction]
-pub fn neighbour_columns() -> Vec<&'static str> {
-    NEIGHBOUR_COLUMN_NAMES.to_vec()
 }

@@ -35,7 +35,7 @@ class PhiloxStream(random_numbers.PhiloxStream):
 
     def _block_words(self, block_number: int) -> tuple[U32, U32, U32, U32]:
         """Four random words for each scenario and stream; `next_word` returns them one by one."""
-        words = _core.words(
+        words = _core.random_words(
             seed=self._seed,
             index=self._flat_indices,
             stream=self._flat_streams,
@@ -48,7 +48,7 @@ class PhiloxStream(random_numbers.PhiloxStream):
         """The next number between `low` and `high`; by default it is never 0 or 1."""
         if (low, high) != (0.0, 1.0):  # The engine has no function for other limits.
             return super().uniform(low, high)
-        return _core.uniforms(self.next_word().reshape(-1)).reshape(self._shape)
+        return _core.uniform_numbers(self.next_word().reshape(-1)).reshape(self._shape)
 
 
 # The engine replaces the numbers of an array by their function values, so the functions below pass
@@ -58,14 +58,14 @@ class PhiloxStream(random_numbers.PhiloxStream):
 def exp(x: F32Like) -> F32:
     """The number e to the power `x`; an `x` below -87 or above 88 counts as that limit."""
     values = _float32_copy(x)
-    _core.exponentials(values.reshape(-1))
+    _core.exp_in_place(values.reshape(-1))
     return values
 
 
 def log(x: F32Like) -> F32:
     """Natural logarithm; an `x` below 2**-126 (1.2e-38) counts as 2**-126."""
     values = _float32_copy(x)
-    _core.logarithms(values.reshape(-1))
+    _core.log_in_place(values.reshape(-1))
     return values
 
 
@@ -79,7 +79,7 @@ def maximum(a: F32Like, b: F32Like) -> F32:
     if not _has_engine_shapes(a, b):
         return float32_math.maximum(a, b)
     values = _float32_copy(a)
-    _core.larger(values.reshape(-1), _flat_or_number(b))
+    _core.maximum_in_place(values.reshape(-1), _flat_or_number(b))
     return values
 
 
@@ -88,7 +88,7 @@ def minimum(a: F32Like, b: F32Like) -> F32:
     if not _has_engine_shapes(a, b):
         return float32_math.minimum(a, b)
     values = _float32_copy(a)
-    _core.smaller(values.reshape(-1), _flat_or_number(b))
+    _core.minimum_in_place(values.reshape(-1), _flat_or_number(b))
     return values
 
 
@@ -98,15 +98,15 @@ def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
         return float32_math.clamp(value, low, high)
     values = _float32_copy(value)
     flat = values.reshape(-1)
-    _core.larger(flat, _flat_or_number(low))
-    _core.smaller(flat, _flat_or_number(high))
+    _core.maximum_in_place(flat, _flat_or_number(low))
+    _core.minimum_in_place(flat, _flat_or_number(high))
     return values
 
 
 def box_muller(u: F32, v: F32) -> tuple[F32, F32]:
     """Convert uniform numbers `u` and `v` in (0, 1) to two independent standard normal ones."""
     first, second = map(_float32_copy, np.broadcast_arrays(u, v))
-    _core.normal_pairs(first.reshape(-1), second.reshape(-1))
+    _core.normal_pairs_in_place(first.reshape(-1), second.reshape(-1))
     return first, second
 
 

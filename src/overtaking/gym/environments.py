@@ -558,7 +558,7 @@ def draw_episode(episodes: EpisodeBatch, row: int) -> NDArray[np.uint8]:
 
     title = f"Simulation {episodes.scenario_index[row]}"
     film = Film(episodes.record(row), title=title)
-    return film.draw(film.num_frames - 1).rgb()
+    return film.draw(film.num_frames - 1).to_rgb()
 
 
 def _info_of_single(info: Info) -> Info:

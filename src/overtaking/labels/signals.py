@@ -61,7 +61,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
     """
-    names, recording = _core.event_fields(), pack(trajectories)
+    names, recording = _core.FIELD_NAMES["events"], pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _layouts(trajectories, EgoSignals, (*SEEN, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
@@ -136,7 +136,7 @@ def encounter(
     Raises:
         ValueError: A frame does not exist.
     """
-    names, slot = _core.encounter_fields(), np.empty(len(rows), np.uint8)
+    names, slot = _core.FIELD_NAMES["encounters"], np.empty(len(rows), np.uint8)
     out = np.empty((len(names), len(rows)), np.float32)
     instants = np.empty((3, len(rows)), np.int64)
     instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames

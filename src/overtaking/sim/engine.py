@@ -69,7 +69,7 @@ def run(
         level: As in `simulate`.
         buffers: As in `simulate`.
     """
-    room = -(-given.num_frames // _core.LANES) * _core.LANES
+    room = -(-given.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     outputs = _allocate_outputs(
         scenario.num_simulations, scenario.num_slots, room, buffers or Buffers()
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
-SPANS = dict(_core.span_fields())["spans"]
+SPANS = _core.FIELD_NAMES["spans"]
 
 
 def whole(given: Case) -> Span:

@@ -532,7 +532,7 @@ def test_a_picture_is_that_of_the_film():
     for _ in range(3):
         env.step(0)
     road = np.s_[40:284, :1000]  # The rest has curves over the time so far.
-    expected = film.draw(3 * 20).rgb()[road]
+    expected = film.draw(3 * 20).to_rgb()[road]
     np.testing.assert_array_equal(picture(env)[road], expected)
 
 

@@ -232,7 +232,7 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         case: The batch.
         spans: Where to look, by the names that `stretches` gives them.
     """
-    count, names = case.signals.num_simulations, dict(_core.span_fields())
+    count, names = case.signals.num_simulations, _core.FIELD_NAMES
     ends = [end for name in names["spans"] for end in (spans[name].start, spans[name].stop)]
     moments = [getattr(case.events, name) for name in names["moments"]]
     kinds = {"measures": np.float32, "frames": np.int32, "sums": np.int64}

@@ -113,7 +113,7 @@ def _encode(
             if not is_wanted():
                 raise Interrupted
             film.draw(number, canvas)
-            canvas.yuv(drawn)
+            canvas.write_yuv(drawn)
             target.pts = number
             for packet in stream.encode(target):
                 container.mux(packet)

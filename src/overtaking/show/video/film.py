@@ -104,7 +104,7 @@ class Film:
         canvas = Canvas(WIDTH, HEIGHT, "#000000") if out is None else out
         places = self.traffic.at(frame)
         first = int(self.view.left[frame]) % self._road.period
-        canvas.paste(self._road.canvas, 0, SCENE_TOP, (first, first + WIDTH))
+        canvas.copy_columns(self._road.canvas, 0, SCENE_TOP, (first, first + WIDTH))
         if changes(self.scene.road):
             line_between = centre_line(self.scene.road, self.view, frame, self._sky.tone)
             canvas.draw(line_between, 0.0, float(SCENE_TOP))
@@ -127,23 +127,23 @@ class Film:
         """Night, low sun and fog; lamps are drawn later, as they are seen through all of them."""
         rows = SCENE_TOP, SCENE_BOTTOM
         if self._glare is not None:
-            canvas.veil(rows, *self._glare)
+            canvas.blend_colour(rows, *self._glare)
         if self._sky.is_night:
             lights = [
                 (light.power, round(0.5 * x) + light.left, round(0.5 * (y - SCENE_TOP)) + light.top)
                 for light, x, y in self.traffic.lights(places, frame)
             ]
-            canvas.night(rows, sky.MOONLIGHT, lights)
+            canvas.darken(rows, sky.MOONLIGHT, lights)
         if self._fog is not None:
             first = min(max(WIDTH - round(float(self.traffic.x[EGO_SLOT, frame])), 0), WIDTH)
-            canvas.veil(rows, self._fog.hidden[first : first + WIDTH], self._fog.colour)
+            canvas.blend_colour(rows, self._fog.hidden[first : first + WIDTH], self._fog.colour)
 
     def _rain(self, canvas: Canvas, frame: int) -> None:
         """Streaks of rain, in some pictures that take turns."""
         if self._sky.rate > 0.0:
             height, is_night = SCENE_BOTTOM - SCENE_TOP, self._sky.is_night
             pictures = sky.rain(self._sky.rate, height, is_night=is_night)
-            canvas.draw_all([(pictures[2 * frame % len(pictures)], 0, SCENE_TOP, 0)], 1.0)
+            canvas.draw_placed([(pictures[2 * frame % len(pictures)], 0, SCENE_TOP, 0)], 1.0)
 
     def _signs(self, canvas: Canvas, frame: int) -> None:
         """Distances along the road, at the upper edge."""

@@ -63,7 +63,7 @@ def flash(canvas: Canvas, contact: Contact | None, camera: Camera, frame: int) -
     first, s, d = contact
     if first <= frame < first + _FLASH_FRAMES:
         place = camera.x(frame, s), SCENE_TOP + camera.y(d)
-        canvas.draw_all([(_burst(frame - first), *place, 0.0)], camera.scale)
+        canvas.draw_placed([(_burst(frame - first), *place, 0.0)], camera.scale)
 
 
 def endings(scene: FilmScene, contact: Contact | None) -> Iterator[Note]:

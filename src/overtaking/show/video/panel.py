@@ -50,9 +50,9 @@ class Header:
 
     def draw(self, canvas: Canvas, stage: int | None) -> None:
         """Draw it, with the stage of the ego if that is known."""
-        canvas.paste(self._canvas, 0, 0, (0, WIDTH))
+        canvas.copy_columns(self._canvas, 0, 0, (0, WIDTH))
         if stage is not None:
-            canvas.paste(_pills(Stage(stage)), _PILL_LEFT, 8, (0, _NUM_PILLS * _PILL_PITCH))
+            canvas.copy_columns(_pills(Stage(stage)), _PILL_LEFT, 8, (0, _NUM_PILLS * _PILL_PITCH))
 
 
 @cache
@@ -75,7 +75,7 @@ def _pill(drawing: Drawing, stage: Stage, left: int, *, is_lit: bool) -> None:
     if is_lit:
         drawing.rect(*box, colour, radius=11.0)
     else:
-        drawing.frame(*box, palette.PANEL_EDGE, line=1.0, radius=11.0)
+        drawing.outline(*box, palette.PANEL_EDGE, line=1.0, radius=11.0)
     letters = lettering(label, _NORMAL, bold=is_lit)
     height, width = letters.shape
     place = left + (_PILL_WIDTH - width) // 2, 12 - height // 2
@@ -106,8 +106,8 @@ class Timeline:
     def draw(self, canvas: Canvas, frame: int) -> None:
         """Draw the strip."""
         column = self.column(frame)
-        canvas.paste(self._past, 0, SCENE_BOTTOM, (0, column))
-        canvas.paste(self._future, column, SCENE_BOTTOM, (column, WIDTH))
+        canvas.copy_columns(self._past, 0, SCENE_BOTTOM, (0, column))
+        canvas.copy_columns(self._future, column, SCENE_BOTTOM, (column, WIDTH))
         canvas.draw(self._cursor, column)
         self._speeds(canvas, frame)
         self._distance(canvas, frame)

@@ -88,7 +88,7 @@ class Traffic:
 
     def draw_bodies(self, canvas: Canvas, places: list[OnScreen]) -> None:
         """Draw bodies with their shadows and the spray behind them."""
-        canvas.draw_all([(self._bodies[one.vehicle], *one[1:]) for one in places], self._scale)
+        canvas.draw_placed([(self._bodies[one.vehicle], *one[1:]) for one in places], self._scale)
 
     def draw_lamps(self, canvas: Canvas, places: list[OnScreen], frame: int) -> None:
         """Draw the lamps that are lit."""
@@ -99,7 +99,7 @@ class Traffic:
             for one, lights in zip(places, lit, strict=True)
             if lights
         ]
-        canvas.draw_all(shown, self._scale)
+        canvas.draw_placed(shown, self._scale)
 
     def lights(self, places: list[OnScreen], frame: int) -> list[tuple[Light, float, float]]:
         """Headlamps that light the road, and a little light around every vehicle."""
@@ -122,7 +122,7 @@ class Traffic:
             index, x, y, angle = place
             if self._rank(index) < _OTHER:
                 ring = mark(self._scene.bodies[index], self._scale, is_ego=index == EGO_SLOT)
-                canvas.draw_all([(ring, x, y, angle)], self._scale)
+                canvas.draw_placed([(ring, x, y, angle)], self._scale)
             self._draw_name(canvas, place, frame, away)
 
     def _rank(self, index: int) -> int:
@@ -187,6 +187,6 @@ def tag(text: str, rank: int) -> Picture:
     else:
         drawing.rect(*box, palette.INK, opacity=0.85 if rank == 1 else 0.45, radius=4.0)
     if rank == 1:
-        drawing.frame(*box, palette.TARGET, line=1.5, radius=4.0)
+        drawing.outline(*box, palette.TARGET, line=1.5, radius=4.0)
     drawing.mask(letters, (6, (_TAG_HEIGHT - letters.shape[0]) // 2 + 1), ink)
     return Picture(drawing, width, _TAG_HEIGHT)

@@ -67,14 +67,14 @@ class TwinFilm:
         canvas = Canvas(*self.size, palette.PANEL) if out is None else out
         for film, row in zip(self._films, (0, HEIGHT + _BAR), strict=True):
             film.draw(min(frame, film.num_frames - 1), self._above)
-            canvas.paste(self._above, 0, row, (0, WIDTH))
+            canvas.copy_columns(self._above, 0, row, (0, WIDTH))
         self._tell(canvas, frame)
         return canvas
 
     def _tell(self, canvas: Canvas, frame: int) -> None:
         """What differs, and whether the two have parted."""
         bar = Canvas(WIDTH, _BAR, palette.PANEL)
-        canvas.paste(bar, 0, HEIGHT, (0, WIDTH))
+        canvas.copy_columns(bar, 0, HEIGHT, (0, WIDTH))
         caption = line(self._caption, _SIZE, palette.TEXT)
         canvas.draw(caption.drawing, _MARGIN, HEIGHT + _ROW)
         text, colour = self._state(frame)

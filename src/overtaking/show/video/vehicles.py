@@ -99,7 +99,9 @@ def mark(body: Body, scale: float, *, is_ego: bool) -> Drawing:
     drawing, line = Drawing(), 2.0 / scale
     half = (0.5 * body.length + _RING, 0.5 * body.width + _RING)
     if is_ego:
-        drawing.frame((-half[0], half[0]), (-half[1], half[1]), palette.EGO, line=line, radius=0.6)
+        drawing.outline(
+            (-half[0], half[0]), (-half[1], half[1]), palette.EGO, line=line, radius=0.6
+        )
         return drawing
     arm = min(0.9, 0.6 * half[1])
     x, y = (one - 0.5 * line for one in half)

@@ -126,7 +126,7 @@ class RoadScene:
         canvas = Canvas(*size, "#000000")
         canvas.draw(drawing)
         image = np.full((size[1], size[0], 4), 255, np.uint8)
-        image[:, :, :3] = canvas.rgb()[:, :, ::-1]
+        image[:, :, :3] = canvas.to_rgb()[:, :, ::-1]
         return image
 
 

@@ -353,7 +353,7 @@ def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
     found = ot.whatif.counterfactual(data, begun, stay=True)
     frames = [int(told.run.num_frames[0]) for told in found.told]
     assert min(frames) < max(frames)
-    picture = TwinFilm(found).draw(min(frames) - 1).rgb().astype(int)
+    picture = TwinFilm(found).draw(min(frames) - 1).to_rgb().astype(int)
     # The cursor is the column that is bright in every row of the curves.
     strips = [picture[top + SCENE_BOTTOM + 12 : top + SCENE_BOTTOM + 90] for top in (0, 432)]
     above, below = [int(strip.sum(axis=2).min(axis=0).argmax()) for strip in strips]

@@ -22,14 +22,14 @@ SCALE, WHITE = 10.0, "#ffffff"
 def area(drawing: Drawing) -> float:
     """Opacity of a white drawing added up, in square units."""
     at = WIDTH / 2.0, HEIGHT / 2.0
-    shown = drawn(lambda canvas: canvas.draw_all([(drawing, *at, 0.0)], SCALE))
+    shown = drawn(lambda canvas: canvas.draw_placed([(drawing, *at, 0.0)], SCALE))
     return float(shown.sum()) / 255.0 / SCALE**2
 
 
 @pytest.mark.parametrize("colour", COLOURS)
 def test_ffmpeg_shows_a_colour_as_it_was_meant(colour):
     planes = np.empty((HEIGHT * 3 // 2, WIDTH), np.uint8)
-    Canvas(WIDTH, HEIGHT, colour).yuv(planes)
+    Canvas(WIDTH, HEIGHT, colour).write_yuv(planes)
     frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
     shown = frame.reformat(format="rgb24", src_colorspace="smpte170m").to_ndarray()
     meant = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
@@ -45,9 +45,9 @@ def test_luma_and_chroma_are_those_of_bt_601():
         square.rect((x, x + 3.0), (y, y + 2.0), f"#{red:02x}{green:02x}{blue:02x}")
         canvas.draw(square)
     planes = np.empty((48, 64), np.uint8)
-    canvas.yuv(planes)
+    canvas.write_yuv(planes)
     weights = np.array([0.299, 0.587, 0.114])
-    rgb = canvas.rgb() / 255.0
+    rgb = canvas.to_rgb() / 255.0
     luma = rgb @ weights
     assert np.abs(planes[:32] - (16.0 + 219.0 * luma)).max() <= 1.0
     coarse = rgb.reshape(16, 2, 32, 2, 3).mean(axis=(1, 3))
@@ -67,7 +67,7 @@ def test_a_rectangle_covers_the_area_that_shapely_says(radius):
 
 def test_a_frame_covers_the_area_between_two_rectangles():
     drawing = Drawing()
-    drawing.frame((-2.0, 2.0), (-1.0, 1.0), WHITE, line=0.2, radius=0.6)
+    drawing.outline((-2.0, 2.0), (-1.0, 1.0), WHITE, line=0.2, radius=0.6)
     outer = box(-1.4, -0.4, 1.4, 0.4).buffer(0.6)
     assert area(drawing) == pytest.approx(outer.area - outer.buffer(-0.2).area, rel=0.02)
 
@@ -88,7 +88,7 @@ def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
     plain, shaded = (painted(body, (*shade, dark), 0.0) for dark in (0.0, 1.0))
 
     def shown(drawing: Drawing):
-        return drawn(lambda canvas: canvas.draw_all([(drawing, 640.0, 200.0, 0.0)], SCALE), 255)
+        return drawn(lambda canvas: canvas.draw_placed([(drawing, 640.0, 200.0, 0.0)], SCALE), 255)
 
     along, across = (1.5 * one for one in shade)
     ends = box(-2.0, -1.0, 2.0, 1.0).union(box(-2 + along, -1 + across, 2 + along, 1 + across))
@@ -101,9 +101,8 @@ def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
 def test_a_drawing_lies_where_it_belongs_however_it_is_turned(angle, place):
     drawing = Drawing()
     drawing.rect((-1.0, 3.0), (-0.9, 0.3), WHITE)
-    shown = (
-        drawn(lambda canvas: canvas.draw_all([(drawing, place[0], place[1], angle)], SCALE)) / 255.0
-    )
+    placed = [(drawing, place[0], place[1], angle)]
+    shown = drawn(lambda canvas: canvas.draw_placed(placed, SCALE)) / 255.0
     assert shown.sum() == pytest.approx(4.8 * SCALE**2, rel=0.02)
     rows, columns = (np.arange(size) + 0.5 for size in shown.shape)
     centre = (shown.sum(axis=0) @ columns / shown.sum(), shown.sum(axis=1) @ rows / shown.sum())
@@ -118,7 +117,8 @@ def test_a_drawing_lies_where_it_belongs_however_it_is_turned(angle, place):
 def test_a_glow_fades_to_nothing_at_its_reach():
     drawing = Drawing()
     drawing.glow(0.0, 0.0, 5.0, WHITE, 0.8)
-    row = drawn(lambda canvas: canvas.draw_all([(drawing, 300.0, 100.0, 0.0)], SCALE))[100, 300:360]
+    placed = [(drawing, 300.0, 100.0, 0.0)]
+    row = drawn(lambda canvas: canvas.draw_placed(placed, SCALE))[100, 300:360]
     assert row[0] == pytest.approx(0.8 * 255.0, abs=4.0)
     assert (np.diff(row) <= 0.0).all()
     assert row[49:].max() <= 2.0
@@ -136,15 +136,15 @@ def test_a_mask_that_reaches_beyond_the_picture_is_cut_off(place):
 
 def test_chosen_columns_of_another_picture_are_copied():
     other, canvas = Canvas(20, 4, WHITE), Canvas(30, 10, "#000000")
-    canvas.paste(other, 3, 5, (2, 9))
-    rows, columns = np.nonzero(canvas.rgb()[:, :, 0])
+    canvas.copy_columns(other, 3, 5, (2, 9))
+    rows, columns = np.nonzero(canvas.to_rgb()[:, :, 0])
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (5, 8, 3, 9)
 
 
 def test_a_night_without_lamps_leaves_the_moonlight_and_touches_no_other_row():
     canvas = Canvas(32, 20, "#c8c8c8")
-    canvas.night((4, 13), 64, [])
-    rows = canvas.rgb()[:, 5, 0]
+    canvas.darken((4, 13), 64, [])
+    rows = canvas.to_rgb()[:, 5, 0]
     assert set(rows[4:13].tolist()) == {50}
     assert set(np.delete(rows, np.arange(4, 13)).tolist()) == {200}
 
@@ -152,10 +152,10 @@ def test_a_night_without_lamps_leaves_the_moonlight_and_touches_no_other_row():
 @pytest.mark.parametrize("place", [(-3, -2), (13, 8), (-40, 0), (0, 90), (2**31 - 1, -(2**31))])
 def test_a_light_that_reaches_beyond_the_picture_is_cut_off(place):
     canvas = Canvas(32, 20, "#c8c8c8")
-    canvas.night((0, 20), 0, [(np.full((4, 6), 255, np.uint8), *place)])
+    canvas.darken((0, 20), 0, [(np.full((4, 6), 255, np.uint8), *place)])
     left, top = 2 * place[0], 2 * place[1]
     inside = box(0, 0, 32, 20).intersection(box(left, top, left + 12, top + 8))
-    assert np.count_nonzero(canvas.rgb()[:, :, 0]) == inside.area
+    assert np.count_nonzero(canvas.to_rgb()[:, :, 0]) == inside.area
 
 
 SHARES, OTHER = np.zeros(32, np.uint16), Canvas(32, 20, WHITE)
@@ -164,15 +164,39 @@ SHARES, OTHER = np.zeros(32, np.uint16), Canvas(32, 20, WHITE)
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda one: one.paste(OTHER, 1, 0, (0, 32)), "columns: expected some of both pictures"),
-        (lambda one: one.paste(OTHER, 0, 1, (0, 32)), "rows: expected some of the canvas"),
-        (lambda one: one.paste(OTHER, 0, 0, (9, 8)), "columns: expected some of both pictures"),
-        (lambda one: one.veil((0, 21), SHARES, WHITE), "rows: expected some of the canvas"),
-        (lambda one: one.veil((5, 4), SHARES, WHITE), "rows: expected some of the canvas"),
-        (lambda one: one.veil((0, 20), SHARES[1:], WHITE), "veil: expected 32 numbers, got 31"),
-        (lambda one: one.veil((0, 20), SHARES, "red"), "colour: expected #rrggbb, got red"),
-        (lambda one: one.night((0, 22), 9, []), "rows: expected some of the canvas"),
-        (lambda one: one.yuv(np.empty(3, np.uint8)), "a frame: expected 960 numbers, got 3"),
+        (
+            lambda canvas: canvas.copy_columns(OTHER, 1, 0, (0, 32)),
+            "columns: expected some of both pictures",
+        ),
+        (
+            lambda canvas: canvas.copy_columns(OTHER, 0, 1, (0, 32)),
+            "rows: expected some of the canvas",
+        ),
+        (
+            lambda canvas: canvas.copy_columns(OTHER, 0, 0, (9, 8)),
+            "columns: expected some of both pictures",
+        ),
+        (
+            lambda canvas: canvas.blend_colour((0, 21), SHARES, WHITE),
+            "rows: expected some of the canvas",
+        ),
+        (
+            lambda canvas: canvas.blend_colour((5, 4), SHARES, WHITE),
+            "rows: expected some of the canvas",
+        ),
+        (
+            lambda canvas: canvas.blend_colour((0, 20), SHARES[1:], WHITE),
+            "hidden: expected 32 numbers, got 31",
+        ),
+        (
+            lambda canvas: canvas.blend_colour((0, 20), SHARES, "red"),
+            "colour: expected #rrggbb, got red",
+        ),
+        (lambda canvas: canvas.darken((0, 22), 9, []), "rows: expected some of the canvas"),
+        (
+            lambda canvas: canvas.write_yuv(np.empty(3, np.uint8)),
+            "a frame: expected 960 numbers, got 3",
+        ),
         (lambda _: Canvas(0, 4, WHITE), "canvas: expected a width and a height"),
         (lambda _: Drawing().rect((0, 1), (0, 1), "#12345"), "colour: expected #rrggbb"),
         (lambda _: Drawing().mask(np.empty((0, 4), np.uint8), (0, 0), WHITE), "mask: expected"),

@@ -56,7 +56,7 @@ def test_the_decoded_pictures_are_those_that_were_drawn(film, file):
         decoded = [frame.to_ndarray(format="yuv420p") for frame in container.decode(video=0)]
     drawn = np.empty_like(decoded[0])
     for number in (0, 13, film.num_frames - 1):
-        film.draw(number).yuv(drawn)
+        film.draw(number).write_yuv(drawn)
         error = decoded[number][:HEIGHT].astype(float) - drawn[:HEIGHT]
         psnr = 10.0 * np.log10(255.0**2 / np.mean(error**2))
         assert psnr > 36.0  # Above this people see no difference.

@@ -40,7 +40,7 @@ def marked(film: Film, frame: int, colour: str, index: int):
 
     Its name has the same colour and lies above or below, so only its lane is looked at.
     """
-    picture = film.draw(frame).rgb()[SCENE_TOP:SCENE_BOTTOM]
+    picture = film.draw(frame).to_rgb()[SCENE_TOP:SCENE_BOTTOM]
     body, scale = film.scene.bodies[index], film.view.scale
     reach = round((0.5 * body.width + RING) * scale) + 1
     middle = round(film.view.y(float(film.scene.d[index, frame])))
@@ -70,7 +70,7 @@ def test_the_mark_is_as_long_as_the_ego(run, film):
 
 def test_the_ego_has_its_colour_on_the_road(run, film):
     x, y = film.view.x(5, run.states.s[0, 0, 5] * MM), film.view.y(run.states.d[0, 0, 5] * MM)
-    bonnet = film.draw(5).rgb()[SCENE_TOP + round(y), round(x + 1.7 * film.view.scale)]
+    bonnet = film.draw(5).to_rgb()[SCENE_TOP + round(y), round(x + 1.7 * film.view.scale)]
     assert bonnet[0] > 2 * bonnet[1]  # Red.
 
 
@@ -83,10 +83,10 @@ def test_the_ego_is_above_the_lane_line_that_it_has_crossed():
 
 def test_frames_are_the_same_every_time_and_in_any_order(run, film):
     again = Film(run, title="Simulation 0")
-    drawn = [film.draw(frame).rgb() for frame in (3, 30, 12)]
+    drawn = [film.draw(frame).to_rgb() for frame in (3, 30, 12)]
     canvas = Canvas(WIDTH, HEIGHT, WARNING)
     for frame, picture in zip((12, 30, 3), drawn[::-1], strict=True):
-        assert np.array_equal(again.draw(frame, canvas).rgb(), picture)
+        assert np.array_equal(again.draw(frame, canvas).to_rgb(), picture)
     assert drawn[0].shape == (HEIGHT, WIDTH, 3)
 
 
@@ -140,7 +140,7 @@ def test_the_cursor_moves_from_the_first_to_the_last_column(film):
     columns = [timeline.column(frame) for frame in range(film.num_frames)]
     assert (columns[0], columns[-1]) == (80, 1096)
     assert columns == sorted(columns)
-    strip = film.draw(20).rgb()[SCENE_BOTTOM + 12, :, 0]
+    strip = film.draw(20).to_rgb()[SCENE_BOTTOM + 12, :, 0]
     assert strip[columns[20]] > 200  # The cursor is the brightest thing there.
 
 
@@ -171,7 +171,7 @@ CAR = Body(kind=VehicleKind.MEDIUM_CAR, colour=Colour.GREY, length=4.6, width=1.
 def test_a_lamp_shines_where_the_vehicle_has_it(light, rows, columns):
     drawing = lamps(CAR, int(light))
     black, white = (
-        drawn(lambda canvas: canvas.draw_all([(drawing, 640.0, 200.0, 0.0)], 10.0), grey)
+        drawn(lambda canvas: canvas.draw_placed([(drawing, 640.0, 200.0, 0.0)], 10.0), grey)
         for grey in (0, 255)
     )
     light_there = 256.0 * (1.0 - (white - black) / 255.0)
@@ -194,7 +194,7 @@ def test_a_recording_that_does_not_know_its_lamps_shows_none(run):
 def test_a_recording_that_does_not_know_stage_and_weather_can_be_filmed(run):
     film = Film(run.replace(unknown=frozenset({"stage", "weather", "percepts"})))
     assert film.scene.stage is None
-    assert not near(film.draw(0).rgb()[8:32, 420:900], STAGES[Stage.FOLLOW][1]).any()
+    assert not near(film.draw(0).to_rgb()[8:32, 420:900], STAGES[Stage.FOLLOW][1]).any()
 
 
 def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
@@ -225,7 +225,8 @@ def findings(first: int, last: int, *codes: str) -> Findings:
 
 
 def red(film: Film, frame: int) -> int:
-    return int(near(film.draw(frame).rgb()[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], WARNING).sum())
+    corner = film.draw(frame).to_rgb()[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300]
+    return int(near(corner, WARNING).sum())
 
 
 def test_a_breach_is_told_from_its_first_to_its_last_frame(run):
@@ -236,7 +237,7 @@ def test_a_breach_is_told_from_its_first_to_its_last_frame(run):
 def test_a_breach_that_the_policy_does_not_count_is_grey_and_says_so(run):
     """A film of a lawful overtake shows no red article."""
     film = Film(run, findings=findings(10, 20, "L20"), policy=policy("paper"))
-    picture = film.draw(15).rgb()
+    picture = film.draw(15).to_rgb()
     assert red(film, 15) == 0
     assert not near(picture[SCENE_BOTTOM:], WARNING, 12).any()
     assert near(picture[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], ASIDE, 12).sum() > 500
@@ -277,7 +278,7 @@ def test_breaches_by_others_are_not_shown():
 
 def test_values_of_one_axis_stay_clear_of_those_of_the_other(film):
     """Rows of the labels left of the plots: two of speeds, two of distances, none touching."""
-    labels = film.draw(20).rgb()[SCENE_BOTTOM:HEIGHT, :78]
+    labels = film.draw(20).to_rgb()[SCENE_BOTTOM:HEIGHT, :78]
     is_written = (labels > 80).any(axis=(1, 2))
     tops = np.flatnonzero(np.diff(is_written.astype(int), prepend=0) == 1)
     assert len(tops) == 4
@@ -309,13 +310,13 @@ def test_an_ego_that_leaves_the_lanes_is_told(run):
 def test_a_film_of_nobody_but_the_ego_is_a_film():
     film = Film(ot.simulate(scenario([Vehicle(s=100.0)], horizon=0.5)))
     assert film.scene.target is None
-    assert film.draw(3).rgb().any()
+    assert film.draw(3).to_rgb().any()
 
 
 def test_a_recording_of_one_frame_is_a_film_of_one_frame(run):
     film = Film(run.replace(num_frames=np.array([1], np.int32)))
     assert film.num_frames == 1
-    assert film.draw(0).rgb().any()
+    assert film.draw(0).to_rgb().any()
 
 
 def test_two_simulations_at_once_are_refused_in_one_line(run):
@@ -335,7 +336,7 @@ def test_names_at_the_edge_do_not_cover_each_other():
     edge = (int(alone.view.left[0]) + WIDTH) / alone.view.scale
     cars += [Vehicle(kind="M", s=edge + more, lane=2, speed=25.0) for more in (6.0, 22.0)]
     before, after = (
-        film.draw(0).rgb()[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
+        film.draw(0).to_rgb()[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
         for film in (alone, Film(ot.simulate(scenario(cars))))
     )
     height = 18  # Of a name; two of them must be seen whole.

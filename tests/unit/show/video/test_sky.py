@@ -31,7 +31,7 @@ def sky_of(**weather: float) -> Sky:
 def veiled(veil: Veil, first: int = 0, grey: int = 0) -> NDArray[np.float64]:
     """A row of a grey road behind the columns of a veil from one on."""
     hidden = veil.hidden[first : first + WIDTH]
-    return drawn(lambda canvas: canvas.veil((0, 10), hidden, veil.colour), grey)[9]
+    return drawn(lambda canvas: canvas.blend_colour((0, 10), hidden, veil.colour), grey)[9]
 
 
 def lit(*beams: tuple[float, float, float, bool], grey: int = 200) -> NDArray[np.float64]:
@@ -42,7 +42,7 @@ def lit(*beams: tuple[float, float, float, bool], grey: int = 200) -> NDArray[np
         for x, y, angle, is_high in beams:
             light = skies.beam(round(math.degrees(angle)), SCALE, is_high=is_high)
             lights.append((light.power, round(x / 2) + light.left, round(y / 2) + light.top))
-        canvas.night((0, 200), skies.MOONLIGHT, lights)
+        canvas.darken((0, 200), skies.MOONLIGHT, lights)
 
     return drawn(paint, grey)
 
@@ -134,7 +134,7 @@ def test_a_beam_turns_with_its_vehicle(degrees):
 def test_the_night_is_darker_than_the_day():
     def brightness(**weather: float) -> float:
         run = ot.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2))
-        return float(Film(run).draw(0).rgb()[60:280].mean())
+        return float(Film(run).draw(0).to_rgb()[60:280].mean())
 
     assert brightness(night=1.0, sun_altitude=-1.5) < 0.6 * brightness()
 

@@ -31,7 +31,7 @@ def film(course: RoadCourse | None = COURSE, side: str = "right") -> Film:
 
 
 def pixels(made: Film, frame: int) -> np.ndarray:
-    return np.asarray(made.draw(frame).rgb()).astype(int)
+    return np.asarray(made.draw(frame).to_rgb()).astype(int)
 
 
 def bright(picture: np.ndarray, x: float, y: float) -> bool:

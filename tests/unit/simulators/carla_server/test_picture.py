@@ -61,7 +61,7 @@ def test_the_note_fits_in_a_picture_of_a_few_pixels():
     canvas, drawing = Canvas(10, 4, "#ffffff"), Drawing()
     stamp(drawing, (10, 4), NOTE)
     canvas.draw(drawing)
-    assert canvas.rgb().min() < 128
+    assert canvas.to_rgb().min() < 128
 
 
 def test_night_is_darker_than_day_and_fog_hides_the_road_far_ahead():

@@ -1,13 +1,12 @@
 //! Binding of `overtaking_core::driven`: a table of vehicles, changed in place.
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
-use overtaking_core::pedal_driving::{Deed, PedalControls, TABLE_FIELDS};
+use overtaking_core::pedal_driving::{Deed, PedalControls};
 use overtaking_core::{Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::expect_length;
-use crate::{Numbers, Road};
+use crate::inputs::{Numbers, Road, expect_length};
 
 /// Vehicles of one simulation that somebody else drives, and what they stand on.
 #[derive(FromPyObject)]
@@ -62,9 +61,24 @@ impl Driven<'_> {
     }
 }
 
-/// Gusts, friction and wind of a decision, written into the table of what moves.
+/// Write gusts, friction and wind of a decision into a table of vehicles.
+///
+/// Args:
+///     driven: vehicle, simulation, index, slots, seed, road and constants as in `simulate`, of one
+///         simulation.
+///     table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
+///     decision: Number of the decision, 20 a second.
+///     level: SIMD level; None for the best of this CPU.
+///
+/// Raises:
+///     ValueError: An array has another length, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (driven, table, decision, level=None))]
+#[pyo3(signature = (
+    driven: "Mapping[str, Any]",
+    table: "NDArray[np.float32]",
+    decision: "int",
+    level: "str | None" = None,
+) -> "None")]
 pub fn weather_driven(
     driven: Driven<'_>,
     table: PyReadwriteArray2<'_, f32>,
@@ -74,9 +88,27 @@ pub fn weather_driven(
     driven.act(Deed::Weather(decision), level, table)
 }
 
-/// Move vehicles by some steps with throttle, brake and wheel angle, rows of `controls`.
+/// Move the vehicles of a table by some steps.
+///
+/// Args:
+///     driven: As in `weather_driven`.
+///     table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
+///     controls: Throttle, brake and requested angle of the front wheels [rad], (3, vehicle).
+///     wheel_rate: Rate at which the front wheels turn [rad/s].
+///     steps: Number of steps of 10 ms.
+///     level: SIMD level; None for the best of this CPU.
+///
+/// Raises:
+///     ValueError: An array has another length, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (driven, table, controls, wheel_rate, steps, level=None))]
+#[pyo3(signature = (
+    driven: "Mapping[str, Any]",
+    table: "NDArray[np.float32]",
+    controls: "NDArray[np.float32]",
+    wheel_rate: "float",
+    steps: "int",
+    level: "str | None" = None,
+) -> "None")]
 pub fn drive(
     driven: Driven<'_>,
     table: PyReadwriteArray2<'_, f32>,
@@ -95,10 +127,4 @@ pub fn drive(
         wheel_rate,
     };
     driven.act(Deed::Drive(controls, steps), level, table)
-}
-
-/// Names of the rows of the table of what moves, in order.
-#[pyfunction]
-pub fn moving_fields() -> Vec<&'static str> {
-    TABLE_FIELDS.to_vec()
 }

@@ -1,15 +1,77 @@
-//! Recordings and signals as Python packs them, rejected if arrays do not fit each other.
+//! Python objects as the slices and structs that the engine and the labels read, rejected if arrays do not fit.
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods, ndarray::Axis,
+};
+use overtaking_core::{MAX_STATIONS, ModelConstants, RoadDirections};
 use overtaking_labels::{MAX_LANES, NO_VEHICLE, PackedRecording, SignalViews, with_signal_views};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use crate::arrays::{expect_length, rows, rows_of_two};
+use crate::spread::reserved;
 
 pub type Ints<'py> = PyReadonlyArray1<'py, i32>;
 pub type Floats<'py> = PyReadonlyArray1<'py, f32>;
 pub type Bytes<'py> = PyReadonlyArray1<'py, u8>;
+
+/// Refuse an array of another length.
+pub fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
+    if got == expected {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!(
+        "{what}: expected {expected} numbers, got {got}"
+    )))
+}
+
+/// A writable array out of the dictionary of outputs, of the expected length.
+pub fn output<'py, T: Element>(
+    arrays: &Bound<'py, PyDict>,
+    name: &str,
+    length: usize,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    let found = arrays
+        .get_item(name)?
+        .ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
+    let array: PyReadwriteArrayDyn<'py, T> = found.extract()?;
+    expect_length(name, array.len(), length)?;
+    Ok(array)
+}
+
+/// The frames of each simulation and vehicle of an array (simulation, vehicle, time).
+pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<&'a [T]>> {
+    let (simulations, vehicles) = (array.shape()[0], array.shape()[1]);
+    if let (Ok(whole), frames @ 1..) = (array.as_slice(), array.shape()[2]) {
+        let mut rows = reserved(simulations * vehicles)?;
+        rows.extend(whole.chunks_exact(frames));
+        return Ok(rows);
+    }
+    let view = array.as_array();
+    let mut rows = reserved(simulations * vehicles)?;
+    for simulation in view.into_outer_iter() {
+        for row in simulation.into_outer_iter() {
+            let row = row.to_slice().ok_or_else(|| {
+                PyValueError::new_err("states: expected the frames of a vehicle side by side")
+            })?;
+            rows.push(row);
+        }
+    }
+    Ok(rows)
+}
+
+/// The frames of each simulation of an array (simulation, time).
+pub fn rows_of_two<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<Vec<&'a [T]>> {
+    let view = array.as_array();
+    let row = |simulation| {
+        let row = view.index_axis_move(Axis(0), simulation);
+        row.to_slice().ok_or_else(|| {
+            PyValueError::new_err("states: expected the frames of a vehicle side by side")
+        })
+    };
+    (0..array.shape()[0]).map(row).collect()
+}
 
 /// A batch of recordings: states (simulation, vehicle, time), vehicles (simulation, vehicle) flat, and numbers.
 #[derive(FromPyObject)]
@@ -147,4 +209,59 @@ pub fn expect_slots(what: &str, slots: &[u8], num_slots: usize) -> PyResult<()> 
     let is_missing = |slot: &&u8| **slot != NO_VEHICLE && usize::from(**slot) >= num_slots;
     let slot = slots.iter().find(is_missing).copied().unwrap_or(0);
     Err(PyValueError::new_err(format!("{what}: no vehicle {slot}")))
+}
+
+/// The road of a batch, lateral axis towards the fast side.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Road {
+    pub num_lanes: usize,
+    pub boundaries: [f32; 9],
+    pub film_path: [f32; 8],
+    pub overtaking_sign: f32,
+    pub pose: [f32; 5],
+    pub num_own_lanes: usize,
+    pub has_oncoming_traffic: bool,
+    pub length: f32,
+    pub edge_sum: f32,
+    pub sight: [[[f32; MAX_STATIONS]; 3]; 2],
+    pub solid_line: [[f32; MAX_STATIONS]; 3],
+    pub course_table: Vec<f32>,
+}
+
+impl Road {
+    pub fn ways(&self) -> RoadDirections {
+        RoadDirections {
+            num_own_lanes: self.num_own_lanes.clamp(1, 8),
+            has_oncoming_traffic: self.has_oncoming_traffic,
+            length: self.length,
+            edge_sum: self.edge_sum,
+            sight: self.sight,
+            solid_line: self.solid_line,
+        }
+    }
+}
+
+/// The constants of the model.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Numbers {
+    values: Vec<f32>,
+    friction_new: [[f32; 4]; 3],
+    friction_worn: [[f32; 4]; 3],
+    friction_speeds: [f32; 3],
+    friction_films: [f32; 4],
+}
+
+impl Numbers {
+    pub fn constants(&self) -> PyResult<ModelConstants> {
+        expect_length("constants", self.values.len(), ModelConstants::NAMES.len())?;
+        let mut constants = ModelConstants::default();
+        constants.set(&self.values);
+        constants.friction_new = self.friction_new;
+        constants.friction_worn = self.friction_worn;
+        constants.friction_speeds = self.friction_speeds;
+        constants.friction_films = self.friction_films;
+        Ok(constants)
+    }
 }

@@ -13,12 +13,12 @@ const WAITING: usize = 32 << 10;
 
 /// A hash over bytes that come in pieces: BLAKE3.
 #[derive(Default)]
-struct Stream {
+struct BufferedHash {
     hasher: blake3::Hasher,
     waiting: Vec<u8>,
 }
 
-impl Stream {
+impl BufferedHash {
     /// Hash what waits, if it is enough.
     fn settle(&mut self, py: Python<'_>) {
         if self.waiting.len() >= WAITING {
@@ -33,10 +33,10 @@ impl Stream {
     }
 }
 
-/// Rows of a column as Arrow has them.
+/// OwnedRows of a column as Arrow has them.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Given {
+pub struct ArrowRows {
     count: usize,
     offset: usize,
     /// A bit for each row that has a value; all have one if it is left out.
@@ -48,7 +48,7 @@ pub struct Given {
 }
 
 /// The same, copied, as others may change what they have given.
-struct Rows {
+struct OwnedRows {
     count: usize,
     offset: usize,
     data: Vec<u8>,
@@ -57,8 +57,8 @@ struct Rows {
     missing: Vec<u8>,
 }
 
-impl Rows {
-    fn new(py: Python<'_>, given: &Given) -> PyResult<Self> {
+impl OwnedRows {
+    fn new(py: Python<'_>, given: &ArrowRows) -> PyResult<Self> {
         let copied = |buffer: &Option<PyBuffer<u8>>| match buffer {
             Some(buffer) => {
                 expect_room(buffer.len_bytes())?;
@@ -68,7 +68,7 @@ impl Rows {
         };
         let (count, offset) = (given.count, given.offset);
         let missing = match &given.validity {
-            Some(bits) => unpacked(&bits.to_vec(py)?, offset, count, u8::MAX)?,
+            Some(bits) => bits_to_bytes(&bits.to_vec(py)?, offset, count, u8::MAX)?,
             None => {
                 let mut missing = reserved(count)?;
                 missing.resize(count, 0);
@@ -99,20 +99,28 @@ enum Layout {
     Fixed(usize),
 }
 
-/// A hash over the values of a column, and one over where it is null; what stands behind a null does not count.
+/// BLAKE3 hashes of an Arrow column: over its values, and over its nulls.
 #[pyclass]
 pub struct ColumnHash {
     layout: Layout,
     nullable: bool,
-    values: Stream,
-    nulls: Stream,
+    values: BufferedHash,
+    nulls: BufferedHash,
 }
 
 #[pymethods]
 impl ColumnHash {
-    /// A column without rows; `layout` is "numbers", "bits", "codes", "texts" or "fixed".
+    /// Begin without rows.
+    ///
+    /// Args:
+    ///     layout: "numbers", "bits", "codes" of names, "texts" of any length, or "fixed".
+    ///     width: Bytes of a number, or of a text of fixed length.
+    ///     nullable: Whether the column may hold nulls.
+    ///
+    /// Raises:
+    ///     ValueError: There is no such layout.
     #[new]
-    #[pyo3(signature = (layout, width, *, nullable))]
+    #[pyo3(signature = (layout: "str", width: "int", *, nullable: "bool"))]
     fn new(layout: &str, width: usize, nullable: bool) -> PyResult<Self> {
         let layout = match layout {
             "numbers" => Layout::Numbers(width),
@@ -125,22 +133,36 @@ impl ColumnHash {
         Ok(Self {
             layout,
             nullable,
-            values: Stream::default(),
-            nulls: Stream::default(),
+            values: BufferedHash::default(),
+            nulls: BufferedHash::default(),
         })
     }
 
-    /// Add rows; whether any of them has a value.
+    /// Add rows; returns whether any of them has a value.
     ///
-    /// `meaning` says which code each place in a list of names stands for.
-    #[pyo3(signature = (rows, meaning=None))]
-    fn update(&mut self, py: Python<'_>, rows: Given, meaning: Option<Vec<i8>>) -> PyResult<bool> {
-        let rows = Rows::new(py, &rows)?;
+    /// Args:
+    ///     rows: `count` of the rows, their `offset` in the buffers, and the buffers `validity` (or
+    ///         None), `data`, and `ends` of texts.
+    ///     meaning: The code of each name in the dictionary of the column.
+    ///
+    /// Raises:
+    ///     ValueError: The buffers are too short, or a name is not in the dictionary.
+    #[pyo3(signature = (
+        rows: "Mapping[str, Any]",
+        meaning: "Sequence[int] | None" = None,
+    ) -> "bool")]
+    fn update(
+        &mut self,
+        py: Python<'_>,
+        rows: ArrowRows,
+        meaning: Option<Vec<i8>>,
+    ) -> PyResult<bool> {
+        let rows = OwnedRows::new(py, &rows)?;
         let out = &mut self.values.waiting;
         match self.layout {
             Layout::Numbers(width) => numbers(&rows, width, out)?,
             Layout::Bits => {
-                let bits = unpacked(&rows.data, rows.offset, rows.count, 0)?;
+                let bits = bits_to_bytes(&rows.data, rows.offset, rows.count, 0)?;
                 out.extend(
                     bits.iter()
                         .zip(&rows.missing)
@@ -149,7 +171,7 @@ impl ColumnHash {
             }
             Layout::Codes => codes(&rows, &meaning.unwrap_or_default(), out)?,
             Layout::Texts => {
-                let ends = ends(&rows)?;
+                let ends = text_ends(&rows)?;
                 texts(&rows, |row| ends[row]..ends[row + 1], out)?;
             }
             Layout::Fixed(width) => {
@@ -166,6 +188,7 @@ impl ColumnHash {
     }
 
     /// The hashes over all values and over all nulls so far, 64 hexadecimal digits each.
+    #[pyo3(signature = () -> "tuple[str, str]")]
     fn hexdigests(&self) -> (String, String) {
         (self.values.hexdigest(), self.nulls.hexdigest())
     }
@@ -178,7 +201,7 @@ fn part(whole: &[u8], place: Range<usize>) -> PyResult<&[u8]> {
 }
 
 /// A byte for each of some bits, those of `flipped` turned round.
-fn unpacked(whole: &[u8], offset: usize, count: usize, flipped: u8) -> PyResult<Vec<u8>> {
+fn bits_to_bytes(whole: &[u8], offset: usize, count: usize, flipped: u8) -> PyResult<Vec<u8>> {
     const ONES: u64 = 0x0101_0101_0101_0101;
     let octets = part(whole, offset / 8..(offset + count).div_ceil(8))?;
     let mut found = reserved(8 * octets.len())?;
@@ -194,7 +217,7 @@ fn unpacked(whole: &[u8], offset: usize, count: usize, flipped: u8) -> PyResult<
 }
 
 /// The bytes of each number in the order of small machines, zero where there is none.
-fn numbers(rows: &Rows, width: usize, out: &mut Vec<u8>) -> PyResult<()> {
+fn numbers(rows: &OwnedRows, width: usize, out: &mut Vec<u8>) -> PyResult<()> {
     let (begin, end) = (rows.offset * width, (rows.offset + rows.count) * width);
     let written = out.len();
     out.extend_from_slice(part(&rows.data, begin..end)?);
@@ -224,7 +247,7 @@ fn without_nulls<const WIDTH: usize>(numbers: &mut [u8], missing: &[u8]) {
 }
 
 /// The code that each place in a list of names stands for, -1 where there is none.
-fn codes(rows: &Rows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
+fn codes(rows: &OwnedRows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
     let (places, mut strange) = (integers(&rows.data, rows.offset, rows.count)?, None);
     out.extend(places.zip(&rows.missing).map(|(place, &null)| {
         let known = usize::try_from(place).ok().and_then(|at| meaning.get(at));
@@ -241,7 +264,11 @@ fn codes(rows: &Rows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
 }
 
 /// Each text after its length, so that no two columns of texts look alike; null is empty.
-fn texts(rows: &Rows, place: impl Fn(usize) -> Range<usize>, out: &mut Vec<u8>) -> PyResult<()> {
+fn texts(
+    rows: &OwnedRows,
+    place: impl Fn(usize) -> Range<usize>,
+    out: &mut Vec<u8>,
+) -> PyResult<()> {
     for (row, &null) in rows.missing.iter().enumerate() {
         let text = part(&rows.data, if null == 0 { place(row) } else { 0..0 })?;
         out.extend((text.len() as u64).to_le_bytes());
@@ -251,7 +278,7 @@ fn texts(rows: &Rows, place: impl Fn(usize) -> Range<usize>, out: &mut Vec<u8>) 
 }
 
 /// Where each text begins, and where the last one ends.
-fn ends(rows: &Rows) -> PyResult<Vec<usize>> {
+fn text_ends(rows: &OwnedRows) -> PyResult<Vec<usize>> {
     if rows.count == 0 {
         return Ok(vec![0]);
     }

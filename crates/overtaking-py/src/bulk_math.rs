@@ -5,16 +5,26 @@ use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::expect_length;
+use crate::inputs::expect_length;
 use crate::spread::expect_room;
 
 /// Four arrays of words.
 type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
 
-/// The four words of a block of draws of every simulation and stream.
+/// Four random words for each simulation and stream, as `core.random_numbers.philox_words`.
+///
+/// Raises:
+///     ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (*, seed, index, stream, draw, level=None))]
-pub fn words<'py>(
+#[pyo3(signature = (
+    *,
+    seed: "int",
+    index: "NDArray[np.uint64]",
+    stream: "NDArray[np.uint32]",
+    draw: "int",
+    level: "str | None" = None,
+) -> "list[NDArray[np.uint32]]")]
+pub fn random_words<'py>(
     py: Python<'py>,
     seed: u64,
     index: PyReadonlyArray1<'py, u64>,
@@ -37,10 +47,13 @@ pub fn words<'py>(
     Ok(found.map(|row| PyArray1::from_vec(py, row)))
 }
 
-/// Put the exponential of each number in its place.
+/// Replace each number of a flat array by `core.float32_math.exp` of it.
+///
+/// Raises:
+///     ValueError: The SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (values, *, level=None))]
-pub fn exponentials(
+#[pyo3(signature = (values: "NDArray[np.floating[Any]]", *, level: "str | None" = None) -> "None")]
+pub fn exp_in_place(
     py: Python<'_>,
     mut values: PyReadwriteArray1<'_, f32>,
     level: Option<&str>,
@@ -50,10 +63,13 @@ pub fn exponentials(
     done.map_err(PyValueError::new_err)
 }
 
-/// Put the natural logarithm of each number in its place.
+/// Replace each number of a flat array by `core.float32_math.log` of it.
+///
+/// Raises:
+///     ValueError: The SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (values, *, level=None))]
-pub fn logarithms(
+#[pyo3(signature = (values: "NDArray[np.floating[Any]]", *, level: "str | None" = None) -> "None")]
+pub fn log_in_place(
     py: Python<'_>,
     mut values: PyReadwriteArray1<'_, f32>,
     level: Option<&str>,
@@ -63,9 +79,10 @@ pub fn logarithms(
     done.map_err(PyValueError::new_err)
 }
 
-/// The uniform number in (0, 1) that each word stands for.
+/// Uniform numbers in (0, 1) of random words, as `core.random_numbers.uniform_from_word`.
 #[pyfunction]
-pub fn uniforms<'py>(
+#[pyo3(signature = (words: "NDArray[np.uint32]") -> "NDArray[np.float32]")]
+pub fn uniform_numbers<'py>(
     py: Python<'py>,
     words: PyReadonlyArray1<'py, u32>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
@@ -73,15 +90,32 @@ pub fn uniforms<'py>(
     Ok(PyArray1::from_vec(py, found))
 }
 
-/// Put the larger of each number and another in its place; the other is one, or one for each.
+/// Replace each number by `core.float32_math.maximum` of it and another number.
+///
+/// Args:
+///     values: Flat array.
+///     others: An array of the same length, or one number.
+///
+/// Raises:
+///     ValueError: The arrays differ in length.
 #[pyfunction]
-pub fn larger(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
+#[pyo3(signature = (values: "NDArray[np.floating[Any]]", others: "Any") -> "None")]
+pub fn maximum_in_place(
+    mut values: PyReadwriteArray1<'_, f32>,
+    others: &Bound<'_, PyAny>,
+) -> PyResult<()> {
     with_others(values.as_slice_mut()?, others, core::maximum_in_place)
 }
 
-/// Put the smaller of each number and another in its place; the other is one, or one for each.
+/// Replace each number by `core.float32_math.minimum` of it and another number.
+///
+/// Arguments and errors as in `maximum_in_place`.
 #[pyfunction]
-pub fn smaller(mut values: PyReadwriteArray1<'_, f32>, others: &Bound<'_, PyAny>) -> PyResult<()> {
+#[pyo3(signature = (values: "NDArray[np.floating[Any]]", others: "Any") -> "None")]
+pub fn minimum_in_place(
+    mut values: PyReadwriteArray1<'_, f32>,
+    others: &Bound<'_, PyAny>,
+) -> PyResult<()> {
     with_others(values.as_slice_mut()?, others, core::minimum_in_place)
 }
 
@@ -100,10 +134,18 @@ fn with_others(
     Ok(())
 }
 
-/// Put two independent normal numbers in the place of each two uniform ones.
+/// Replace two flat arrays of uniform numbers by `core.random_numbers.box_muller` of them.
+///
+/// Raises:
+///     ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
 #[pyfunction]
-#[pyo3(signature = (u, v, *, level=None))]
-pub fn normal_pairs(
+#[pyo3(signature = (
+    u: "NDArray[np.floating[Any]]",
+    v: "NDArray[np.floating[Any]]",
+    *,
+    level: "str | None" = None,
+) -> "None")]
+pub fn normal_pairs_in_place(
     py: Python<'_>,
     mut u: PyReadwriteArray1<'_, f32>,
     mut v: PyReadwriteArray1<'_, f32>,

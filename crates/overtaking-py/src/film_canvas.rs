@@ -1,0 +1,585 @@
+//! The frames of films: tiny-skia's pictures, and what is done to whole rows of them.
+//!
+//! Rows are copied, veiled, darkened and converted by solid_paint loops over integers, compiled for the widest
+//! vectors (`dispatch`): tiny-skia takes ten times as long, as it is compiled for the narrowest.
+
+use std::ops::Range;
+
+use fearless_simd::{Level, dispatch};
+use numpy::{
+    PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use tiny_skia::{
+    Color, FillRule, FilterQuality, GradientStop, Paint, Path, PathBuilder, Pixmap, PixmapMut,
+    PixmapPaint, Point, RadialGradient, Rect, Shader, SpreadMode, Stroke, Transform,
+};
+
+use crate::inputs::expect_length;
+use crate::spread::{expect_room, reserved};
+
+/// Red, green, blue and opacity.
+const BYTES: usize = 4;
+/// Scale of shares, so that a division is a shift.
+const WHOLE: u16 = 256;
+
+/// An opaque picture.
+///
+/// `rows` are the first row and the one after the last; rows or columns that a picture does not
+/// have raise `ValueError`.
+#[pyclass]
+pub struct Canvas(Pixmap);
+
+impl Canvas {
+    fn width(&self) -> usize {
+        self.0.width() as usize
+    }
+
+    /// Some rows, each as bytes.
+    fn rows(&mut self, rows: Range<usize>) -> PyResult<std::slice::ChunksExactMut<'_, u8>> {
+        let size = self.width() * BYTES;
+        let part = self
+            .0
+            .data_mut()
+            .get_mut(rows.start * size..rows.end * size);
+        let part =
+            part.ok_or_else(|| PyValueError::new_err("rows: expected some of the canvas"))?;
+        Ok(part.chunks_exact_mut(size))
+    }
+}
+
+#[pymethods]
+impl Canvas {
+    /// Make a picture of one colour.
+    ///
+    /// Raises:
+    ///     ValueError: Width or height is 0, or the colour is invalid.
+    #[new]
+    #[pyo3(signature = (width: "int", height: "int", colour: "str"))]
+    fn new(width: u32, height: u32, colour: &str) -> PyResult<Self> {
+        let [red, green, blue] = parse_colour(colour)?;
+        expect_room(
+            (width as usize)
+                .saturating_mul(height as usize)
+                .saturating_mul(BYTES),
+        )?;
+        let mut pixmap = Pixmap::new(width, height)
+            .ok_or_else(|| PyValueError::new_err("canvas: expected a width and a height"))?;
+        pixmap.fill(Color::from_rgba8(red, green, blue, 255));
+        Ok(Self(pixmap))
+    }
+
+    /// Draw shapes with their origin at a column and a row, clipped to the picture.
+    #[pyo3(signature = (drawing: "Drawing", x: "float" = 0.0, y: "float" = 0.0) -> "None")]
+    fn draw(&mut self, drawing: &Drawing, x: f32, y: f32) {
+        drawing.on(&mut self.0.as_mut(), Transform::from_translate(x, y));
+    }
+
+    /// Draw shapes one after the other, clipped to the picture, without Python's lock.
+    ///
+    /// Args:
+    ///     placed: Each with column and row of its origin, and the angle by which it is turned
+    ///         anticlockwise [rad].
+    ///     scale: Pixels to a unit of the shapes.
+    #[pyo3(signature = (
+        placed: "Sequence[tuple[Drawing, float, float, float]]",
+        scale: "float",
+    ) -> "None")]
+    fn draw_placed(
+        &mut self,
+        py: Python<'_>,
+        placed: Vec<(PyRef<'_, Drawing>, f32, f32, f32)>,
+        scale: f32,
+    ) {
+        let each = |(_, x, y, angle): &(PyRef<'_, Drawing>, f32, f32, f32)| {
+            // Rounded from double precision, so that libraries of mathematics agree.
+            let (sine, cosine) = f64::from(*angle).sin_cos();
+            let (along, across) = (scale * cosine as f32, scale * sine as f32);
+            Transform::from_row(along, -across, across, along, *x, *y)
+        };
+        let transforms: Vec<Transform> = placed.iter().map(each).collect();
+        let drawings: Vec<&Drawing> = placed.iter().map(|one| &*one.0).collect();
+        py.detach(|| {
+            for (drawing, transform) in drawings.into_iter().zip(transforms) {
+                drawing.on(&mut self.0.as_mut(), transform);
+            }
+        });
+    }
+
+    /// Copy all rows of another picture.
+    ///
+    /// Args:
+    ///     other: The other picture.
+    ///     x: Column of the first copied column.
+    ///     y: Row of the first row.
+    ///     columns: First column to copy, and the one after the last.
+    #[pyo3(signature = (
+        other: "Canvas",
+        x: "int",
+        y: "int",
+        columns: "tuple[int, int]",
+    ) -> "None")]
+    fn copy_columns(
+        &mut self,
+        other: &Self,
+        x: usize,
+        y: usize,
+        columns: RowRange,
+    ) -> PyResult<()> {
+        let (first, last) = columns;
+        let height = other.0.height() as usize;
+        if first > last || last > other.width() || x + last - first > self.width() {
+            return Err(PyValueError::new_err(
+                "columns: expected some of both pictures",
+            ));
+        }
+        let lines = other.0.data().chunks_exact(other.width() * BYTES);
+        for (line, from) in self.rows(y..y + height)?.zip(lines) {
+            line[x * BYTES..(x + last - first) * BYTES]
+                .copy_from_slice(&from[first * BYTES..last * BYTES]);
+        }
+        Ok(())
+    }
+
+    /// Blend some rows with a colour.
+    ///
+    /// Args:
+    ///     rows: First row, and the one after the last.
+    ///     hidden: Share of the colour in each column, 0 to 256; contiguous.
+    ///     colour: The colour.
+    #[pyo3(signature = (
+        rows: "tuple[int, int]",
+        hidden: "NDArray[np.uint16]",
+        colour: "str",
+    ) -> "None")]
+    fn blend_colour(
+        &mut self,
+        py: Python<'_>,
+        rows: RowRange,
+        hidden: PyReadonlyArray1<'_, u16>,
+        colour: &str,
+    ) -> PyResult<()> {
+        let [red, green, blue] = parse_colour(colour)?;
+        expect_length("hidden", hidden.len(), self.width())?;
+        let hidden = hidden.as_slice()?;
+        let all = |of: fn(u16, u16) -> u16| -> Vec<u16> {
+            let each = |&share: &u16| {
+                let share = share.min(WHOLE);
+                [red, green, blue, 255].map(|part| of(share, u16::from(part)))
+            };
+            hidden.iter().flat_map(each).collect()
+        };
+        let (kept, added) = (
+            all(|share, _| WHOLE - share),
+            all(|share, part| share * part),
+        );
+        let lines = self.rows(rows.0..rows.1)?;
+        py.detach(
+            || dispatch!(Level::new(), _simd => lines.for_each(|line| blend(line, &kept, &added))),
+        );
+        Ok(())
+    }
+
+    /// Darken some rows where no light falls.
+    ///
+    /// Args:
+    ///     rows: First row, and the one after the last.
+    ///     moonlight: Brightness without a lamp, 0 to 255.
+    ///     lights: Brightness of each lamp, at half the resolution, with column and row of its left
+    ///         upper corner relative to the corner of the rows, clipped to the rows.
+    #[pyo3(signature = (
+        rows: "tuple[int, int]",
+        moonlight: "int",
+        lights: "Sequence[tuple[NDArray[np.uint8], int, int]]",
+    ) -> "None")]
+    fn darken(
+        &mut self,
+        py: Python<'_>,
+        rows: RowRange,
+        moonlight: u8,
+        lights: Vec<(PyReadonlyArray2<'_, u8>, i32, i32)>,
+    ) -> PyResult<()> {
+        let width = self.width() / 2;
+        let mut lit = vec![moonlight; width * (rows.1.saturating_sub(rows.0)).div_ceil(2)];
+        for (light, x, y) in &lights {
+            add_light(
+                &mut lit,
+                width,
+                (light.as_slice()?, light.shape()[1]),
+                (i64::from(*x), i64::from(*y)),
+            );
+        }
+        let lines = self.rows(rows.0..rows.1)?;
+        py.detach(|| dispatch!(Level::new(), _simd => darken_lines(lines, &lit, width)));
+        Ok(())
+    }
+
+    /// The picture as red, green and blue, shape (height, width, 3).
+    #[pyo3(signature = () -> "NDArray[np.uint8]")]
+    fn to_rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let pixels = self.0.data().chunks_exact(BYTES);
+        let mut parts = reserved(3 * pixels.len())?;
+        parts.extend(pixels.flat_map(|pixel| &pixel[..3]));
+        PyArray1::from_vec(py, parts).reshape([self.0.height() as usize, self.width(), 3])
+    }
+
+    /// Write the picture as encoders take it, YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
+    ///
+    /// Args:
+    ///     out: Luma, then both chroma planes at half the resolution; contiguous.
+    ///
+    /// Raises:
+    ///     ValueError: The array has another size.
+    #[pyo3(signature = (out: "NDArray[np.uint8]") -> "None")]
+    fn write_yuv(&self, py: Python<'_>, mut out: PyReadwriteArrayDyn<'_, u8>) -> PyResult<()> {
+        expect_length("a frame", out.len(), self.0.data().len() / BYTES * 3 / 2)?;
+        let (out, size) = (out.as_slice_mut()?, self.0.data().len() / BYTES);
+        let (luma, chroma) = out.split_at_mut(size);
+        py.detach(
+            || dispatch!(Level::new(), _simd => convert(self.0.data(), self.width(), luma, chroma)),
+        );
+        Ok(())
+    }
+}
+
+/// First number and the one after the last.
+type RowRange = (usize, usize);
+
+/// Keeps a share of a row and adds something.
+#[inline(always)]
+fn blend(line: &mut [u8], kept: &[u16], added: &[u16]) {
+    for ((sample, kept), added) in line.iter_mut().zip(kept).zip(added) {
+        *sample = ((u16::from(*sample).wrapping_mul(*kept).wrapping_add(*added)) >> 8) as u8;
+    }
+}
+
+/// Adds a light to what falls on some rows; what lies outside is cut off.
+fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x, y): (i64, i64)) {
+    let columns = columns.max(1);
+    let first = x.clamp(0, width as i64);
+    let last = (x + columns as i64).clamp(first, width as i64);
+    for (row, line) in (y..).zip(light.chunks_exact(columns)) {
+        let start = row * width as i64;
+        let end = (start + last) as usize;
+        if row >= 0 && first < last && end <= lit.len() {
+            let from = &line[(first - x) as usize..];
+            for (sum, one) in lit[(start + first) as usize..end].iter_mut().zip(from) {
+                *sum = sum.saturating_add(*one);
+            }
+        }
+    }
+}
+
+/// Lets the light of a pixel fall on two times two.
+#[inline(always)]
+fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: usize) {
+    let mut kept = vec![WHOLE; 2 * width * BYTES];
+    for (row, line) in lines.enumerate() {
+        if row % 2 == 0 {
+            let pairs = kept.chunks_exact_mut(2 * BYTES);
+            for (pair, &light) in pairs.zip(&lit[row / 2 * width..]) {
+                let light = u16::from(light) + u16::from(light >> 7);
+                pair.copy_from_slice(&[light, light, light, WHOLE, light, light, light, WHOLE]);
+            }
+        }
+        for (sample, kept) in line.iter_mut().zip(&kept) {
+            *sample = (u16::from(*sample).wrapping_mul(*kept) >> 8) as u8;
+        }
+    }
+}
+
+/// Luma of each pixel, and chroma of two times two.
+#[inline(always)]
+fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
+    for (pixel, y) in data.chunks_exact(BYTES).zip(luma) {
+        let [red, green, blue] = [0, 1, 2].map(|part| u16::from(pixel[part]));
+        *y = ((66 * red + 129 * green + 25 * blue + 128) >> 8) as u8 + 16;
+    }
+    let (u, v) = chroma.split_at_mut(chroma.len() / 2);
+    let pairs = data.chunks_exact(2 * width * BYTES);
+    let planes = u
+        .chunks_exact_mut(width / 2)
+        .zip(v.chunks_exact_mut(width / 2));
+    for (two, (u, v)) in pairs.zip(planes) {
+        let (upper, lower) = two.split_at(width * BYTES);
+        let squares = upper
+            .chunks_exact(2 * BYTES)
+            .zip(lower.chunks_exact(2 * BYTES));
+        for ((up, down), (u, v)) in squares.zip(u.iter_mut().zip(v)) {
+            let [red, green, blue] = [0, 1, 2].map(|part| {
+                let sum = [up[part], up[part + BYTES], down[part], down[part + BYTES]];
+                (sum.into_iter().map(i16::from).sum::<i16>() + 2) >> 2
+            });
+            *u = (((112 * blue - 74 * green - 38 * red + 128) >> 8) + 128) as u8;
+            *v = (((112 * red - 94 * green - 18 * blue + 128) >> 8) + 128) as u8;
+        }
+    }
+}
+
+/// Lower and upper end along an axis.
+type Interval = (f32, f32);
+
+/// Distance of the control points of a quarter circle from its ends, in radii.
+const QUARTER: f32 = 0.552_285;
+
+enum Shape {
+    Fill(Path, Paint<'static>),
+    Line(Path, Paint<'static>, f32),
+    Mask(Pixmap, (i32, i32)),
+}
+
+/// Shapes, the first below the others; x grows to the right, y downwards.
+///
+/// Colours are `#rrggbb`, opacity is 0 to 1. Every method raises `ValueError` for another colour.
+#[pyclass]
+#[derive(Default)]
+pub struct Drawing(Vec<Shape>);
+
+impl Drawing {
+    /// Draws all shapes, moved, turned and scaled.
+    pub fn on(&self, canvas: &mut PixmapMut<'_>, transform: Transform) {
+        for shape in &self.0 {
+            match shape {
+                Shape::Fill(path, paint) => {
+                    canvas.fill_path(path, paint, FillRule::Winding, transform, None);
+                }
+                Shape::Line(path, paint, width) => {
+                    let stroke = Stroke {
+                        width: *width,
+                        ..Stroke::default()
+                    };
+                    canvas.stroke_path(path, paint, &stroke, transform, None);
+                }
+                Shape::Mask(pixmap, (x, y)) => {
+                    let paint = PixmapPaint {
+                        quality: FilterQuality::Bilinear,
+                        ..PixmapPaint::default()
+                    };
+                    canvas.draw_pixmap(*x, *y, pixmap.as_ref(), &paint, transform, None);
+                }
+            }
+        }
+    }
+
+    fn fill(&mut self, path: PathBuilder, paint: Paint<'static>) {
+        self.0
+            .extend(path.finish().map(|path| Shape::Fill(path, paint)));
+    }
+}
+
+/// A colour written as `#rrggbb`.
+pub fn parse_colour(colour: &str) -> PyResult<[u8; 3]> {
+    let digits = colour.strip_prefix('#').filter(|digits| digits.len() == 6);
+    let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+    let [_, rgb @ ..] = number
+        .ok_or_else(|| PyValueError::new_err(format!("colour: expected #rrggbb, got {colour}")))?
+        .to_be_bytes();
+    Ok(rgb)
+}
+
+fn colour_with_opacity(colour: &str, opacity: f32) -> PyResult<Color> {
+    let [red, green, blue] = parse_colour(colour)?;
+    let mut shade = Color::from_rgba8(red, green, blue, 255);
+    shade.set_alpha(opacity);
+    Ok(shade)
+}
+
+fn solid_paint(colour: &str, opacity: f32) -> PyResult<Paint<'static>> {
+    Ok(Paint {
+        shader: Shader::SolidColor(colour_with_opacity(colour, opacity)?),
+        ..Paint::default()
+    })
+}
+
+/// A rectangle with round corners.
+fn rounded(x: Interval, y: Interval, radius: f32) -> PathBuilder {
+    let mut path = PathBuilder::new();
+    let radius = radius.min(0.5 * (x.1 - x.0)).min(0.5 * (y.1 - y.0));
+    if radius <= 0.0 {
+        if let Some(rect) = Rect::from_ltrb(x.0, y.0, x.1, y.1) {
+            path.push_rect(rect);
+        }
+        return path;
+    }
+    let inner = radius * (1.0 - QUARTER);
+    path.move_to(x.0 + radius, y.0);
+    path.line_to(x.1 - radius, y.0);
+    path.cubic_to(x.1 - inner, y.0, x.1, y.0 + inner, x.1, y.0 + radius);
+    path.line_to(x.1, y.1 - radius);
+    path.cubic_to(x.1, y.1 - inner, x.1 - inner, y.1, x.1 - radius, y.1);
+    path.line_to(x.0 + radius, y.1);
+    path.cubic_to(x.0 + inner, y.1, x.0, y.1 - inner, x.0, y.1 - radius);
+    path.line_to(x.0, y.0 + radius);
+    path.cubic_to(x.0, y.0 + inner, x.0 + inner, y.0, x.0 + radius, y.0);
+    path.close();
+    path
+}
+
+#[pymethods]
+impl Drawing {
+    /// Begin without shapes.
+    #[new]
+    #[pyo3(signature = ())]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Add a rectangle, with round corners if it has a radius.
+    #[pyo3(signature = (
+        x: "tuple[float, float]",
+        y: "tuple[float, float]",
+        colour: "str",
+        *,
+        opacity: "float" = 1.0,
+        radius: "float" = 0.0,
+    ) -> "None")]
+    fn rect(
+        &mut self,
+        x: Interval,
+        y: Interval,
+        colour: &str,
+        opacity: f32,
+        radius: f32,
+    ) -> PyResult<()> {
+        self.fill(rounded(x, y, radius), solid_paint(colour, opacity)?);
+        Ok(())
+    }
+
+    /// Add the outline of a rectangle with round corners, `line` wide, inside its edges.
+    #[pyo3(signature = (
+        x: "tuple[float, float]",
+        y: "tuple[float, float]",
+        colour: "str",
+        *,
+        line: "float",
+        radius: "float",
+    ) -> "None")]
+    fn outline(
+        &mut self,
+        x: Interval,
+        y: Interval,
+        colour: &str,
+        line: f32,
+        radius: f32,
+    ) -> PyResult<()> {
+        let inner = |ends: Interval| (ends.0 + 0.5 * line, ends.1 - 0.5 * line);
+        let path = rounded(inner(x), inner(y), radius - 0.5 * line).finish();
+        let paint = solid_paint(colour, 1.0)?;
+        self.0
+            .extend(path.map(|path| Shape::Line(path, paint, line)));
+        Ok(())
+    }
+
+    /// Add a polygon.
+    #[pyo3(signature = (
+        points: "Sequence[tuple[float, float]]",
+        colour: "str",
+        *,
+        opacity: "float" = 1.0,
+    ) -> "None")]
+    fn polygon(&mut self, points: Vec<Interval>, colour: &str, opacity: f32) -> PyResult<()> {
+        let mut path = PathBuilder::new();
+        add_polyline(&mut path, &points);
+        path.close();
+        self.fill(path, solid_paint(colour, opacity)?);
+        Ok(())
+    }
+
+    /// Add lines, each through points.
+    #[pyo3(signature = (
+        lines: "Sequence[Sequence[tuple[float, float]]]",
+        colour: "str",
+        *,
+        width: "float",
+        opacity: "float" = 1.0,
+    ) -> "None")]
+    fn lines(
+        &mut self,
+        lines: Vec<Vec<Interval>>,
+        colour: &str,
+        width: f32,
+        opacity: f32,
+    ) -> PyResult<()> {
+        let mut path = PathBuilder::new();
+        lines.iter().for_each(|line| add_polyline(&mut path, line));
+        let paint = solid_paint(colour, opacity)?;
+        self.0
+            .extend(path.finish().map(|path| Shape::Line(path, paint, width)));
+        Ok(())
+    }
+
+    /// Add light around a point that fades towards `reach`.
+    #[pyo3(signature = (
+        x: "float",
+        y: "float",
+        reach: "float",
+        colour: "str",
+        strength: "float",
+    ) -> "None")]
+    fn glow(&mut self, x: f32, y: f32, reach: f32, colour: &str, strength: f32) -> PyResult<()> {
+        let stop = |away: f32| {
+            let left = 1.0 - away * away;
+            Ok(GradientStop::new(
+                away,
+                colour_with_opacity(colour, strength * left * left)?,
+            ))
+        };
+        let stops: PyResult<Vec<_>> = [0.0, 0.25, 0.5, 0.75, 1.0].map(stop).into_iter().collect();
+        let (centre, whole) = (Point::from_xy(x, y), Transform::identity());
+        let light = RadialGradient::new(centre, 0.0, centre, reach, stops?, SpreadMode::Pad, whole);
+        let mut path = PathBuilder::new();
+        path.push_circle(x, y, reach);
+        if let Some(shader) = light {
+            let paint = Paint {
+                shader,
+                ..Paint::default()
+            };
+            self.fill(path, paint);
+        }
+        Ok(())
+    }
+
+    /// Add a mask of one colour.
+    ///
+    /// Args:
+    ///     covered: Coverage of each pixel, 0 to 255; shape (height, width), contiguous.
+    ///     place: Column and row of the left upper corner.
+    ///     colour: Colour of the mask.
+    ///
+    /// Raises:
+    ///     ValueError: The mask has no rows or no columns, or the colour is invalid.
+    #[pyo3(signature = (
+        covered: "NDArray[np.uint8]",
+        place: "tuple[int, int]",
+        colour: "str",
+    ) -> "None")]
+    fn mask(
+        &mut self,
+        covered: PyReadonlyArray2<'_, u8>,
+        place: (i32, i32),
+        colour: &str,
+    ) -> PyResult<()> {
+        let [red, green, blue] = parse_colour(colour)?;
+        let (height, width) = (covered.shape()[0] as u32, covered.shape()[1] as u32);
+        let mut pixmap = Pixmap::new(width, height)
+            .ok_or_else(|| PyValueError::new_err("mask: expected rows and columns"))?;
+        for (pixel, &share) in pixmap.pixels_mut().iter_mut().zip(covered.as_slice()?) {
+            *pixel = tiny_skia::ColorU8::from_rgba(red, green, blue, share).premultiply();
+        }
+        self.0.push(Shape::Mask(pixmap, place));
+        Ok(())
+    }
+}
+
+/// Adds a line through points to a path.
+fn add_polyline(path: &mut PathBuilder, points: &[Interval]) {
+    for (place, &(x, y)) in points.iter().enumerate() {
+        if place == 0 {
+            path.move_to(x, y);
+        } else {
+            path.line_to(x, y);
+        }
+    }
+}
