@@ -158,7 +158,7 @@ def make(kind: str, folder: Path, target: Path) -> None:
             raise SystemExit(f"{change['file']}: nothing is like {where!r}; see extensions.toml")
         path.write_text(text, encoding="utf-8")
     if any(file.endswith(".rs") for file in files_of(kind)):
-        run(folder, folder, "crates/fields.py")
+        run(folder, folder, "crates/engine_names.py")
         done = cargo(folder, target)
         if done.returncode:
             raise SystemExit(done.stderr)

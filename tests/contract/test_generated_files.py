@@ -80,7 +80,7 @@ def engine_signature(function: Any) -> list[tuple[str, str, str | None]]:
 
 
 def test_the_names_of_the_engine_are_generated():
-    generator = runpy.run_path(str(ROOT / "crates" / "fields.py"))
+    generator = runpy.run_path(str(ROOT / "crates" / "engine_names.py"))
     assert generator["TARGET"].read_text(encoding="utf-8") == generator["content"]()
 
 

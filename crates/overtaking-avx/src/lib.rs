@@ -1,9 +1,9 @@
 //! The engine of `overtaking-core` for x86 CPUs with AVX2 or AVX-512.
 //!
-//! A crate of its own, because cargo compiles crates at the same time, but the functions of a crate that
-//! have to be inlined into each other one after the other. `build.rs` chooses the levels.
+//! It is a crate of its own because cargo compiles several crates at the same time. Functions that are inlined into
+//! each other have to be in one crate, which one core compiles. `build.rs` chooses the levels.
 
-/// What calls of a level that is not compiled answer.
+/// Message of calls at a SIMD level that is not compiled.
 pub const NOT_COMPILED: &str =
     "this SIMD level is not compiled: build again without OVERTAKING_LEVELS";
 
@@ -13,7 +13,54 @@ pub const HAS_AVX512: bool = cfg!(avx512);
 /// Whether AVX2 is compiled.
 pub const HAS_AVX2: bool = cfg!(avx2);
 
+/// The entry points of the engine at one SIMD level. If the level is not compiled, they return `NOT_COMPILED`.
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-mod levels;
+macro_rules! entry_points {
+    ($level:ident, $stepped:ident, $simd:ident) => {
+        /// Simulate a batch at this level.
+        ///
+        /// # Errors
+        /// Those of `overtaking_core::simulate`; the level is not compiled.
+        pub fn $level(
+            simd: fearless_simd::x86::$simd,
+            inputs: &overtaking_core::Inputs<'_>,
+            switches: &[overtaking_core::ParameterSwitch<'_>],
+            out: overtaking_core::Output<'_>,
+        ) -> Result<(), String> {
+            #[cfg($level)]
+            let result = overtaking_core::simulate(simd, inputs, switches, out);
+            #[cfg(not($level))]
+            let result = refuse((simd, inputs, switches, out));
+            result
+        }
+
+        /// Serve an external driver of a batch at this level.
+        ///
+        /// # Errors
+        /// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
+        pub fn $stepped(
+            simd: fearless_simd::x86::$simd,
+            inputs: &overtaking_core::Inputs<'_>,
+            talk: &overtaking_core::run::stepped_batch::Talk,
+        ) -> Result<(), String> {
+            #[cfg($level)]
+            let result = overtaking_core::run::stepped_batch::stepped_batch(simd, inputs, talk);
+            #[cfg(not($level))]
+            let result = refuse((simd, inputs, talk));
+            result
+        }
+    };
+}
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-pub use levels::{avx2, avx512, serve_avx2, serve_avx512};
+entry_points!(avx512, serve_avx512, Avx512);
+#[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+entry_points!(avx2, serve_avx2, Avx2);
+
+/// The result of a call at a level that is not compiled.
+#[cfg(all(
+    any(target_arch = "x86", target_arch = "x86_64"),
+    not(all(avx512, avx2))
+))]
+fn refuse<T>(_: T) -> Result<(), String> {
+    Err(NOT_COMPILED.to_string())
+}

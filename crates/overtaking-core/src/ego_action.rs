@@ -8,6 +8,7 @@ use crate::gap_acceptance::{
     is_in_stage, update_indicator,
 };
 use crate::math::vectors::{LANES, M, V, choose, splat};
+use crate::names::ego_move;
 use crate::params::Params;
 use crate::pass_continuation::can_abort_pass;
 use crate::state::{EGO_SLOT, State, stage};
@@ -15,56 +16,39 @@ use crate::state::{EGO_SLOT, State, stage};
 /// Numbers of an action.
 pub const MAX_ACTION_PARTS: usize = 3;
 
-/// What the numbers of an action mean, as in `overtaking.model.driver_interface.ACTION_KINDS`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ActionKind {
-    /// A `Move`.
-    Decision,
-    /// Acceleration, and side to change lanes to.
-    AccelLane,
-    /// Acceleration, and angle of the front wheels.
-    AccelSteer,
-    /// Acceleration, and a `Move` that shows its side.
-    AccelMove,
-    /// Acceleration, angle of the front wheels, and side of the indicator.
-    AccelSteerSignal,
+macro_rules! declare_action_kinds {
+    ($($(#[$parts:meta])* $kind:ident, $name:literal, $scales:expr;)*) => {
+        /// Meaning of the numbers of an action, as in `overtaking.model.driver_interface.ACTION_KINDS`.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum ActionKind {
+            $($(#[$parts])* $kind,)*
+        }
+
+        impl ActionKind {
+            /// The kind of a name.
+            pub fn from_name(name: &str) -> Option<Self> {
+                match name {
+                    $($name => Some(Self::$kind),)*
+                    _ => None,
+                }
+            }
+
+            /// Steps to a unit of each number.
+            fn scales(self) -> [f32; MAX_ACTION_PARTS] {
+                match self {
+                    $(Self::$kind => $scales,)*
+                }
+            }
+        }
+    };
 }
+with_action_kinds! { declare_action_kinds! }
 
 impl ActionKind {
-    /// The kind of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        match name {
-            "decision" => Some(Self::Decision),
-            "accel_lane" => Some(Self::AccelLane),
-            "accel_steer" => Some(Self::AccelSteer),
-            "accel_move" => Some(Self::AccelMove),
-            "accel_steer_signal" => Some(Self::AccelSteerSignal),
-            _ => None,
-        }
-    }
-
-    /// Steps of a unit of each number.
-    fn scales(self) -> [f32; MAX_ACTION_PARTS] {
-        match self {
-            Self::Decision => [1.0, 1.0, 1.0],
-            Self::AccelLane | Self::AccelMove => [1000.0, 1.0, 1.0],
-            Self::AccelSteer | Self::AccelSteerSignal => [1000.0, 10000.0, 1.0],
-        }
-    }
-
-    /// Whether the other driver turns the wheels itself.
+    /// Whether the external driver turns the wheels.
     fn steers_wheels(self) -> bool {
         matches!(self, Self::AccelSteer | Self::AccelSteerSignal)
     }
-}
-
-/// Decisions of an external driver, as `overtaking.model.driver_interface.Move`; 0 keeps on.
-mod ego_move {
-    pub const INDICATE_PULL_OUT: f32 = 1.0;
-    pub const PULL_OUT: f32 = 2.0;
-    pub const INDICATE_RETURN: f32 = 3.0;
-    pub const RETURN: f32 = 4.0;
-    pub const CANCEL: f32 = 5.0;
 }
 
 /// What another driver did in all simulations of a batch.

@@ -10,6 +10,7 @@ use crate::lane_change::{anticipated_follower, lane_change_direction};
 use crate::math::elementary::exp;
 use crate::math::vectors::{M, V, at_least, at_most, at_slot, choose, min, splat};
 use crate::names::VehicleParams;
+use crate::names::forced_decision;
 use crate::neighbour_search::Neighbours;
 use crate::params::Params;
 use crate::pass_continuation::PassContinuation;
@@ -18,14 +19,6 @@ use crate::state::{
     EGO_SLOT, FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
     stage,
 };
-
-/// Decisions that are forced on the ego, as `overtaking.model.scenario.ForcedDecision`; 0 is none.
-mod forced_decision {
-    pub const PULL_OUT: f32 = 1.0;
-    pub const CANCEL: f32 = 2.0;
-    pub const RETURN: f32 = 3.0;
-    pub const STAY: f32 = 4.0;
-}
 
 /// Keeps what is imposed finite for who demands nothing.
 const MIN_GAP_FACTOR: f32 = 1e-6;

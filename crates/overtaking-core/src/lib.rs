@@ -34,7 +34,7 @@ mod steering;
 mod vehicle_dynamics;
 
 pub use math::vectors::LANES;
-pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES};
+pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, neighbour_role};
 pub use params::{MAX_STATIONS, RoadDirections};
 pub use recorder::frame_tiles::prefetch;
 pub use recorder::output::{MAX_PERCEPTS, Output};

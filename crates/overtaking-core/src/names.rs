@@ -1,5 +1,6 @@
-// Made by crates/fields.py from world/step_parameters.py, world/weather_parameters.py,
-// world/constants.py and model/trajectories.py; do not edit.
+// Made by crates/engine_names.py from world/step_parameters.py, world/weather_parameters.py,
+// world/constants.py, model/trajectories.py, model/scenario.py, model/neighbours.py and
+// model/driver_interface.py; do not edit.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -102,6 +103,79 @@ macro_rules! with_states {
             lane: u8,
             /// `Lights` bits.
             lights: u8,
+        }
+    };
+}
+
+/// Members of `overtaking.model.trajectories.Stage`.
+#[allow(missing_docs, dead_code)]
+pub mod stage {
+    pub const FOLLOW: f32 = 0.0;
+    pub const PULL_OUT: f32 = 1.0;
+    pub const PASS: f32 = 2.0;
+    pub const RETURN: f32 = 3.0;
+    pub const DONE: f32 = 4.0;
+    pub const ABORT: f32 = 5.0;
+    pub const CRASHED: f32 = 6.0;
+}
+
+/// Members of `overtaking.model.scenario.ForcedDecision`.
+#[allow(missing_docs, dead_code)]
+pub mod forced_decision {
+    pub const FREE: f32 = 0.0;
+    pub const PULL_OUT: f32 = 1.0;
+    pub const CANCEL: f32 = 2.0;
+    pub const RETURN: f32 = 3.0;
+    pub const STAY: f32 = 4.0;
+}
+
+/// Members of `overtaking.model.driver_interface.Move`.
+#[allow(missing_docs, dead_code)]
+pub mod ego_move {
+    pub const KEEP: f32 = 0.0;
+    pub const INDICATE_PULL_OUT: f32 = 1.0;
+    pub const PULL_OUT: f32 = 2.0;
+    pub const INDICATE_RETURN: f32 = 3.0;
+    pub const RETURN: f32 = 4.0;
+    pub const CANCEL: f32 = 5.0;
+}
+
+/// Members of `overtaking.model.trajectories.Lights`.
+#[allow(missing_docs, dead_code)]
+pub mod lights {
+    pub const INDICATOR_LEFT: i32 = 1;
+    pub const INDICATOR_RIGHT: i32 = 2;
+    pub const BRAKE: i32 = 4;
+    pub const LOW_BEAM: i32 = 8;
+    pub const HIGH_BEAM: i32 = 16;
+    pub const REAR_FOG: i32 = 32;
+}
+
+/// Members of `overtaking.model.neighbours.NeighbourRole`.
+#[allow(missing_docs, dead_code)]
+pub mod neighbour_role {
+    pub const LEADER: usize = 0;
+    pub const FOLLOWER: usize = 1;
+    pub const LEFT_LEADER: usize = 2;
+    pub const LEFT_FOLLOWER: usize = 3;
+    pub const RIGHT_LEADER: usize = 4;
+    pub const RIGHT_FOLLOWER: usize = 5;
+}
+
+/// Hand the kinds of action to a macro: parts, name, and steps to a unit of each part.
+macro_rules! with_action_kinds {
+    ($then:ident!) => {
+        $then! {
+            /// Move [Move].
+            Decision, "decision", [1.0, 1.0, 1.0];
+            /// Accel [m/s^2], lane_change [lanes towards the overtaking side].
+            AccelLane, "accel_lane", [1000.0, 1.0, 1.0];
+            /// Accel [m/s^2], wheel_angle [rad towards the overtaking side].
+            AccelSteer, "accel_steer", [1000.0, 10000.0, 1.0];
+            /// Accel [m/s^2], move [Move].
+            AccelMove, "accel_move", [1000.0, 1.0, 1.0];
+            /// Accel [m/s^2], wheel_angle [rad towards the overtaking side], lane_change [lanes towards the overtaking side].
+            AccelSteerSignal, "accel_steer_signal", [1000.0, 10000.0, 1.0];
         }
     };
 }

@@ -7,6 +7,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
 use crate::math::vectors::{LANES, M, Seats, V, choose, clamp_to, splat};
+use crate::names::lights;
 use crate::neighbour_search::Neighbours;
 use crate::oncoming::OncomingVehicle;
 use crate::params::Params;
@@ -360,10 +361,6 @@ const TURNS_PER_RADIAN: f32 = 0.159_154_94;
 /// Steps of a metre, of a metre a second, of a second.
 pub const INTEGERS_PER_UNIT: f32 = 1000.0;
 const INTEGERS_PER_RADIAN: f32 = 10000.0;
-const INDICATOR_LEFT: i32 = 1;
-const INDICATOR_RIGHT: i32 = 2;
-const BRAKE: i32 = 4;
-const HIGH_BEAM: i32 = 16;
 
 /// A number in steps, the nearest, within limits.
 #[inline(always)]
@@ -434,23 +431,23 @@ pub fn state_words<S: Simd, const N: usize>(
             INT16_LIMIT,
         ),
         lane,
-        lights(state, params, i),
+        recorded_lights(state, params, i),
     ]
 }
 
 #[inline(always)]
-fn lights<S: Simd, const N: usize>(
+fn recorded_lights<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
 ) -> i32x16<S> {
     let towards_left = params.road.overtaking_sign * state.indicator[i];
     let left = towards_left.simd_gt(0.0).select(
-        i32x16::splat(params.simd, INDICATOR_LEFT),
+        i32x16::splat(params.simd, lights::INDICATOR_LEFT),
         i32x16::splat(params.simd, 0),
     );
     let right = towards_left.simd_lt(0.0).select(
-        i32x16::splat(params.simd, INDICATOR_RIGHT),
+        i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
         i32x16::splat(params.simd, 0),
     );
     let braking =
@@ -460,7 +457,7 @@ fn lights<S: Simd, const N: usize>(
         + left
         + right
         + braking.select(
-            i32x16::splat(params.simd, BRAKE),
+            i32x16::splat(params.simd, lights::BRAKE),
             i32x16::splat(params.simd, 0),
         );
     if !params.road.directions.has_oncoming_traffic {
@@ -469,7 +466,7 @@ fn lights<S: Simd, const N: usize>(
     let flashes = state.flashes[i].simd_gt(0.0);
     shown
         + flashes.select(
-            i32x16::splat(params.simd, HIGH_BEAM),
+            i32x16::splat(params.simd, lights::HIGH_BEAM),
             i32x16::splat(params.simd, 0),
         )
 }

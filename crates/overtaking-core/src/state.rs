@@ -4,6 +4,10 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::vectors::{LANES, M, Seats, V, choose, min, splat};
+pub use crate::names::neighbour_role::{
+    FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER,
+};
+pub use crate::names::stage;
 use crate::params::Params;
 
 /// Decisions whose kinematics are remembered.
@@ -11,18 +15,6 @@ pub const HISTORY_LENGTH: usize = 64;
 /// Room for them: one line of the cache more, so that the same decision of sixteen simulations does not fall
 /// into the same few sets of the cache.
 pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
-/// Neighbours of a vehicle by lane and direction.
-pub const LEADER: usize = 0;
-/// Behind in the own lane.
-pub const FOLLOWER: usize = 1;
-/// Ahead in the next lane to the fast side.
-pub const LEFT_LEADER: usize = 2;
-/// Behind in the next lane to the fast side.
-pub const LEFT_FOLLOWER: usize = 3;
-/// Ahead in the next lane to the slow side.
-pub const RIGHT_LEADER: usize = 4;
-/// Behind in the next lane to the slow side.
-pub const RIGHT_FOLLOWER: usize = 5;
 /// Number of roles.
 pub const NUM_ROLES: usize = 6;
 /// Slot number of nobody.
@@ -43,17 +35,6 @@ pub const EGO_SLOT: usize = 0;
 
 /// A number of every vehicle of every simulation of a block.
 pub type PerVehicle<S, const N: usize> = [V<S>; N];
-
-/// Stages of an overtake, as `overtaking.model.trajectories.Stage`.
-pub mod stage {
-    pub const FOLLOW: f32 = 0.0;
-    pub const PULL_OUT: f32 = 1.0;
-    pub const PASS: f32 = 2.0;
-    pub const RETURN: f32 = 3.0;
-    pub const DONE: f32 = 4.0;
-    pub const ABORT: f32 = 5.0;
-    pub const CRASHED: f32 = 6.0;
-}
 
 /// Memory for the history; what is in it before it is written means nothing.
 pub struct History<const N: usize>(pub Box<HistoryRows<N>>);

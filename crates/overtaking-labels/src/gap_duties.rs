@@ -5,11 +5,10 @@ use std::ops::Range;
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use overtaking_core::neighbour_role::{FOLLOWER, LEADER, RIGHT_FOLLOWER, RIGHT_LEADER};
 
 use crate::frame_block::{SpanBlock, min_of_lanes};
-use crate::recording::{
-    FOLLOWER, LEADER, METRES_PER_MM, NEVER, NO_VEHICLE, RIGHT_FOLLOWER, RIGHT_LEADER,
-};
+use crate::recording::{METRES_PER_MM, NEVER, NO_VEHICLE};
 use crate::safety_measures::drac;
 use crate::span_scans::{MarginMinimum, TrackScan, UNCONSTRAINED};
 use crate::vectors::{F32, Mask, SIMD_LANES, at_most, max, min, select, splat};

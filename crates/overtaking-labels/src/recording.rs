@@ -17,13 +17,8 @@ pub(crate) const METRES_PER_MM: f32 = 1e-3;
 /// Most driving lanes of a road.
 pub const MAX_LANES: usize = 8;
 
-/// Number of neighbours of the ego; the constants below are the numbers of `model.neighbours.NeighbourRole`.
+/// Number of neighbours of the ego, one for each of `overtaking_core::neighbour_role`.
 pub const NUM_ROLES: usize = 6;
-pub(crate) const LEADER: usize = 0;
-pub(crate) const FOLLOWER: usize = 1;
-pub(crate) const LEFT_FOLLOWER: usize = 3;
-pub(crate) const RIGHT_LEADER: usize = 4;
-pub(crate) const RIGHT_FOLLOWER: usize = 5;
 
 /// Whether a role is ahead of the ego: leaders have even numbers.
 #[inline(always)]

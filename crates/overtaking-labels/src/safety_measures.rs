@@ -8,9 +8,10 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd};
 use overtaking_core::dispatch;
+use overtaking_core::neighbour_role::{FOLLOWER, LEADER};
 
 use crate::frame_block::{SpanBlock, max_of_lanes, min_of_lanes};
-use crate::recording::{FOLLOWER, LEADER, METRES_PER_MM, gap_between};
+use crate::recording::{METRES_PER_MM, gap_between};
 use crate::span_scans::TrackScan;
 use crate::track::SlotsPerFrame;
 use crate::vectors::{

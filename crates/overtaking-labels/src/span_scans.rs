@@ -7,11 +7,12 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd};
 use overtaking_core::dispatch;
+use overtaking_core::neighbour_role::LEADER;
 use rayon::prelude::*;
 
 use crate::frame_block::{SpanBlock, min_of_lanes};
 use crate::recording::{
-    BEYOND_KERB_EDGE, LEADER, NEVER, NO_VEHICLE, PackedRecording, SignalViews, span_frames,
+    BEYOND_KERB_EDGE, NEVER, NO_VEHICLE, PackedRecording, SignalViews, span_frames,
 };
 use crate::safety_measures::{LawNumbers, WORST_MEASURES};
 use crate::track::Track;

@@ -2,11 +2,11 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
+use overtaking_core::neighbour_role::{LEADER, LEFT_FOLLOWER};
 
 use crate::frame_block::SpanBlock;
 use crate::recording::{
-    LEADER, LEFT_FOLLOWER, METRES_PER_MM, NEVER, NO_VEHICLE, PackedRecording, SignalViews,
-    gap_between, is_ahead,
+    METRES_PER_MM, NEVER, NO_VEHICLE, PackedRecording, SignalViews, gap_between, is_ahead,
 };
 use crate::vectors::{F32, Mask, SIMD_LANES};
 

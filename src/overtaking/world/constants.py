@@ -69,9 +69,9 @@ def _to_float32(values: Values) -> Any:
 class ModelConstants:
     """Constants of the step: single float32 numbers, then the tables of friction as tuples.
 
-    The engine has fields of the same names in the same order. `crates/fields.py` writes them: run
-    it after a change of names or order. The *ego* is the vehicle under study, "others" are all
-    other vehicles. The *overtaking lane* is the next lane towards the overtaking side; on a two-way
+    The engine has fields of the same names in the same order, which `crates/engine_names.py`
+    writes: run it after a change. The *ego* is the vehicle under study, "others" are all other
+    vehicles. The *overtaking lane* is the next lane towards the overtaking side; on a two-way
     road it is the opposing lane. The *target* is the vehicle that the driver overtakes. TTC is the
     time to collision. Looming is the growth of the visual angle of a vehicle that comes nearer.
 
