@@ -358,9 +358,9 @@ def _ego_desired_speed(
 
     The traffic is placed by the ego's desired speed, so the ego is drawn alone first and once more
     with the other vehicles. Both times it gets the same random numbers: each slot has a stream of
-    its own, which `SampleBlock` begins anew for each caller. Only importance sampling may see each
-    number once: each call of `block.proposal.transform` multiplies the weight of the simulation.
-    So the returned transform keeps the replaced numbers of the ego for the second draw.
+    its own, which `SampleBlock` begins anew for each caller. Importance sampling must see each
+    number only once, because each call of `block.proposal.transform` multiplies the weight of the
+    simulation. So the returned transform keeps the replaced numbers of the ego for the second draw.
 
     Args:
         block: The simulations that are drawn together.

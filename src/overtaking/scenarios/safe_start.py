@@ -137,8 +137,9 @@ class DrawnStarts:
         s: Station [m].
         speed: Speed [m/s].
         kept_gap_share: A vehicle that starts too near moves back, but keeps this share of the free
-            part of the zone behind it; if that is not enough, it starts slower. The share is drawn,
-            so that starts do not pile up at the end of the zone [1].
+            part of the zone behind it; if that is not enough, it starts slower. In placed traffic
+            the share is drawn, so that starts do not pile up at the end of the short zone; in other
+            traffic it is 0 [1].
     """
 
     valid: Mask
@@ -186,7 +187,8 @@ class RoadSpeeds:
 
         Args:
             s: Stations in the vehicles' own directions, shape (simulation,) [m].
-            lane: Lanes, which tell the direction, shape (simulation,).
+            lane: Lanes; a number beyond the lanes of the road's own direction tells that a vehicle
+                is oncoming. Shape (simulation,).
             slot: Slots of the vehicles, shape (simulation,).
         """
         simulation = np.arange(len(slot))
@@ -198,7 +200,7 @@ class RoadSpeeds:
 
         Args:
             s: Stations in the vehicles' own directions, shape (simulation, vehicle) [m].
-            lane: Lanes, which tell the direction, the same shape.
+            lane: Lanes, as in `speed_at`, the same shape.
         """
         # Transposed, so that the last axis broadcasts with `max_lateral_accel`.
         factors = DesiredSpeedFactors(*(factor.T for factor in self.factors))

@@ -57,8 +57,8 @@ ScenarioModifier = Callable[[Scenario], Scenario]
 happened without rain.
 
 It is called before the starts are computed, so speeds and braking distances at the start follow
-from the changed scenario. An exception are the gaps between the vehicles of motorway and two-way
-traffic: they follow from the time gaps, gaps at standstill and lengths as drawn."""
+from the changed scenario. The gaps between vehicles of motorway and two-way traffic are an
+exception: they follow from the time gaps, gaps at standstill and lengths as drawn."""
 
 BLOCK_SIZE = 2048
 """Simulations that are drawn together: few enough for their arrays to stay in the processor's

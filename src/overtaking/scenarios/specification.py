@@ -2,7 +2,8 @@
 
 `profiles.load_specification` makes a `Specification` from a file; the samplers of this package read
 its sections. Section `[traffic]` is in `traffic_specification`, types of values are in
-`specification_values`. The name of a key states its unit: `_m`, `_s`, `_kmh`, `_percent`; a key
+`specification_values`, and so is `Section`, the base of all models, which refuses unknown keys and
+values of another type. The name of a key states its unit: `_m`, `_s`, `_kmh`, `_percent`; a key
 without a unit is a plain number, a flag or a text. Two values in brackets are a range, from which
 each simulation draws uniformly unless its key says otherwise.
 
@@ -13,8 +14,8 @@ of traits. *Placed* traffic is the kind of traffic without a mode: a few vehicle
 `u` is a random number, uniform in (0, 1), and `z` is a standard normal one.
 
 Section `[[proposal]]` draws rare simulations more often (importance sampling): its *components*
-change the distributions of some random numbers. The other sections describe the distributions
-without a change, here called the *profile*, like a TOML file with a specification.
+change the distributions of some random numbers. The distributions without a change, stated by the
+other sections, are called the *profile*.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ PROPOSAL_UNIFORMS = (
     "density",  # Density of the traffic on a motorway.
     "flow",  # Flow of the traffic on a two-way road.
     "start",  # Station of the ego on a two-way road.
-    "held_up",  # Small: the ego follows a platoon at the start, on a two-way road.
+    "held_up",  # Small: the ego starts close behind another vehicle, on a two-way road.
     "ego_driving_style",  # Small: careful.
     "ego_heeds_solid_lines",  # Large: the ego ignores solid lines, on a two-way road.
     "others_driving_style",  # Small: careful. Each of the other drivers has a number of its own.

@@ -350,6 +350,7 @@ def _complete_vehicles(body: DrawnBody) -> VehicleSpecs:
         power=class_value("specific_power", kind) * class_value("mass", kind),
         max_speed=class_value("governed_speed", kind),
         wind_centre_ratio=body.wind_centre_ratio,
+        # Share of the engine's force on the front wheels: all or nothing.
         front_drive_share=body.has_front_drive.astype(np.float32),
         tyre_wear=body.tyre_wear,
         contrast=_colour_contrasts()[body.colour],

@@ -45,7 +45,7 @@ SUN_AHEAD = number("sampling.weather.sun_ahead")
 choice: 10 degrees. In the study, the preset ClearSunset has the sun at the driver's eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
-"""Smallest cloudiness with rain [%], 60 as in CARLA's presets with rain."""
+"""Smallest cloudiness with rain [%], 60: the smallest among CARLA's presets with rain."""
 
 MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
 """Smallest percentage of water on the road, over the percentage of rain [1], a choice."""
