@@ -1,11 +1,12 @@
 """Public functions that judge overtakes by traffic law; users import them from `overtaking.law`.
 
-A *rule* is a function that takes a `Case` (recorded simulations with their signals) and returns a
-`Finding` (for each simulation a verdict and a *margin*, the distance to the limit, negative in a
-breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and `de`
-(Germany). A *policy*, such as `paper`, `default` or `strict`, names the rules of a pack that a
-legal overtake must keep. The *class* of a simulation, such as `Success_L` (completed, legal),
-therefore depends on the policy.
+The *check* of a *rule* is a function that takes a `Case` (recorded simulations with their signals)
+and returns a `Finding` (for each simulation a verdict and a *margin*, the distance to the limit,
+negative in a breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and
+`de` (Germany). A *policy*, such as `paper`, `default` or `strict`, names the rules of a pack that a
+legal overtake must keep, and how far each may be exceeded. The *class* of a simulation, such as
+`Success_L` (completed, legal), therefore depends on the policy. *Profile*: the named setting of
+road and traffic that a data set was drawn from; it has a default policy.
 
 A pack of the user, in a module of the user:
 
@@ -94,7 +95,7 @@ def load_pack(law: str | Pack) -> Pack:
     module, colon, name = law.partition(":")
     if not (module and colon and name):
         raise _law_error(law, "pt, de, or MODULE:NAME", "another form")
-    # At the end, so that installed modules come first, and for good, because rules may import
+    # At the end, so that installed modules come first. It stays there, because rules may import
     # other modules of the folder later.
     working_folder = str(Path.cwd())
     if working_folder not in sys.path:
@@ -111,8 +112,8 @@ def load_pack(law: str | Pack) -> Pack:
 def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
     """Find the policies that can be applied to a pack.
 
-    Packs of this package have policies of their own. Any other pack gets those Portuguese policies
-    whose rules it has, matched by code. If it gets no policy in this way, a policy `all` requires
+    Packs of this package have policies of their own. Any other pack gets each Portuguese policy of
+    which it has all rules, matched by code. If there is no such policy, a policy `all` requires
     every rule about a duty of the ego (the vehicle whose overtaking is studied).
 
     Args:
@@ -134,7 +135,10 @@ def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy
     fallback = (Policy(name="all", required=duties_of_ego),)
     policies = package_policies or matching_policies or fallback
     if names is None:
-        return tuple(policy for policy in policies if policy.name in STORED or not package_policies)
+        if not package_policies:
+            return policies
+        # `STORED` are the names of the policies that data sets store.
+        return tuple(policy for policy in policies if policy.name in STORED)
     by_name = {policy.name: policy for policy in policies}
     for name in names:
         check_choice(name, by_name, what="policy", where=pack.name)
@@ -179,11 +183,11 @@ def tolerance_curve(
 
     Args:
         dataset: The data set, or its folder or URL; it is not changed.
-        law: `pt`, `de` or `module:NAME`, as in `load_pack`.
+        law: `pt`, `de` or `module:NAME`, as in `load_pack`; only `judge` takes a `Pack` too.
         policy: Name of a policy of the law; None for the default of the data set's profile.
         errors: Standard deviations of the positions [m] and speeds [m/s] that a recording states;
             None for exact ones. A rule is undecidable where its margin is less than two standard
-            errors.
+            errors of the margin, which the rule computes from these deviations.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -198,9 +202,11 @@ def tolerance_curve(
     from overtaking.api.datasets import load_dataset
 
     pack, source = load_pack(law), load_dataset(dataset)
-    (law_policy,) = policies_for(pack, [choose_policy(policy, source.profile)])
+    policy_name = choose_policy(policy, source.profile)  # Of the profile by default.
+    (law_policy,) = policies_for(pack, [policy_name])
     batches = _judge_batches(source, [pack], [[law_policy]], errors, progress)
-    labels_and_cases = ((labelled, case) for _, case, (labelled,) in batches)  # One pack.
+    # With one pack there is one batch of labels for each case.
+    labels_and_cases = ((labelled, case) for _, case, (labelled,) in batches)
     return curve(labels_and_cases, pack, law_policy)
 
 
@@ -265,7 +271,7 @@ def _judge_batches(
             label(trajectories, pack=pack, policies=law_policies, errors=errors)
             for pack, law_policies in zip(packs, policies, strict=True)
         ]
-        # The case (signals, events, target) does not depend on the law.
+        # The case (signals, events, target) is the same for all laws.
         yield numbers, case_of(labelled[0]), labelled
         num_done += len(numbers)
         if progress is not None:
@@ -310,12 +316,13 @@ def explain(
     law_policies = policies_for(pack, policies)
     trajectories = load_dataset(dataset).trajectory(simulation_id)
     labelled = label(trajectories, pack=pack, policies=law_policies, errors=errors)
+    # The paragraphs state the number of the simulation.
     explanations = paragraphs(labelled, simulation_id, pack, law_policies)
     return [row for row in explanations if rules is None or row["rule"] in rules]
 
 
 def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
-    """The rules of the Portuguese pack that a recording cannot decide.
+    """The rules of the Portuguese pack, the default of labels, that a recording cannot decide.
 
     Args:
         unknown: Names of quantities that the recording does not contain, such as `weather` or

@@ -2,10 +2,12 @@
 
 Both learn from the state at the instant when the ego (the vehicle whose overtaking is studied)
 begins an overtake, or could begin one: gaps, speeds, weather and the like. Each simulation is one
-example. 30 % of the scenarios are held out (not used for learning), and all scores are measured on
-them. *Class*: the result of a simulation, such as `Success_L` (completed, legal). *Policy*: the set
-of rules of law that decides between legal and illegal. *Factor*: one or several related attributes
-of the state, such as `sight`.
+example. Examples of the same scenario (the situation at the start) stay together, such as a
+simulation and its repetition with a change. 30 % of the scenarios are held out (not used for
+learning), and all scores are measured on their examples. *Class*: the result of a simulation, such
+as `Success_L` (completed, legal). *Policy*: the set of rules of law that decides between legal and
+illegal; each *profile*, the setting that simulations are drawn from, has a default policy.
+*Factor*: one or several related attributes of the state, such as `sight`.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
@@ -36,23 +38,24 @@ def learn_rules(
     max_conditions: int = 3,
     progress: ProgressCallback | None = None,
 ) -> "RulesFound":
-    """Learn a few short rules: legal if, or unless, some conditions of the state hold.
+    """Learn a few short rules, such as "legal if the gap is large and the road is dry".
 
     Args:
         dataset: The data set, or its folder or URL.
         about: The fact to predict: `legal` (the overtake that begins is completed and legal),
-            `collision` (it ends in a collision), or `start` (now is no time to begin: the driver
-            does not begin, or the overtake fails).
+            `collision` (it ends in a collision), or `start` (true where this is no instant to start
+            an overtake: the driver does not start, or the overtake fails).
         policy: `paper`, `default` or `strict`; None for the default of the profile.
-        seed: Seed of the choice of held-out scenarios, and of the black box (see below).
+        seed: Seed of the choice of held-out scenarios, and of the black box, which is for
+            comparison.
         max_rules: Largest number of rules, 1 or more.
         max_conditions: Largest number of conditions of a rule, 1 or more.
         progress: Called with the number of rounds of learning that are done, and of all.
 
     Returns:
         The rules with precision, recall, and simulations in which they are wrong. For comparison,
-        the scores of a black box (gradient boosting: many trees, too many to read), and of the
-        speed limit as the only rule.
+        the scores of a black box (gradient boosting: many decision trees, too many to read), and of
+        a single rule about the speed over the speed limit.
 
     Raises:
         ConfigError: A fact or policy does not exist, or a number is out of its range.
@@ -65,6 +68,7 @@ def learn_rules(
     from overtaking.analysis.learning.targets import target_of
 
     require_models()  # Raises MissingExtraError before any work is done.
+    # Errors name the options of the command line, which are clear to users of Python as well.
     target = target_of(about)
     check_in_range(max_rules, 1, what="--max-rules", where="learn")
     check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
@@ -109,8 +113,9 @@ def learn_factors(
         progress: Called with the number of fitted models, and of all models.
 
     Returns:
-        Three models with calibrated probabilities and their scores; and the factors in order of
-        importance, each with the accuracy that it reaches together with all before it.
+        Three models (logistic regression, gradient boosting, neural network) with calibrated
+        probabilities and their scores; and the factors in order of importance, each with the
+        accuracy that it reaches together with all before it.
 
     Raises:
         ConfigError: A fact, feature or policy does not exist, or a feature is known only after the
@@ -124,11 +129,11 @@ def learn_factors(
     from overtaking.analysis.learning.models import require_models
     from overtaking.analysis.learning.targets import target_of
 
-    require_models()
+    require_models()  # Raises MissingExtraError before any work is done.
     # Raises for a feature that is known only after the overtake.
     factors = leakage.chosen_factors(tuple(features))
     check_in_range(repeats, 1, what="--repeats", where="learn")
-    # None stands for the class, which has several values; a target is a yes-or-no question.
+    # None stands for the class, which has several values; a target is a question with yes or no.
     # `others` completes the list of names in the error message.
     target = None if about == "outcome" else target_of(about, others=("outcome",))
     source = load_dataset(dataset)

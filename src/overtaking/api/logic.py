@@ -2,9 +2,11 @@
 
 The content of each simulation is written as *facts*, such as `night(3)` (simulation 3 is at night),
 and the reasoner clingo derives answers from facts and rules. The language of a query is clingo's: a
-comma means "and", names with a capital letter are variables. `overtaking ask DATA --predicates`
-lists the predicates. 18 rules of the Portuguese law are logic rules as well, so clingo can also
-prove a breach. *Ego*: the vehicle whose overtaking is studied. *Frame*: a recorded instant.
+comma means "and", names with a capital letter are variables, names before brackets (`night`) are
+predicates. `overtaking ask DATA --predicates` lists the predicates. 18 rules of the Portuguese law
+are logic rules as well, so clingo can also prove a breach. *Ego*: the vehicle whose overtaking is
+studied. *Frame*: a recorded instant. *Profile*: the named setting of road and traffic that a data
+set was drawn from.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
@@ -44,10 +46,10 @@ def ask(
         query: A condition, such as `overtakes(S,ego,P,F), night(S)`: which vehicles `P` does the
             ego overtake, in which simulation `S` at night, and at which frame `F` is it back in its
             lane? The condition must hold within one simulation; simulations cannot be compared.
-            The query can read or write nothing else.
+            A query cannot read or write files.
         simulation_ids: Numbers of the simulations to query, from 0; None for all.
-        overtake_class: Only simulations with this class, such as `Success_L` (completed and legal);
-            None for all.
+        overtake_class: Of these, only simulations with this class, such as `Success_L` (completed
+            and legal); None for all.
         policy: The set of rules of law that decides about the class: `paper`, `default` or
             `strict`; None for the default of the profile.
         frame_step: Interval between the positions and speeds among the facts [frames], 1 or more.
@@ -55,8 +57,8 @@ def ask(
             order of vehicles changes are always among the facts.
         max_rows: Largest number of answers, 1 to 1e9.
         timeout_s: Longest time of the reasoner [s], 0.001 to 1e9.
-        memory_mib: Memory limit of the reasoner [MiB], 16 to 1e9; the answers may take an eighth of
-            it.
+        memory_mib: Memory limit of the reasoner [MiB], 16 to 1e9. Answers larger than an eighth of
+            it are an error (a choice: this process holds them several times).
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -64,8 +66,8 @@ def ask(
         `is_cut`, whether there are more answers than `max_rows`.
 
     Raises:
-        ConfigError: The query is not a condition, a simulation does not exist, or the reasoner
-            exceeds its time or memory.
+        ConfigError: The query is not a condition; a simulation, class or policy does not exist; or
+            the reasoner exceeds its time or memory.
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """

@@ -4,6 +4,7 @@ A *data set* is a folder of tables with many simulations of one *ego*, the vehic
 is studied. *Trajectories* are the recorded motion of a batch of simulations in memory; `label` adds
 verdicts of the law and classes. *Class*: the result of a simulation, such as `Success_L`
 (completed, legal). *Policy*: the set of rules of law that decides between legal and illegal.
+Each *profile*, the setting that simulations are drawn from, has a default policy.
 *Twin*: a simulation and the same simulation after a change, made by `whatif.counterfactual`.
 
 Drawing packages are optional extras and slow to load, so they are imported inside the functions.
@@ -62,7 +63,7 @@ def plot(
             name lists all names.
         out: File for the figure, `.svg`, `.pdf` or `.png`; an existing file is replaced. None
             writes no file.
-        ax: Axes of Matplotlib to draw into, for figures with single axes; None for a new figure.
+        ax: Axes of Matplotlib to draw into, for figures with one diagram; None for a new figure.
         width: `column` (3.5 inches, one column of a paper with two) or `page` (7.16 inches, both
             columns). Letters have the same size in both.
         policy: Policy for the classes of a data set or a twin: `paper`, `default` or `strict`; None
@@ -84,7 +85,7 @@ def plot(
 
     path = None if out is None else Path(out)
     if path is not None:
-        check_figure_file(path)  # Before the work: drawing may take a minute.
+        check_figure_file(path)  # Refuses an ending such as `.bmp` before the work of a minute.
     if isinstance(source, str | Path):
         source = load_dataset(source)
     drawn = draw(source, figure, axes=ax, width=width, policy=policy)
@@ -155,18 +156,22 @@ def write_report(
             the default of the profile.
         reading: Only for data sets. How the features (columns that describe a simulation) are
             measured. `paper`: at the start of the overtake, or, without an overtake, as means over
-            the simulation, as in the study that the package reproduces. `matched`: at one instant
-            in every class. None for `paper` with the policy `paper`, else `matched`.
+            the simulation, as in the study that the package reproduces. `matched`: at the start of
+            the overtake, or, without an overtake, at an instant after a similar waiting time. None
+            for `paper` with the policy `paper`, else `matched`.
         weighted: Only for data sets. Whether statistics use the weights of the simulations, which
             restore natural shares where rare cases were drawn more often.
         learn: Only for data sets. Whether rules and factors are learned too, which takes minutes.
-        films: Only for evaluations. Number of films of the worst scenes, 0 to 10; None for 10.
-        progress: Called with the number of parts or films that are done, and of all.
+        films: Only for evaluations and benchmarks. Number of films of the worst scenes, 0 to 10;
+            None for 10.
+        progress: Called with the number of parts or films that are done, and of all; not for
+            reproductions.
 
     Returns:
-        `path` of the page, names of its figures and tables, and `remarks` on missing parts: without
+        A `Written` (`Report` and `Evaluated` are kinds of it), or a list of them for a benchmark:
+        `path` of the page, names of its figures and tables, and `remarks` on missing parts. Without
         the extra `plots` a page has no figures, without `stats` no associations, without `learn`
-        no learned rules, without `video` no films. A list for a benchmark.
+        no learned rules, without `video` no films.
 
     Raises:
         ConfigError: The source has no report, the policy or reading is unknown, or an option does
@@ -187,6 +192,7 @@ def write_report(
             is_learned=learn,
             progress=progress,
         )
+    # Imported here, because reports on data sets do not need these slow modules.
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.reproduction.run import Reproduction
@@ -246,7 +252,7 @@ def _write_evaluation(
 def _check_unused(where: str, source: str, **options: Any) -> None:
     """Refuse options that the caller has set and that do not apply to this kind of source.
 
-    None and False, the defaults, mean that it is not set.
+    None and False, the defaults, mean that an option is not set; so does 0, which equals False.
     """
     for name, value in options.items():
         if value not in (None, False):
@@ -291,8 +297,8 @@ def film(
         source: A data set or its folder or URL, trajectories, the result of `label`, or a `Twin`,
             whose two simulations appear one above the other. If a data set keeps no positions, they
             are simulated again. Trajectories without labels are labelled.
-        out: Folder for the films. None for the folder `films` in the data set, or in the working
-            folder for trajectories. For a twin the mp4 file, in an existing folder.
+        out: Folder for the films. None for the folder `films` in the folder of the data set, or in
+            the working folder for trajectories. For a twin the mp4 file, in an existing folder.
         simulation_ids: Numbers of the simulations, from 0 in a data set as in trajectories; `all`;
             or `one-per-class`, the first simulation of each class that lasts 2 s or more (no
             overtake fits into a shorter one). Not for twins.
@@ -317,6 +323,7 @@ def film(
     if isinstance(source, str | Path):
         source = load_dataset(source)
     if not isinstance(source, Dataset | Trajectories | LabelledTrajectories):
+        # Anything else must be a twin; `_film_twin` refuses it if not.
         # A caller may name the default value; that is no error.
         set_ids = None if simulation_ids == "one-per-class" else simulation_ids
         _check_unused("film", "a twin", simulation_ids=set_ids, threads=threads)
@@ -358,7 +365,7 @@ def _film_twin(twin: Any, out: str | Path | None, policy: str | None) -> Path:
     require_encoder()
     path, policy_name = Path(out), choose_policy(policy, twin.profile)
     title = f"Simulation {twin.number} and its twin, policy {policy_name}"
-    write_film(TwinFilm(twin, policy), path, title=title)
+    write_film(TwinFilm(twin, policy_name), path, title=title)
     return path
 
 
@@ -382,15 +389,15 @@ def write_viewer_page(
         policy: Policy for the class when the page opens: `paper`, `default` or `strict`; None for
             the default of the profile. The page has a menu to change it.
         progress: Called with the number of simulations that are done, and of all.
-        say: Called with the size of a page above 8 MB before it is written [bytes], because such a
-            page is too large for an e-mail.
+        say: Called before a page above 8 MB is written, with its size [bytes], to warn the user:
+            such a page is too large for an e-mail.
 
     Returns:
         `path`, `simulations` (their numbers) and `size_bytes`.
 
     Raises:
-        ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB,
-            the most that browsers open at once, also on a phone.
+        ConfigError: There is no such simulation or policy, or the page would be larger than 64 MB
+            (a choice: phones open pages up to this size without delay).
         DatasetError: The data set is not complete or damaged.
         OSError: The file cannot be written.
     """
@@ -441,7 +448,7 @@ def serve_viewer(
         "uvicorn",
         what="Starlette and uvicorn, which serve the page",
         where="view",
-        otherwise="write a page with --export",
+        otherwise="write a page with --export",  # Advice at the end of the error.
     )
     from overtaking.show.server.running import serve
 

@@ -152,9 +152,11 @@ def branch(
         frame: First frame that `decision` and `weather` can affect, 0 or more, before the last
             frame of the longest simulation.
         decision: Decision forced on every ego, such as to start an overtake; carried out at the
-            first instant at which it is possible.
-        weather: Weather of every simulation from `frame` on, shape (simulation,).
-        interventions: Any number of other changes, each with a frame of its own.
+            first instant at which it is possible. None for no change.
+        weather: Weather of every simulation from `frame` on, shape (simulation,); None for no
+            change.
+        interventions: Any number of other changes, each with a frame of its own, such as of the
+            speed of a vehicle.
         simulator: A name in `MODEL_SIMULATORS`.
 
     Returns:
@@ -165,14 +167,15 @@ def branch(
         ConfigError: A number is out of its range, the weather has another shape, no simulation has
             the frame or vehicle, a driver of the user controls the ego (its recorded actions would
             not react to a change), or there is no such simulator.
+        SystemLimitError: The system grants too little memory or too few threads.
     """
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
     interventions = tuple(interventions)
-    # `check_batch` compares fields with their declared ranges. Both the change and the scenario
-    # after it are checked, because a valid change of speed may lead to an invalid speed. The
-    # argument `weather` is checked in the same way.
+    # `check_batch` compares fields with their declared ranges. The scenario after a change is
+    # checked too, because a valid change of speed may lead to an invalid speed. A `decision` has no
+    # range.
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
         check_batch(apply_intervention(scenario, intervention), "branch")
@@ -199,7 +202,8 @@ def label(
         law: The pack of rules of a law: `pt` (Portugal), `de` (Germany), `module:NAME` of a Python
             module, or a `Pack`.
         policies: Names of policies of the law (sets of rules that a legal overtake must keep); None
-            for the ones that data sets store: `paper`, `default` and `strict`.
+            for the ones that data sets store (`paper`, `default` and `strict`), or for all policies
+            of a pack of the user.
 
     Returns:
         Signals of the ego, events of its overtake, findings of each rule, labels (class and
@@ -227,24 +231,32 @@ def check_runnable(scenario: Scenario, where: str) -> None:
     Args:
         scenario: A batch of scenarios.
         where: The public function, for error messages.
+
+    Raises:
+        ConfigError: The scenario cannot be run.
+        SystemLimitError: The trajectories exceed the memory.
     """
     interval, num_slots = scenario.frame_interval_ms, scenario.num_slots  # A slot per vehicle.
-    for field, is_wrong, expected, value in (
-        ("frame_interval_ms", interval % STEP_MS != 0, f"a multiple of {STEP_MS}", interval),
-        ("vehicles", num_slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", num_slots),
-    ):
-        if is_wrong:
-            raise ConfigError(
-                what=f"scenario.{field}",
-                where=where,
-                expected=expected,
-                got=value,
-                next_step="change the scenario",
-            )
+    if interval % STEP_MS != 0:
+        expected = f"a multiple of {STEP_MS}"
+        raise _scenario_error("frame_interval_ms", where, expected, interval)
+    if num_slots > MAX_VEHICLES:
+        raise _scenario_error("vehicles", where, f"at most {MAX_VEHICLES} slots", num_slots)
     longest_s = float(scenario.horizon.max(initial=0.0))
     num_frames = int(longest_s * 1000.0) // interval + 1  # From ms; both ends are recorded.
     size = scenario.num_simulations * num_slots * num_frames * BYTES_PER_STATE
     check_memory(size, where, "simulate fewer at a time, or call generate_dataset")
+
+
+def _scenario_error(field: str, where: str, expected: str, got: int) -> ConfigError:
+    """The error for a scenario that the simulators cannot run."""
+    return ConfigError(
+        what=f"scenario.{field}",
+        where=where,
+        expected=expected,
+        got=got,
+        next_step="change the scenario",
+    )
 
 
 @check_arguments
@@ -271,9 +283,9 @@ def drive(
         action: Output of the function. `accel_lane` (None means this): acceleration and lane
             change; `speed_lane`: desired speed and lane change; `accel_steer`: acceleration and
             wheel angle; `trajectory`: points to drive through; `decision`: a `Move`, such as to
-            pull out. `accel_move` and `accel_steer_signal` also control the indicator.
-        action_repeat: Number of decisions, 20 a second, for which an action holds, 1 to 200; None
-            for 1.
+            pull out. `accel_move` and `accel_steer_signal` have the indicator as a further part.
+        action_repeat: Time for which an action holds, in units of 50 ms, 1 to 200; None for 1. The
+            function is called again after it.
         simulator: A name in `MODEL_SIMULATORS`.
 
     Returns:
@@ -283,7 +295,9 @@ def drive(
     Raises:
         ConfigError: An argument cannot be used, or the scenario cannot be run.
         DriverError: The driver raises an exception, or its answer is not an action.
+        SystemLimitError: The system grants too little memory or too few threads.
     """
+    # `run` is like the simulator's `simulate`, but takes the actions of the ego as well.
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     check_runnable(scenario, "drive")
     settings: dict[str, Any] = {
@@ -319,14 +333,18 @@ def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
     Args:
         driver: The driver.
         simulator: A name in `MODEL_SIMULATORS`.
+
+    Raises:
+        ConfigError: There is no such simulator, or it is not one of `MODEL_SIMULATORS`.
     """
     base = get_simulator(simulator)
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     simulate_with_driver = partial(
         external_driver.drive, driver=driver, run=run, simulator=simulator
     )
-    # A driver may keep a state between calls, so one process calls it, for one batch at a time.
-    # `shares_world` means: like a server that all processes share, it cannot run in several.
+    # A driver may keep a state between calls, so only one process calls it, for one batch at a
+    # time. `shares_world=True` forbids several processes; it was made for CARLA, where all of them
+    # would share the world of one server.
     return dataclasses.replace(base, simulate=simulate_with_driver, threads=1, shares_world=True)
 
 

@@ -5,7 +5,8 @@ the first instant) to trajectories (recorded motion). The modules are imported w
 names them, because SUMO and CARLA need packages that may be missing.
 
 To add a simulator, add its name to `SIMULATORS` and its module to `_SIMULATOR_MODULES`. The module
-needs `simulate`, `version` and the constants that `get_simulator` reads.
+needs the functions `simulate` and `version` and the constants `UNKNOWN`, `CHUNK_SIZE` and
+`SHARD_SIZE`.
 """
 
 import importlib
@@ -39,7 +40,10 @@ Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 
 
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
-"""A number of simulations of which only results are kept, not the data. The limit is a choice."""
+"""Number of simulations of a comparison, which keeps its results only, not the trajectories.
+
+The limit is a choice.
+"""
 
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
@@ -70,7 +74,7 @@ modules have a function `run`, which takes changes and actions as well.
 
 
 SERVER_SIMULATORS = ("carla", "carla-traffic-manager")
-"""The simulators that run in one server, which all processes would share."""
+"""The simulators that run in a server. Several processes would share it and disturb each other."""
 
 
 def get_simulator(name: str) -> Simulator:
@@ -85,13 +89,14 @@ def get_simulator(name: str) -> Simulator:
     """
     module = simulator_module(name)
     if name in MODEL_SIMULATORS:
-        # Nothing is unknown, and the default sizes suit a fast simulator.
+        # The trajectories have all quantities, and the default sizes suit a fast simulator.
         return Simulator(
             name=name,
             version=MODEL_VERSION,
             simulate=module.simulate,
-            # All other simulators have one world per process, and so one thread, the default.
+            # Other simulators have one world per process, and so one thread, the default.
             threads=os.cpu_count() or 1,
+            # Data sets call it for positions that they did not keep.
             replay=partial(replay_actions, simulator=name),
         )
     return Simulator(
@@ -116,6 +121,7 @@ def replay_actions(
         simulator: A name in `MODEL_SIMULATORS`.
     """
     run = simulator_module(simulator, MODEL_SIMULATORS).run
+    # `run` takes the numbers that the model computes with, which `step_parameters` derives.
     return run(scenario, step_parameters(scenario), actions=actions)
 
 

@@ -1,10 +1,11 @@
-"""Public functions that compare simulated traffic with measurements, a paper, or a simulator.
+"""Public functions that compare simulations with measurements, a study, or other simulators.
 
 *Profile*: a named setting of road, traffic, weather and drivers that simulations are drawn from,
 such as `motorway`; *specification*: the same as an object or as a TOML file of the user.
 *Scenario*: everything decided before the first instant of a simulation. *Ego*: the vehicle whose
-overtaking is studied. *Class*: the result of a simulation, such as `Success_L` (completed, legal);
-*policy*: the set of rules of law that decides between legal and illegal. *The paper*: the published
+overtaking is studied. *Outcome*: end of the overtake, such as completed, legal or not. *Class*:
+outcome and legality, such as `Success_L` (completed, legal); *policy*: the set of rules of law that
+decides between legal and illegal; each profile has a default policy. *The paper*: the published
 study that the package reproduces (Pinto, Dutra and Fonseca 2023).
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
@@ -83,7 +84,8 @@ def compare_simulators(
     spec = profiles.load_specification(profile, overrides)
     used_road = resolve_road(road or spec.road)
     used_simulators = [get_simulator(name) for name in _check_simulator_names(simulators)]
-    # All get the same batch, so the simulator that takes the fewest scenarios at a time decides.
+    # All get the same batch. A simulator takes `chunk_size` scenarios at a time; the smallest of
+    # these numbers suits all.
     chunk_size = min(simulator.chunk_size for simulator in used_simulators)
     parts: list[Comparison] = []
     for first in range(0, num_simulations, chunk_size):
@@ -115,10 +117,11 @@ def dataset_statistics(
         policy: `paper`, `default` or `strict`; None for the default of the profile.
         reading: How the features (the columns that describe a simulation) are measured. `paper`: at
             the start of the overtake, or, without an overtake, as means over the simulation, as in
-            the paper. `matched`: at one instant in every class. None for `paper` with the policy
-            `paper`, else `matched`.
-        weighted: Whether each simulation counts by its weight, which restores natural shares where
-            rare cases were drawn more often.
+            the paper. `matched`: at the start of the overtake, or, without an overtake, at an
+            instant after a similar waiting time. None for `paper` with the policy `paper`, else
+            `matched`.
+        weighted: Whether each simulation counts by its weight, a column of the data set. Weights
+            restore natural shares where rare cases were drawn more often.
 
     Returns:
         The tables (`tables`, or `to_pandas` for exact values); `plot` draws figures of them.
@@ -198,15 +201,16 @@ def reproduce_study(
     Args:
         study: `pinto2023`, the only study so far; it is also the name of the profile.
         num_replicates: Number of sets of 276 simulations, 1 to 1,000,000.
-        seed: Seed of all random numbers. Seeds that the drivers of the profile were fitted with are
-            refused.
+        seed: Seed of all random numbers. Seeds of the simulations to which the drivers of the
+            profile were fitted are refused: with them the agreement would be too good.
         overrides: New values of keys of the specification. The result then states that its
             parameters are not the published ones.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
         For each number of the paper its position among the replicates, and whether the profile was
-        fitted to it; also analyses of simulations that the paper counts in one class.
+        fitted to it; also the composition of classes of the paper, such as legal overtakes by day
+        and by night.
         `write_report` makes a page of it.
 
     Raises:

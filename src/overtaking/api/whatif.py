@@ -5,11 +5,12 @@ changed from some time on and the same random numbers; a *twin* is a simulation 
 it. An *intervention* is one change, such as of a vehicle's speed. A *data set* is a folder of
 tables with many simulations; its *manifest* (`dataset.json`) records how it was made. *Class*: the
 result of a simulation, such as `Success_L` (completed, legal); *policy*: the set of rules of law
-that decides between legal and illegal.
+that decides between legal and illegal. *Profile*: the named setting of road and traffic that a data
+set was drawn from; it has a default policy.
 
-Only simulations of this package's engine with its own drivers can be changed: recorded traffic and
-the recorded actions of a driver of the user do not react to a change, and SUMO and CARLA cannot
-change a running simulation.
+Only simulations of the package's own model (`engine`, `reference`) and drivers can be changed:
+recorded traffic and the recorded actions of a driver of the user do not react to a change, and SUMO
+and CARLA cannot change a running simulation.
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
 
@@ -39,7 +40,7 @@ else:
 
 
 Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
-"""Number of simulated futures at each instant; a thousand take 0.6 s of a processor core."""
+"""Number of simulated futures at each instant. Chosen: the largest takes a minute of a core."""
 
 
 @check_arguments
@@ -63,23 +64,25 @@ def counterfactual(
         without: Factors to remove from the weather: `wind`, `rain`, `fog`, `night` or `glare`.
         driving_style: Another driving style of the ego: `careful`, `average` or `reckless`; None
             for its own.
-        stay: Whether the ego never begins an overtake.
-        delay: Time by which the ego begins its overtake later, whatever the gaps are then, 0 to
-            60 s; None for no delay.
+        stay: Whether the ego never begins an overtake; no effect with `delay`.
+        delay: Time by which the ego begins its overtake later, even if the gaps are too small then,
+            0 to 60 [s]; None for no delay.
         interventions: Any other changes, each with the frame (recorded instant) from which it
             holds.
         start_time: Time in the simulation from which `without`, `driving_style` and `stay` hold
             [s].
         effect: `direct`: the simulation continues from its state at `start_time`. `total`: the
             simulation starts anew, and speeds and distances at the start, which depend on weather
-            and driver, are drawn again with the same random numbers.
+            and driver, are drawn again with the same random numbers; only for `without` and
+            `driving_style`, with `start_time=0`.
 
     Returns:
         Both simulations with their labels, and the first frame in which their motion differs.
 
     Raises:
-        ConfigError: A name is unknown, a time is out of its range, the ego begins no overtake that
-            could be delayed, or the simulation cannot be changed (see the top of this module).
+        ConfigError: A name is unknown, a time is out of its range, the arguments do not go
+            together, the ego begins no overtake that could be delayed, or it is no simulation of
+            the package's own model and drivers.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -117,11 +120,12 @@ def outcome_fan(
         simulation_id: Number of the simulation in the data set, from 0.
         condition_on: The common part of all futures. `truth`: the actual other vehicles and their
             drivers, which the ego cannot know. `belief`: only what the ego has noticed; all else
-            (drivers, unnoticed vehicles) is drawn anew, in agreement with it. Only this one tells
-            whether a decision was good.
+            (drivers, unnoticed vehicles) is drawn anew, in agreement with it. Use `belief` to judge
+            a decision, because the ego decided by its beliefs, not by the truth.
         futures: Number of futures at each instant, 1 to 100,000. With `belief` there may be fewer,
             where few drawn situations agree with what the ego noticed.
-        interval: Time from one instant to the next, 0.05 to 100 [s].
+        interval: Time from one instant to the next [s], 0.05 (the time between two decisions of a
+            driver) to 100.
         policy: `paper`, `default` or `strict`; None for the default of the profile.
         progress: Called with the number of instants that are done, and of all.
 
@@ -129,8 +133,8 @@ def outcome_fan(
         For each instant, the share of each class with its 95 % interval.
 
     Raises:
-        ConfigError: There is no such policy or condition, or the simulation cannot be changed (see
-            the top of this module).
+        ConfigError: There is no such policy or condition, or it is no simulation of the
+            package's own model and drivers.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -174,8 +178,9 @@ def sufficient_changes(
         sufficient as well; also the quantities without a sufficient change.
 
     Raises:
-        ConfigError: There is no such goal or policy, the simulation has reached the goal, it is a
-            branch, or it cannot be changed (see the top of this module).
+        ConfigError: There is no such goal or policy, the simulation has reached the goal already,
+            it is a branch (only original simulations are changed here), or it is no simulation
+            of the package's own model and drivers.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -213,6 +218,7 @@ def save_branches(dataset: Dataset | str | Path, branches: "Branches", out: str 
         dataset: The data set that they branch from, or its folder or URL.
         branches: Title (a few words) to a batch of one simulation, numbered from 0 in this order;
             or a `Twin`, whose original becomes simulation 0 and whose branch becomes simulation 1.
+            The manifest lists the changes, which each batch holds in `branch_origin`.
         out: Folder for the new data set, on this machine; it must not exist, or be empty.
 
     Returns:
@@ -225,33 +231,48 @@ def save_branches(dataset: Dataset | str | Path, branches: "Branches", out: str 
     from overtaking.analysis.whatif.twin import Twin
     from overtaking.data.branches import write_branches
 
-    # `told` holds both simulations of a twin as `_titled_branches` returns them.
+    # `told` is a pair of `Told`: each a batch of one simulation with its title.
     simulations = branches.told if isinstance(branches, Twin) else _titled_branches(branches)
     write_branches(load_dataset(dataset), simulations, Path(out))
     return load_dataset(out)
 
 
 def _titled_branches(branches: Any) -> "list[Told]":
-    """The branches as the writer of data sets takes them, after a check of each value."""
+    """The branches as the writer of data sets takes them.
+
+    Raises:
+        ConfigError: `branches` is no mapping or empty, or a value is no batch of one simulation.
+            `check_arguments` has not checked it, because `Branches` is `Any` at run time.
+    """
     from overtaking.data.branches import Told
 
-    # The argument is not checked before (`Branches` is `Any` at run time). A value of another type
-    # stands for itself in the loop, where it is refused.
-    is_mapping = isinstance(branches, Mapping) and len(branches) > 0
-    for batch in branches.values() if is_mapping else [branches]:
+    if not isinstance(branches, Mapping) or not branches:
+        raise _branches_error(branches)
+    for batch in branches.values():
         if not isinstance(batch, Trajectories) or batch.scenario.num_simulations != 1:
-            raise ConfigError(
-                what="branches",
-                where="save_branches",
-                expected="a Twin, or batches of one simulation, by title",
-                got=batch,
-                next_step="select one simulation, such as trajectories.select(slice(0, 1))",
-            )
+            raise _branches_error(batch)
     return [Told(title=title, run=batch) for title, batch in branches.items()]
 
 
+def _branches_error(value: object) -> ConfigError:
+    """The error for branches that cannot be saved; `value` is the argument or a part of it."""
+    return ConfigError(
+        what="branches",
+        where="save_branches",
+        expected="a Twin, or batches of one simulation, by title",
+        got=value,
+        next_step="select one simulation, such as trajectories.select(slice(0, 1))",
+    )
+
+
 def _load_scene(dataset: Dataset | str | Path, simulation_id: int) -> "Scene":
-    """Load one simulation; raises an error for one that cannot be changed."""
+    """Load a simulation that can be changed.
+
+    Raises:
+        ConfigError: It is no simulation of the package's own model and drivers.
+        DatasetError: The data set holds recorded traffic, or is damaged.
+        NoSuchSimulationError: There is no such simulation.
+    """
     from overtaking.analysis.whatif.scenes import scene_of
 
     return scene_of(load_dataset(dataset), simulation_id)

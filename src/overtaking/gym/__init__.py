@@ -53,6 +53,7 @@ __all__ = [
     "progress_legal",
 ]
 
+# `make_env`, not `OvertakingEnv`, so that the environment itself refuses the render mode `human`.
 for _name in profile_names():
     gymnasium.register(
         f"overtaking/{_name}-v0",

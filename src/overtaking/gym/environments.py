@@ -50,7 +50,8 @@ MAX_ENVS = 1_000_000
 """Largest number of environments; more is a typing error."""
 
 MAX_INDEX = 2**62
-"""Largest scenario index to begin with: later episodes, which count on from it, fit into int64."""
+"""Largest scenario index of a first episode. Later episodes have larger ones, and `info` states
+them as int64."""
 
 RENDER_MODES = ("rgb_array",)
 
@@ -59,9 +60,10 @@ _LABEL_DTYPES: dict[str, type[np.generic]] = {
     "is_legal": np.bool_,
     "num_broken": np.uint8,
 }
-"""Keys of `info` about episodes that have ended, which are attributes of `EpisodeVerdicts`.
+"""Keys of `info` about episodes that have ended, with the types of their arrays.
 
-Libraries turn the arrays into tensors of PyTorch, which lacks most other unsigned types.
+The keys are attributes of `EpisodeVerdicts`. The types exist in PyTorch as well, because libraries
+turn the arrays into its tensors.
 """
 
 Info = dict[str, Any]
@@ -110,15 +112,16 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         profile: Profile of the scenarios: a name, a TOML file, or a specification.
         num_envs: Number of environments, 1 to `MAX_ENVS`.
         observation: `human` for the perception of a human driver, or `truth` for the exact state.
-        action: Kind of the actions, a key of `CONTROLS`, such as `accel_lane` (acceleration and
-            lane change) or `decision` (one of `Move`).
-        action_repeat: Number of decisions, 20 a second, for which an action holds, 1 to 200.
+        action: Kind of the actions, a key of `ACTION_SPACES`, such as `accel_lane` (acceleration
+            and lane change) or `decision` (one of `Move`).
+        action_repeat: Number of decisions of 50 ms for which an action holds, the duration of a
+            step, 1 to 200.
         reward: A function like those in `rewards`, or a name in `REWARDS`; None for rewards of 0.
         with_labels: Whether each simulation is labelled (judged by the traffic rules) at its end.
             Labels cost more time than all steps of an episode; some rewards need them.
         normalize: Whether observations are divided by the scales of `OBSERVATION_COLUMNS`.
-        first_scenario: Scenario index of the first episode, 0 to 2^62. Training and evaluation
-            should not share any index.
+        first_scenario: Scenario index of the first episode, 0 to 2^62. Training and evaluation with
+            the same seed should not share any index.
         overrides: New values of keys of the specification, such as
             `{"traffic.vehicles": "2..6"}`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
@@ -224,9 +227,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         if "scenario_index" in options:
             scenario_index = _check_scenario_index(options["scenario_index"], len(rows))
         if seed is not None or self._episodes is None:
-            super().reset(seed=seed)
-            # Gymnasium's generator has a random seed of the system if none was given.
-            self._supply.restart(int(self.np_random.integers(2**63)) if seed is None else seed)
+            super().reset(seed=seed)  # Seeds Gymnasium's generator `np_random`.
+            if seed is None:  # The generator then has a random seed of the system.
+                seed = int(self.np_random.integers(2**63))
+            self._supply.restart(seed)
             if scenario_index is None:
                 scenarios = self._supply.take(rows)
             else:
@@ -253,9 +257,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 finite, or in the mode DISABLED an environment whose episode has ended was not
                 reset.
         """
-        episodes, was_over = self._check_all_running(), self._has_ended.copy()
+        episodes = self._check_all_running()
+        # Episodes that ended in the last step and are replaced after this one (mode NEXT_STEP).
+        was_over = self._has_ended
         clipped = clip_actions(actions, self._settings.action, self.num_envs)
-        observation = episodes.observation
+        # For the reward. `episodes.step` makes new arrays, so these values stay.
+        observation = episodes.ego_observation
         episodes.num_clipped += clipped.was_clipped & episodes.is_running
         episodes.step(clipped.values)
         ends = _find_ends(episodes, was_over)
@@ -266,17 +273,18 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         reward = np.zeros(self.num_envs)
         if self._reward is not None:
             outcome = self._outcome(ends, verdicts)
-            values = self._reward(observation, clipped.values, episodes.observation, outcome)
+            values = self._reward(observation, clipped.values, episodes.ego_observation, outcome)
             # In the mode NEXT_STEP the step after an end only begins the next episode.
             reward = np.where(was_over, 0.0, values)
         info = self._describe(episodes, ended, verdicts)
+        self._has_ended = ended
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
             info = self._restart_in_same_step(episodes, ended, info)
-            ended = np.zeros_like(ended)
+            self._has_ended = np.zeros_like(ended)  # All are replaced.
         elif self.autoreset_mode == AutoresetMode.NEXT_STEP and was_over.any():
             episodes.restart(np.flatnonzero(was_over), None)
+            # The index, stage and counts of the new episodes; labels of other rows stay.
             info |= self._describe_episodes(episodes)
-        self._has_ended = ended
         return self._observe(episodes), reward, ends.terminated, ends.truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -359,7 +367,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
     def _observe(self, episodes: EpisodeBatch) -> F32:
         """Observations as the agent gets them, shape (env, column)."""
-        return clip_observation(episodes.observations, normalize=self._normalize)
+        return clip_observation(episodes.observation_table, normalize=self._normalize)
 
     def _describe_episodes(self, episodes: EpisodeBatch) -> Info:
         """The part of `info` with a value for every environment, and its masks."""
@@ -405,6 +413,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         last_observations = np.empty(self.num_envs, object)
         for row, observation in zip(rows, self._observe(episodes)[ended], strict=True):
             last_observations[row] = observation
+        # Names with an underscore are masks; in `final_info` they are true for ended episodes only.
         final_info = {
             name: values & ended if name.startswith("_") else values
             for name, values in info.items()
@@ -423,8 +432,8 @@ class OvertakingEnv(Env[F32, Any]):
     """A single environment in which an agent drives the ego.
 
     Episodes are as in `OvertakingVectorEnv`; `info` holds plain numbers, and only the keys that
-    have a value. For training the vector environment is faster, because the engine computes up to
-    sixteen simulations at once.
+    have a value. For training the vector environment is faster, because one processor core computes
+    up to sixteen simulations at once (a number for each in a vector register).
 
     Args:
         profile: Profile of the scenarios: a name, a TOML file, or a specification.
@@ -443,6 +452,7 @@ class OvertakingEnv(Env[F32, Any]):
         self._batch = OvertakingVectorEnv(
             profile, 1, autoreset_mode=AutoresetMode.DISABLED, **settings
         )
+        # Without `autoreset_mode`, which Gymnasium defines for vector environments only.
         self.metadata = {
             name: value
             for name, value in self._batch.metadata.items()
@@ -494,9 +504,8 @@ class OvertakingEnv(Env[F32, Any]):
             ConfigError: There is no episode, it has ended, or the action has another shape or is
                 not finite.
         """
-        observations, reward, terminated, truncated, info = self._batch.step(
-            np.asarray(action)[None]
-        )
+        batch_of_one = np.asarray(action)[None]
+        observations, reward, terminated, truncated, info = self._batch.step(batch_of_one)
         return (
             observations[0],
             float(reward[0]),
@@ -526,12 +535,15 @@ class OvertakingEnv(Env[F32, Any]):
 def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
     """Episodes that ended in the last step.
 
+    An accident ends an episode at once, although the engine would simulate two more seconds.
+
     Args:
         episodes: The episodes after the step.
         was_over: Episodes that had ended before it and were not replaced, shape (env,).
     """
     has_crashed = episodes.has_crashed & ~was_over
-    # An episode may also stop in the stage DONE by running out of time; it counts as terminated.
+    # The overtake is over in the stage DONE. An episode that reaches its horizon in this stage
+    # counts as terminated, too.
     is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
     terminated = has_crashed | (is_done & ~was_over)
     truncated = ~episodes.is_running & ~terminated & ~was_over
@@ -541,9 +553,9 @@ def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
 def make_env(**settings: Any) -> OvertakingEnv:
     """Make an `OvertakingEnv`; `gymnasium.make` calls this function instead of the class.
 
-    Of a class Gymnasium would read the render modes first. For the mode `human`, which is not among
-    them, it would open a window of its own, which needs pygame. A function has no render modes, so
-    the environment itself refuses `human` with a clear error.
+    If Gymnasium called the class, it would find that the mode `human` is not in its
+    `metadata["render_modes"]`, and would open a window of its own, which needs pygame. A function
+    has no such metadata, so the environment itself refuses `human` with a clear error.
     """
     return OvertakingEnv(**settings)
 
@@ -551,8 +563,8 @@ def make_env(**settings: Any) -> OvertakingEnv:
 def draw_episode(episodes: EpisodeBatch, row: int) -> NDArray[np.uint8]:
     """The present state of the episode in a row, as an RGB picture of shape (height, width, 3).
 
-    The stepper records nothing, so the episode is simulated again up to now, and the last frame of
-    its film is drawn.
+    The engine keeps only the present state, so the episode is simulated again up to now, and the
+    last frame of its film is drawn.
     """
     from overtaking.show.video.film import Film
 
@@ -639,6 +651,7 @@ def _check_scenario_index(scenario_index: Any, num_rows: int) -> NDArray[np.uint
     Raises:
         ConfigError: There are more or fewer numbers, or one is not whole or out of range.
     """
+    # `whole_number` gives None for a value that is no whole number.
     numbers = [whole_number(number) for number in np.atleast_1d(np.asarray(scenario_index))]
     if len(numbers) != num_rows or any(n is None or not 0 <= n <= MAX_INDEX for n in numbers):
         noun = "whole number" if num_rows == 1 else "whole numbers"

@@ -50,7 +50,7 @@ from overtaking.world.step_parameters import (
 MAX_DRAWN_AHEAD = 256
 """Largest number of scenarios that a supply draws at a time, unless it has more environments.
 
-To draw one scenario costs nearly as much time as to draw several hundred.
+Chosen: to draw one scenario costs nearly as much time as to draw several hundred.
 """
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
@@ -62,6 +62,8 @@ _STAGE = EgoColumns._fields.index("stage")
 
 class SampledScenarios:
     """Scenarios that were drawn together, with the numbers that the engine computes from.
+
+    No dataclass: `sort_refs` uses batches as keys of a dictionary, each equal only to itself.
 
     Attributes:
         scenario: The batch of scenarios.
@@ -117,7 +119,7 @@ class ScenarioSupply:
     how long the episodes of the others last.
 
     Args:
-        spec: The specification (traffic, weather, drivers) to draw from.
+        spec: Description of the traffic, weather and drivers to draw from.
         road: The road of all scenarios.
         num_envs: Number of environments, n.
         first_scenario: Scenario index of the first episode.
@@ -177,7 +179,8 @@ class ScenarioSupply:
             self._next_episode[row] += np.uint64(1)
         for row, ref in zip(rows, self.draw(scenario_index), strict=True):
             self._ready[row].append(ref)
-        self._num_ahead = min(2 * self._num_ahead, max(1, MAX_DRAWN_AHEAD // self._num_envs))
+        max_ahead = max(1, MAX_DRAWN_AHEAD // self._num_envs)  # For each environment.
+        self._num_ahead = min(2 * self._num_ahead, max_ahead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,8 +189,9 @@ class EpisodeSettings:
 
     Attributes:
         num_envs: Number of environments.
-        action: Kind of the agent's actions, a key of `CONTROLS`. Some kinds, such as a path to
-            follow, become actions of another kind, which the engine carries out (`ACTION_KINDS`).
+        action: Kind of the agent's actions, a key of `ACTION_SPACES`. The engine can carry out the
+            kinds in `ACTION_KINDS`; each kind of the agent, such as a path to follow, becomes one
+            of these.
         action_repeat: Number of decisions, 20 a second, for which an action holds.
         observes_truth: Whether the agent observes the exact state, not the perception of a human.
     """
@@ -225,9 +229,9 @@ class EpisodeBatch:
     since the start of each episode, so copying takes as long as the episodes took.
 
     Attributes:
-        observations: Last observation of each episode, shape (env, `OBSERVATION_SIZE`), with the
-            columns of `model.driver_interface`. It stays after the end of an episode until the next
-            one begins.
+        observation_table: Last observation of each episode, shape (env, `OBSERVATION_SIZE`), with
+            the columns of `model.driver_interface`. It stays after the end of an episode until the
+            next one begins.
         is_running: Whether each episode goes on, shape (env,).
         scenario_index: Scenario index of each episode, shape (env,).
         num_decisions: Number of decisions since the start of each episode, shape (env,).
@@ -262,7 +266,8 @@ class EpisodeBatch:
         self.num_clipped = np.zeros(num_envs, np.int64)
         self._stepper = EngineStepper(params, self._kind, is_true=settings.observes_truth)
         observed = self._stepper.observe_start()
-        self.observations, self.is_running = observed.table, observed.runs
+        # `runs` says for each simulation whether it goes on.
+        self.observation_table, self.is_running = observed.table, observed.runs
 
     def __getstate__(self) -> dict[str, Any]:
         """All attributes but the stepper, a compiled object that cannot be pickled."""
@@ -274,14 +279,14 @@ class EpisodeBatch:
         self._stepper = self._replay_actions()
 
     @property
-    def observation(self) -> EgoObservation:
-        """The present observations of the egos with named columns, as rewards read them."""
+    def ego_observation(self) -> EgoObservation:
+        """The columns of `observation_table` by name, as rewards read them."""
         return self._observation_at(0.0)
 
     @property
     def stage(self) -> F32:
         """`Stage` of each ego's overtake, shape (env,)."""
-        return self.observations[:, _STAGE]
+        return self.observation_table[:, _STAGE]
 
     @property
     def has_crashed(self) -> Mask:
@@ -294,14 +299,15 @@ class EpisodeBatch:
         Args:
             action: Actions of the kind `settings.action`, shape (env, part), within their limits.
         """
-        control, action_repeat = ACTION_SPACES[self._settings.action], self._settings.action_repeat
+        action_space = ACTION_SPACES[self._settings.action]
+        action_repeat = self._settings.action_repeat
         self.num_step_decisions = np.zeros(self._settings.num_envs, np.int64)
-        if control.plan is None:
+        if action_space.plan is None:  # The engine can carry out the action itself.
             self._carry_out(action, action_repeat)
             return
-        # This kind of action is a plan, such as a path. At every decision, a controller computes
-        # from it what the engine carries out, such as acceleration and wheel angle.
-        follow_plan = control.plan(action, self.observation)
+        # This kind of action is a plan, such as a path. `plan` returns a function that computes at
+        # every decision what the engine carries out, such as acceleration and wheel angle.
+        follow_plan = action_space.plan(action, self.ego_observation)
         for decision in range(action_repeat):
             observation = self._observation_at(decision / float(DECISIONS_PER_SECOND))
             self._carry_out(follow_plan(observation), 1)
@@ -322,7 +328,7 @@ class EpisodeBatch:
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
         observed = self._stepper.restart(rows, params)
-        self.observations[rows], self.is_running[rows] = observed.table, observed.runs
+        self.observation_table[rows], self.is_running[rows] = observed.table, observed.runs
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index
         # `num_step_decisions` is not reset: it describes the last step, in which the previous
@@ -372,12 +378,13 @@ class EpisodeBatch:
         """The present observations of the egos with named columns.
 
         Args:
-            time: Time since the start of the step [s], by which a plan finds its next point.
+            time: Time since the start of the step [s], by which a plan finds its next point; 0 for
+                rewards, which do not read it.
         """
         return EgoObservation(
             time=time,
             is_running=self.is_running,
-            table=self.observations,
+            table=self.observation_table,
             vehicle=VehicleParameters._make(self._vehicle),
         )
 
@@ -390,9 +397,10 @@ class EpisodeBatch:
                 engine gives the same states whether an action holds or is repeated.
         """
         # Integers, in steps of each part's resolution, shape (env, MAX_ACTION_PARTS); 0 for parts
-        # that this kind of action lacks.
+        # that this kind of action lacks, and for episodes that are over.
         values = to_action_integers(action, self.is_running, self._parts)
         observed = self._stepper.step(values, num_decisions)
+        # A row that ends within the step makes fewer decisions; a row that is over makes none.
         rows = np.flatnonzero(observed.num_decisions)
         for decision in range(num_decisions):
             acting_rows = rows[observed.num_decisions[rows] > decision]
@@ -400,10 +408,11 @@ class EpisodeBatch:
             self._actions[acting_rows, episode_decision] = values[acting_rows, : len(self._parts)]
         self.num_decisions += observed.num_decisions
         self.num_step_decisions += observed.num_decisions
-        # Rows whose episode ended before this step keep their last observation. A new array is
-        # made, because rewards compare the observations before and after a step.
+        # Rows whose episode ended before this step have zeros in `observed.table`; they keep their
+        # last observation. A new array is made, because rewards compare the observations before and
+        # after a step.
         has_acted = observed.num_decisions[:, None] > 0
-        self.observations = np.where(has_acted, observed.table, self.observations)
+        self.observation_table = np.where(has_acted, observed.table, self.observation_table)
         self.is_running = observed.runs
 
     def _simulate(
@@ -420,7 +429,8 @@ class EpisodeBatch:
         values = np.zeros((len(rows), max(int(num_decisions.max()), 1), MAX_ACTION_PARTS), np.int32)
         for index, (row, length) in enumerate(zip(rows, num_decisions, strict=True)):
             values[index, :length, : len(self._parts)] = self._actions[row, :length]
-            # A simulation goes on for two seconds after an accident; the last action is repeated.
+            # An episode ends at an accident, but its simulation goes on for two seconds. Then the
+            # last action is repeated, as the engine does at the end of the array.
             values[index, length:] = values[index, max(length - 1, 0)]
         actions = Actions(values=values, kind=self._kind)
         return engine.run(join_scenarios(refs), params, actions=actions)
@@ -436,7 +446,7 @@ class EpisodeBatch:
         # whose result is discarded. Rows with start 0 have begun already.
         duration = int(self.num_decisions.max())
         start = duration - self.num_decisions
-        # In the last turn, rows without any decision begin, and no step follows.
+        # The last turn only begins the episodes that have had no decision yet; no step follows.
         for decision in range(duration + 1):
             if len(rows := np.flatnonzero((start == decision) & (start > 0))):
                 refs = sort_refs([self._refs[row] for row in rows])

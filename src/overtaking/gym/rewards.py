@@ -31,8 +31,8 @@ BREACH_COST: Final = 10.0
 class StepOutcome:
     """Outcome of a step; each array has shape (env,).
 
-    An episode (one simulation of an environment) ends by termination or truncation. The *label* is
-    the judgement of the whole simulation after its end.
+    An episode (one simulation of an environment) ends by termination or truncation. Its *label* is
+    the judgement of the whole simulation after the end: its outcome and its breaches of the law.
 
     Attributes:
         seconds: Duration of the step [s]; if the episode ended within it, the time until then.
@@ -40,8 +40,8 @@ class StepOutcome:
         truncated: The simulated time has reached its end (the horizon), or the deadline by which
             an overtake has to begin.
         has_crashed: The ego has hit another vehicle, or left the road.
-        is_judged: The next two attributes are known: the episode has ended, and the environment was
-            made with `with_labels=True`. Elsewhere both are False.
+        is_judged: The label is known: the episode has ended, and the environment was made with
+            `with_labels=True`. Elsewhere the next two attributes are False.
         is_legal: The simulation breaks no rule of the policy `default` (a set of traffic rules).
         is_completed: The overtake was completed, by the label.
     """
@@ -102,8 +102,8 @@ def progress_legal(
     """
     _check_judged(outcome, "progress_legal")
     ego, leader = next_observation.ego, next_observation.leader
-    # The deceleration on a dry road; observations do not tell how wet the road is, so on a wet road
-    # this asks for less than the rule.
+    # The deceleration on a dry road, 8 m/s^2. On a wet road the rule assumes less and demands a
+    # larger gap, but observations do not tell how wet the road is.
     decel_limit = as_f32(constant("law.safe_distance.decel_limit"))
     min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
     # The lawful gap is 0 at standstill; 1 m avoids the division by 0.
@@ -121,9 +121,8 @@ def overtake_once(
 
     The result has shape (env,).
 
-    The label decides whether the overtake was completed. The stage of the ego does not suffice: it
-    belongs to the ego's last manoeuvre, so after a second pull-out it is about another target
-    (overtaken vehicle) than the label.
+    The label decides whether the overtake was completed. The ego's stage does not suffice: it
+    belongs to the last pull-out, which may be for another vehicle than the overtake of the label.
 
     Args:
         observation: Observation before the step; not used.
@@ -136,6 +135,7 @@ def overtake_once(
     """
     del observation, action, next_observation
     _check_judged(outcome, "overtake_once")
+    # Never both: with an accident, the outcome in the label is not "completed".
     return np.where(outcome.is_completed, 1.0, -outcome.has_crashed.astype(np.float64))
 
 

@@ -49,7 +49,7 @@ class ObservationColumn:
 
 # Lower bound, upper bound and scale, in SI units. A choice: the bounds are wider than the values
 # that drivers meet, so clipping is rare; with the scale, normalized values are about 1.
-_FLAG = (0.0, 1.0, 1.0)
+_ZERO_TO_ONE = (0.0, 1.0, 1.0)
 _SIDE = (-1.0, 1.0, 1.0)  # 1 is the overtaking side, -1 the kerb side.
 _SPEED = (-100.0, 100.0, 30.0)
 _ACCEL = (-20.0, 20.0, 5.0)
@@ -83,13 +83,21 @@ _RANGES: Final = {
     "expected_closing_speed": _SPEED,
     "gap_ahead_of_leader": _GAP,
     "tall_vehicle_gap_factor": (0.0, 5.0, 1.0),  # 1 for cars, 2.2 for trucks.
-    "return_urgency": _FLAG,
-    "abort_state": _FLAG,
+    "return_urgency": _ZERO_TO_ONE,
+    "abort_state": _ZERO_TO_ONE,
 }
 """Lower bound, upper bound and scale by column name, or by group and name where groups differ.
 
 Every column has an entry, except flags.
 """
+
+
+def _range_of(group: str, name: str, unit: str) -> tuple[float, float, float]:
+    """Lower bound, upper bound and scale of a column."""
+    if unit == "flag":
+        return _ZERO_TO_ONE
+    full_name = f"{group}.{name}"
+    return _RANGES[full_name if full_name in _RANGES else name]
 
 
 def _columns() -> tuple[ObservationColumn, ...]:
@@ -100,11 +108,7 @@ def _columns() -> tuple[ObservationColumn, ...]:
         ("passing", PASSING_COLUMNS),
     ]
     return tuple(
-        ObservationColumn(
-            f"{group}.{name}",
-            unit,
-            *(_FLAG if unit == "flag" else _RANGES.get(f"{group}.{name}") or _RANGES[name]),
-        )
+        ObservationColumn(f"{group}.{name}", unit, *_range_of(group, name, unit))
         for group, columns in groups
         for name, (unit, _meaning) in columns.items()
     )
@@ -159,8 +163,8 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     """Gymnasium's space of the actions of one environment.
 
     Args:
-        action: Kind of the actions, a key of `CONTROLS`. `decision` is one of `Move` (such as to
-            pull out); all others consist of parts, such as acceleration and lane change.
+        action: Kind of the actions, a key of `ACTION_SPACES`. `decision` is one of `Move` (such as
+            to pull out); all others consist of parts, such as acceleration and lane change.
     """
     if action == "decision":
         return spaces.Discrete(len(Move))
@@ -186,7 +190,7 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
 
     Args:
         actions: Actions, shape (env, part), or (env,) for a kind with one part.
-        action: Kind of the actions, a key of `CONTROLS`.
+        action: Kind of the actions, a key of `ACTION_SPACES`.
         num_envs: Number of environments.
 
     Raises:
@@ -205,5 +209,6 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
             got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the agent",
         )
-    # `limited` clips and compares; differences below half a part's resolution count as rounding.
-    return ClippedActions(*clip_to_limits(values, parts))
+    # Also says which actions it changed by more than half a part's resolution, not by rounding.
+    clipped, was_clipped = clip_to_limits(values, parts)
+    return ClippedActions(clipped, was_clipped)

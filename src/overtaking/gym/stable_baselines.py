@@ -44,7 +44,7 @@ class StableBaselinesVecEnv(VecEnv):
         self, profile: ProfileSource, num_envs: int, *, seed: int | None = None, **settings: Any
     ) -> None:
         """Make the environments."""
-        mode = AutoresetMode.SAME_STEP  # The interface of `VecEnv` demands it.
+        mode = AutoresetMode.SAME_STEP  # `VecEnv` replaces an ended episode at once.
         self.batch = OvertakingVectorEnv(profile, num_envs, autoreset_mode=mode, **settings)
         self._first_seed, self._actions = seed, np.zeros(0)
         super().__init__(
@@ -54,8 +54,8 @@ class StableBaselinesVecEnv(VecEnv):
     def reset(self) -> F32:
         """Begin new episodes in all environments; return their observations, shape (env, column).
 
-        The seed is the one that `VecEnv.seed` was given since the last reset, else at the first
-        reset the one of the constructor; otherwise the sequence of scenarios continues.
+        If `VecEnv.seed` was called since the last reset, its seed is used; else, at the first
+        reset, the seed of the constructor. Without a seed the sequence of scenarios continues.
         """
         # `VecEnv.seed` stores a seed for each environment in `_seeds`. The batch has one seed for
         # all, and the scenarios of its environments differ anyway, so the first one is used.
@@ -119,7 +119,7 @@ class StableBaselinesVecEnv(VecEnv):
 
 
 def _only_together(name: str) -> ConfigError:
-    """The error for a method of `VecEnv` that treats environments singly."""
+    """The error for a method of `VecEnv` that is for a single environment."""
     return ConfigError(
         what=name,
         where="StableBaselinesVecEnv",

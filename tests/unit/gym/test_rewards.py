@@ -94,7 +94,7 @@ def test_progress_of_an_environment_follows_from_its_observations():
     index = [column.name for column in envs.OBSERVATION_COLUMNS].index("ego.s")
     before, _ = env.reset(seed=2)
     assert env._episodes
-    wished_speed = env._episodes.observation.vehicle.desired_speed.astype(float)
+    wished_speed = env._episodes.ego_observation.vehicle.desired_speed.astype(float)
     losses = []
     for _ in range(10):
         after, reward, terminated, *_ = env.step(np.full(8, ot.Move.KEEP))
