@@ -7,6 +7,7 @@ becomes a simulation with the positions of the recording; nothing is simulated.
 *The paper* is the published study that the package reproduces (Pinto, Dutra and Fonseca 2023);
 `pinto2023` is the format of its table. A *finding* is a contradiction or doubt in a recording, such
 as speeds in another unit than stated. *Facts* are the content of a data set as logic statements.
+*Profile*: the named setting of road and traffic that a data set was drawn from.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
@@ -92,7 +93,8 @@ def export_dataset(
         options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
             more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
             facts that only the rules of law read. For `popper`: `about`, the fact to learn:
-            `legal` (the default), `collision`, or `start` (whether now is no time to begin).
+            `legal` (the default), `collision`, or `start` (true where this is no instant to start
+            an overtake).
 
     Returns:
         Number of rows (`pinto2023`), of vehicle states (`commonroad`, `highd`, `openscenario`) or
@@ -277,7 +279,8 @@ def import_recording(
             `attempts_only=True` omits vehicles that follow another and never move left (not for
             `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by
             default (not for `pinto2023`).
-            `lanelet` is the id of a lanelet on the road to read, in a CommonRoad file with several;
+            `lanelet` is the id of a lanelet (a piece of a lane) on the road to read, for a
+            CommonRoad file with several roads;
             `direction`, 1 or 2, selects a carriageway of highD.
             `road` is the road that a table was recorded on: a name, an OpenDRIVE file, or a `Road`.
             `columns`, required for a `table`, states which column holds which quantity in which

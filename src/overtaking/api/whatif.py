@@ -81,8 +81,8 @@ def counterfactual(
 
     Raises:
         ConfigError: A name is unknown, a time is out of its range, the arguments do not go
-            together, the ego begins no overtake that could be delayed, or it is no simulation of
-            the package's own model and drivers.
+            together, the ego begins no overtake that could be delayed, or SUMO, CARLA or a driver
+            of the user made the simulation.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -133,8 +133,8 @@ def outcome_fan(
         For each instant, the share of each class with its 95 % interval.
 
     Raises:
-        ConfigError: There is no such policy or condition, or it is no simulation of the
-            package's own model and drivers.
+        ConfigError: There is no such policy or condition, or SUMO, CARLA or a driver
+            of the user made the simulation.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -179,8 +179,8 @@ def sufficient_changes(
 
     Raises:
         ConfigError: There is no such goal or policy, the simulation has reached the goal already,
-            it is a branch (only original simulations are changed here), or it is no simulation
-            of the package's own model and drivers.
+            it is a branch (only original simulations are changed here), or SUMO,
+            CARLA or a driver of the user made the simulation.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
@@ -269,7 +269,7 @@ def _load_scene(dataset: Dataset | str | Path, simulation_id: int) -> "Scene":
     """Load a simulation that can be changed.
 
     Raises:
-        ConfigError: It is no simulation of the package's own model and drivers.
+        ConfigError: SUMO, CARLA or a driver of the user made the simulation.
         DatasetError: The data set holds recorded traffic, or is damaged.
         NoSuchSimulationError: There is no such simulation.
     """
