@@ -1,4 +1,4 @@
-"""Tables of clean simulations, and faults that are injected into them at random.
+"""Faults that are injected at random into tables of clean simulations (`simulated_tables`).
 
 A fault that a recording can have is one more function in `FAULTS`. Where a check has a limit, the
 size of the fault is drawn between two and ten times the limit (`beyond`). The docstring of a
@@ -10,17 +10,22 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from tests.support.simulated_tables import (
+    MAP,
+    NUM_TOGETHER,
+    PROFILES,
+    SEED,
+    simulate_profile,
+    table_of,
+)
 
-import overtaking as ot
 from overtaking.core.errors import ImportFormatError
-from overtaking.model.trajectories import STATE_RESOLUTION
-from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings import recording_checks
 from overtaking.recordings.column_map import column_map
 from overtaking.recordings.findings import Check
@@ -43,95 +48,9 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from overtaking.model.road import Road
-    from overtaking.model.trajectories import Trajectories
     from overtaking.recordings.findings import Finding
 
-PROFILES = ("pinto2023-physical", "motorway", "rural")
-SEED = 20
-PAUSE_S = 500.0  # From the start of one to that of the next, more than the longest takes [s].
-NUM_TOGETHER = {"pinto2023-physical": 5, "motorway": 2, "rural": 2}
-"""Simulations of a table; those of the paper have three vehicles, the others some thirty."""
-
-MAP: Mapping[str, Any] = {
-    "columns": {
-        "vehicle": "id",
-        "time": "t [s]",
-        "x": "x [m]",
-        "y": "y [m]",
-        "length": "length [m]",
-        "width": "width [m]",
-        "type": "kind",
-        "speed": "v [m/s]",
-        "vx": "vx [m/s]",
-        "vy": "vy [m/s]",
-        "heading": "heading [rad]",
-        "accel_lon": "a [m/s^2]",
-    },
-    "types": {
-        "car": ["car"],
-        "van": ["van"],
-        "truck": ["truck"],
-        "motorcycle": ["motorcycle"],
-        "bicycle": ["bicycle"],
-    },
-}
-"""The map of columns of `table_of`."""
-
-_WORDS = {
-    VehicleKind.VAN: "van",
-    VehicleKind.TRUCK: "truck",
-    VehicleKind.MOTORCYCLE: "motorcycle",
-    VehicleKind.BICYCLE: "bicycle",
-}
-"""The type of a vehicle in the table; other kinds are cars."""
-
 _MIN_ROWS = 50  # Rows of a vehicle that gets a fault: 2.5 s at 20 Hz.
-
-
-@cache
-def simulations(profile: str, count: int, seed: int = SEED) -> Trajectories:
-    """Simulations, some of which end with a collision or beside the road."""
-    return ot.simulate(ot.sample(profile, num_simulations=count, seed=seed))
-
-
-def table_of(run: Trajectories, simulations: range) -> pd.DataFrame:
-    """A table of the vehicles of some simulations, one after the other.
-
-    A single one has too few vehicles to tell the course of the road.
-    """
-    parts = [_table_of_one(run, number % len(run.num_frames)) for number in simulations]
-    shifted = [
-        part.assign(id=part.id + 100 * number, t=part.t + PAUSE_S * number)
-        for number, part in enumerate(parts)
-    ]
-    return pd.concat(shifted, ignore_index=True)
-
-
-def _table_of_one(run: Trajectories, simulation: int) -> pd.DataFrame:
-    bodies = run.scenario.vehicles
-    slot, frame = np.nonzero(run.state_mask[simulation])
-    x, y, speed, heading, accel = (
-        getattr(run.states, name)[simulation, slot, frame] * STATE_RESOLUTION[name]
-        for name in ("x", "y", "speed", "heading", "accel_lon")
-    )
-    return pd.DataFrame(
-        {
-            "id": slot + 1,
-            "t": np.asarray(run.time_ms)[frame] * 1e-3,
-            "x": x,
-            "y": y,
-            "length": bodies.length[simulation, slot].astype(np.float64),
-            "width": bodies.width[simulation, slot].astype(np.float64),
-            "kind": [
-                _WORDS.get(VehicleKind(kind), "car") for kind in bodies.kind[simulation, slot]
-            ],
-            "v": speed,
-            "vx": speed * np.cos(heading),
-            "vy": speed * np.sin(heading),
-            "heading": heading,
-            "a": accel,
-        }
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -724,7 +643,7 @@ def inject_faults(name: str, count: int) -> list[Examined]:
     profiles = ("rural",) if name == "mirrored_traffic" else PROFILES
     for number in range(count):
         profile = profiles[number % len(profiles)]
-        run = simulations(profile, 20)
+        run = simulate_profile(profile, 20)
         first = int(random.integers(20))
         table = table_of(run, range(first, first + NUM_TOGETHER[profile]))
         results.append(examine_fault(FAULTS[name](table, random), run.road))

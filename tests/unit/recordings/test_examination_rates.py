@@ -6,15 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.table_faults import (
-    FAULTS,
-    MAP,
-    PROFILES,
-    SEED,
-    inject_faults,
-    simulations,
-    table_of,
-)
+from tests.support.simulated_tables import MAP, PROFILES, SEED, simulate_profile, table_of
+from tests.support.table_faults import FAULTS, inject_faults
 
 from overtaking.recordings import pinto2023
 from overtaking.recordings.column_map import column_map
@@ -36,7 +29,7 @@ COLUMNS = column_map(MAP)
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_clean_table_has_no_findings(profile):
-    run = simulations(profile, 20)
+    run = simulate_profile(profile, 20)
     rows = track_rows_from_table(table_of(run, range(NUM_TOGETHER)), COLUMNS)
     assert recording_of(rows, COLUMNS, "test", road=run.road).findings == ()
 
@@ -63,7 +56,7 @@ def test_99_of_100_injected_faults_are_found(name, record_property):
 
 def false_findings(profile: str, count: int, folder: Path) -> list[str]:
     """Findings of the examination in clean simulations, written in five formats."""
-    run = simulations(profile, count, SEED + 1)
+    run = simulate_profile(profile, count, SEED + 1)
     found: list[str] = []
     for simulation in range(count):
         part = run.select(slice(simulation, simulation + 1))
