@@ -47,7 +47,7 @@ def timed(decisions: Callable[[], int]) -> Rates:
 
 def steps(scenario: ot.Scenario, hold: int) -> int:
     """Drive a batch to its end with a constant action."""
-    batch = new_stepper(step_parameters(scenario), "accel_lane", is_true=False)
+    batch = new_stepper(step_parameters(scenario), "accel_lane", observes_truth=False)
     constant = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     _, runs, _ = batch.observe_start()
     count = 0

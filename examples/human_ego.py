@@ -141,7 +141,7 @@ class HumanEgo:
         passed = ego.has_passed_target > 0
         may = accepts_return_gaps(self.given, view, view.tall_vehicle_gap_factor) & (passed | stuck)
         if self.given.road.has_oncoming_traffic:
-            room = accepts_urgent_return_gaps(self.given, self.given.simulations, view)
+            room = accepts_urgent_return_gaps(self.given, view)
             squeezes = (observation.passing.return_urgency > PRESSED) & room & passed
             may, rested = may | squeezes, rested | squeezes
         wants = np.where(view.is_scripted, passed, may)

@@ -94,7 +94,7 @@ def test_a_child_writes_a_data_set(tmp_path):
 
 def test_a_child_is_refused_simulations_that_its_parent_began():
     scenarios = ot.sample("pinto2023-physical", num_simulations=2, seed=1)
-    simulations = new_stepper(step_parameters(scenarios), None, is_true=True)
+    simulations = new_stepper(step_parameters(scenarios), None, observes_truth=True)
     simulations.observe_start()
     orders = np.zeros((2, MAX_ACTION_PARTS), np.int32)
     answers = multiprocessing.get_context("fork").SimpleQueue()

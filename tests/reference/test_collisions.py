@@ -181,10 +181,10 @@ def crash(
     )
     old = copied(state)
     near = {(0, 1): np.array([True])}
-    c, during = given_.constants, (7, np.float32(STEP))
-    frame = collisions.pair_frame(given_.road, p, 0, 1)
-    hit = collisions._find_impact(copied(state), c, p, near[0, 1], before, during, (0, 1), frame)
-    collisions.resolve_contacts(state, c, given_.road, p, near, before, *during)
+    during = (7, np.float32(STEP))
+    frame = collisions.pair_frame(given_, 0, 1)
+    hit = collisions._find_impact(copied(state), given_, near[0, 1], before, during, (0, 1), frame)
+    collisions.resolve_contacts(state, given_, near, before, *during)
     return Crash(before=old, after=state, p=p, hit=hit)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,26 +59,24 @@ class World:
         self.step = 0
 
     def decide(self) -> collisions.Pairs:
-        return decide(self.state, self.given, self.p, self.q, self.recorder, self.step)
+        return decide(self.state, self.given, self.recorder, self.step)
 
     def stride(self) -> None:
         """From one decision to the next at once."""
         pairs = self.decide()
-        advance(self.state, self.given, self.p, self.q, pairs, self.step, SUBSTEPS)
+        advance(self.state, self.given, pairs, self.step, SUBSTEPS)
         self.step += SUBSTEPS
 
     def creep(self) -> None:
         """The same in steps of a millisecond."""
         pairs, state = self.decide(), self.state
-        c = self.given.constants.replace(step=FINE)
+        given = replace(self.given, constants=self.given.constants.replace(step=FINE))
         state.end_step[:] = 1e9
         for k in range(50):
             before = (state.s, state.d)
-            angle = steering.steer(state, c, self.p, self.q.max_lateral_accel, c.step)
-            vehicle_dynamics.advance_motion(state, c, self.p, angle, c.step)
-            collisions.resolve_contacts(
-                state, c, self.given.road, self.p, pairs, before, 10 * self.step + k, c.step
-            )
+            angle = steering.steer(state, given, self.q.max_lateral_accel, FINE)
+            vehicle_dynamics.advance_motion(state, given, angle, FINE)
+            collisions.resolve_contacts(state, given, pairs, before, 10 * self.step + k, FINE)
         self.step += SUBSTEPS
 
 

@@ -84,14 +84,14 @@ VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto202
 
 
 @pytest.mark.parametrize(
-    ("kind", "profile", "is_true"),
+    ("kind", "profile", "observes_truth"),
     [(kind, *view) for kind, view in zip(ACTION_KINDS, cycle(VIEWS), strict=False)],
 )
-def test_both_engines_observe_the_same_bits(kind, profile, is_true):
+def test_both_engines_observe_the_same_bits(kind, profile, observes_truth):
     given = step_parameters(scenes(10, profile, **SHORTER))
     values = random_actions(kind, (10, 161), seed=2).values
     pair = [
-        new_stepper(given, kind, is_true=is_true, simulator=name)
+        new_stepper(given, kind, observes_truth=observes_truth, simulator=name)
         for name in ("engine", "reference")
     ]
     (table, runs, _), (expected, still, _) = (one.observe_start() for one in pair)
@@ -119,7 +119,7 @@ def test_the_numbers_of_an_observation_have_their_names():
     assert _core.FIELD_NAMES["neighbour"] == tuple(NEIGHBOUR_COLUMNS)
     assert _core.FIELD_NAMES["passing"] == tuple(PASSING_COLUMNS)
     given = step_parameters(scenes(3))
-    table, runs, _ = new_stepper(given, "accel_lane", is_true=True).observe_start()
+    table, runs, _ = new_stepper(given, "accel_lane", observes_truth=True).observe_start()
     assert table.shape == (3, OBSERVATION_SIZE)
     assert (
         len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)

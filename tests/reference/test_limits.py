@@ -203,7 +203,7 @@ def test_another_driver_sees_the_same_bits_on_both_engines():
     given = step_parameters(batch)
     told = []
     for simulator in ("engine", "reference"):
-        stands = new_stepper(given, "decision", is_true=False, simulator=simulator)
+        stands = new_stepper(given, "decision", observes_truth=False, simulator=simulator)
         rows = [stands.observe_start()[0]]
         rows += [stands.step(np.zeros((4, MAX_ACTION_PARTS), np.int32), 3)[0] for _ in range(30)]
         told.append(np.array(rows))

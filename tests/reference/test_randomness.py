@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -18,9 +17,6 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 from overtaking.sim.reference import road_conditions
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.step_parameters import StepParameters, step_parameters
-
-if TYPE_CHECKING:
-    from overtaking.world.weather_parameters import SimulationParameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")
@@ -47,23 +43,23 @@ class Runs:
 LATER = (0, 20, 40, 80, 160, 400)
 
 
-def started(index: list[int], seed: int = 5) -> tuple[StepParameters, SimulationParameters]:
+def started(index: list[int], seed: int = 5) -> StepParameters:
     vehicles = [Vehicle(kind="M", s=30.0 * k, speed=SPEED) for k in range(SLOTS)]
     world = scenario(
         *[vehicles] * len(index), road=wide_road(), index=index, seed=seed,
         weather={"wind": 5.0 * WIND, "wind_direction": math.pi / 2.0},
     )  # fmt: skip
     given = step_parameters(world)
-    return given, given.simulations
+    return given
 
 
 @pytest.fixture(scope="module")
 def runs() -> Runs:
-    given, q = started(list(range(SIMULATIONS)))
+    given = started(list(range(SIMULATIONS)))
     state = initial_state(given)
     kept = {}
     for decision in range(LATER[-1] + 1):
-        road_conditions.update_random_processes(state, given, given.vehicles, q, decision)
+        road_conditions.update_random_processes(state, given, decision)
         if decision in LATER:
             kept[decision] = {name: getattr(state, name).copy() for name in NAMES}
     return Runs(values=kept)
@@ -123,10 +119,10 @@ def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
 
 def test_a_simulation_has_the_same_gusts_in_any_batch():
     alone, together = started([77]), started([3, 77, 500])
-    states = [initial_state(given) for given, _ in (alone, together)]
+    states = [initial_state(given) for given in (alone, together)]
     for decision in range(30):
-        for state, (given, q) in zip(states, (alone, together), strict=True):
-            road_conditions.update_random_processes(state, given, given.vehicles, q, decision)
+        for state, given in zip(states, (alone, together), strict=True):
+            road_conditions.update_random_processes(state, given, decision)
     for name in NAMES:
         one, three = (getattr(state, name) for state in states)
         np.testing.assert_array_equal(one[:, 0], three[:, 1])
@@ -136,8 +132,8 @@ def test_a_simulation_has_the_same_gusts_in_any_batch():
 def test_another_seed_gives_other_gusts():
     states = []
     for seed in (5, 6):
-        given, q = started([1], seed)
+        given = started([1], seed)
         state = initial_state(given)
-        road_conditions.update_random_processes(state, given, given.vehicles, q, 0)
+        road_conditions.update_random_processes(state, given, 0)
         states.append(state)
     assert (states[0].gust != states[1].gust).all()

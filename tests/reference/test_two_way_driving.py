@@ -44,13 +44,13 @@ def rural(numbers, seed: int = 7, **changes: object):
 
 @pytest.mark.ci
 @pytest.mark.parametrize(
-    ("kind", "is_true"), list(zip(ACTION_KINDS, cycle([False, True]), strict=False))
+    ("kind", "observes_truth"), list(zip(ACTION_KINDS, cycle([False, True]), strict=False))
 )
-def test_both_engines_observe_the_same_bits(kind, is_true):
+def test_both_engines_observe_the_same_bits(kind, observes_truth):
     given = step_parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
     pair_of = [
-        new_stepper(given, kind, is_true=is_true, simulator=name)
+        new_stepper(given, kind, observes_truth=observes_truth, simulator=name)
         for name in ("engine", "reference")
     ]
     (table, runs, _), (expected, still, _) = (one.observe_start() for one in pair_of)
@@ -203,7 +203,7 @@ def test_a_sensor_sees_those_who_come_within_its_range(repository):
 def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     world = scenario(pair(), road=road(), horizon=14.0)
     given = step_parameters(world)
-    steps = new_stepper(given, "decision", is_true=True)
+    steps = new_stepper(given, "decision", observes_truth=True)
     table, runs, _ = steps.observe_start()
     moves = []
     while runs.any():

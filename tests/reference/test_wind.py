@@ -140,7 +140,7 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     q = given.simulations
     return (
         places,
-        road_conditions.discrete_gust(state, given, given.vehicles, q)[0].astype(np.float64),
+        road_conditions.discrete_gust(state, given)[0].astype(np.float64),
         float(q.gust_length[0]),
     )
 
@@ -177,8 +177,7 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     )
     given = step_parameters(world, EnabledEffects(gusts=False))
     state = initial_state(given)
-    fields = given.vehicles, given.simulations
-    road_conditions.update_wind(state, given, *fields)
+    road_conditions.update_wind(state, given)
     return float(state.wind_force[0, 0])
 
 

@@ -83,11 +83,11 @@ class Bench:
 
     def move(self, wheel: F64) -> None:
         """Advance everything by one step with this wheel angle in its middle."""
-        vehicle_dynamics.advance_motion(self.state, self.c, self.p, wheel, self.c.step)
+        vehicle_dynamics.advance_motion(self.state, self.given, wheel, self.c.step)
 
     def steer(self, side_accel: F64) -> F64:
         """Let drivers steer for one step; the wheel angle in its middle."""
-        return steering.steer(self.state, self.c, self.p, side_accel, self.c.step)
+        return steering.steer(self.state, self.given, side_accel, self.c.step)
 
     def drive_one(self, wheel: F64) -> dict[str, float]:
         """Advance the first simulation, and whatever else is there, by one step."""
@@ -103,9 +103,9 @@ class Bench:
     def decide(self) -> None:
         """What the world does to the vehicles at a decision."""
         if self.grips:
-            road_conditions.update_friction(self.state, self.given, self.p, self.q)
+            road_conditions.update_friction(self.state, self.given)
         if self.blows:
-            road_conditions.update_wind(self.state, self.given, self.p, self.q)
+            road_conditions.update_wind(self.state, self.given)
 
 
 def bench(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -196,11 +196,12 @@ def looped(step: float) -> np.ndarray:
     state.accel = zero + of_each("accel")
     rows = []
     decision = round(DECISION / step)
+    at_decisions = replace(test.given, constants=test.c.replace(decision=DECISION))
     for k in range(round(LONG / step)):
         if k % decision == 0:
             rows.append([getattr(state, name)[0].copy() for name in KEPT])
             blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
-            steering.update_wind_trim(state, test.c.replace(decision=DECISION), test.p, k)
+            steering.update_wind_trim(state, at_decisions, k)
         test.move(test.steer(np.full_like(test.q.max_lateral_accel, most)))
     return np.array(rows).transpose(2, 0, 1)
 

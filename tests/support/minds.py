@@ -47,14 +47,14 @@ class Moment:
 
     def neighbours(self) -> Neighbours:
         """Who drives around whom."""
-        return find_neighbours(self.state, self.given, self.p)
+        return find_neighbours(self.state, self.given)
 
     def look(self) -> Beliefs:
         """One decision's worth of everybody looking around."""
         perception.record_history(self.state, self.decision)
         looks = np.ones(self.state.s.shape, np.bool_)
         believed = perception.form_beliefs(
-            self.state, self.given, self.p, self.q, self.neighbours(), self.decision, looks
+            self.state, self.given, self.neighbours(), self.decision, looks
         )
         self.decision += 1
         return believed
@@ -76,5 +76,5 @@ def moment(
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
     given = step_parameters(world, effects)
     state, p = initial_state(given), given.vehicles
-    perception.draw_shoulder_check(state, given, p, p.valid > 0, 0)
+    perception.draw_shoulder_check(state, given, p.valid > 0, 0)
     return Moment(given=given, state=state, p=p, q=given.simulations)

@@ -264,7 +264,7 @@ class EpisodeBatch:
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)
         self.num_clipped = np.zeros(num_envs, np.int64)
-        self._stepper = EngineStepper(params, self._kind, is_true=settings.observes_truth)
+        self._stepper = EngineStepper(params, self._kind, observes_truth=settings.observes_truth)
         observed = self._stepper.observe_start()
         # `runs` says for each simulation whether it goes on.
         self.observation_table, self.is_running = observed.table, observed.runs
@@ -438,7 +438,7 @@ class EpisodeBatch:
     def _replay_actions(self) -> EngineStepper:
         """A new stepper in which every episode has its present state."""
         params = join_parameters(sort_refs(self._refs))
-        stepper = EngineStepper(params, self._kind, is_true=self._settings.observes_truth)
+        stepper = EngineStepper(params, self._kind, observes_truth=self._settings.observes_truth)
         stepper.observe_start()
         # The stepper advances all rows together, but their episodes have different ages. So each
         # row starts its episode again when as many decisions remain as the episode has had, and all

@@ -114,9 +114,9 @@ def simulate_versions(
     Raises:
         ConfigError: There is no such frame.
     """
-    given = step_parameters(scenario)
-    last = max(given.num_frames - 1, 0)
-    turns: list[ParameterSwitch] = []
+    params = step_parameters(scenario)
+    last = max(params.num_frames - 1, 0)
+    switches: list[ParameterSwitch] = []
     for one in versions:
         is_beyond = one.frame > last and scenario.num_simulations > 0
         if one.frame < 0 or is_beyond:
@@ -130,10 +130,10 @@ def simulate_versions(
             with_forced_decision(then, int(one.decision)), judgement_errors=one.judgement_errors
         )
         if one.frame == 0:
-            given = then
+            params = then
         else:
-            turns.append(ParameterSwitch(one.frame * given.steps_per_frame, then))
-    return run(scenario, given, turns)
+            switches.append(ParameterSwitch(one.frame * params.steps_per_frame, then))
+    return run(scenario, params, switches)
 
 
 def _origin_of(source: Scenario | Trajectories) -> BranchOrigin:

@@ -52,8 +52,8 @@ def simulate(
 
 def run(
     scenario: Scenario,
-    given: StepParameters,
-    later: Sequence[ParameterSwitch] = (),
+    params: StepParameters,
+    switches: Sequence[ParameterSwitch] = (),
     *,
     actions: Actions | None = None,
     level: str | None = None,
@@ -63,19 +63,19 @@ def run(
 
     Args:
         scenario: A batch of scenarios.
-        given: Its parameters.
-        later: Parameters that take over at later steps, in their order.
+        params: Parameters of the batch.
+        switches: Parameters that take over at later steps, in their order.
         actions: What another driver did with the ego; None for the model's own.
         level: As in `simulate`.
         buffers: As in `simulate`.
     """
-    room = -(-given.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
+    room = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     outputs = _allocate_outputs(
         scenario.num_simulations, scenario.num_slots, room, buffers or Buffers()
     )
     forced = simd_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
-    afterwards = [
+    later = [
         (
             one.vehicle_table.reshape(-1),
             one.simulation_table.reshape(-1),
@@ -83,20 +83,20 @@ def run(
             _flat(one.judgement_errors),
             step,
         )
-        for step, one in later
+        for step, one in switches
     ]
     _core.simulate(
-        vehicle=given.vehicle_table.reshape(-1),
-        simulation=given.simulation_table.reshape(-1),
-        index=given.scenario_index,
+        vehicle=params.vehicle_table.reshape(-1),
+        simulation=params.simulation_table.reshape(-1),
+        index=params.scenario_index,
         slots=scenario.num_slots,
         frames=room,
-        seed=given.seed,
-        steps_per_frame=given.steps_per_frame,
-        road=road_values(given),
-        constants=engine_constants(given.constants),
+        seed=params.seed,
+        steps_per_frame=params.steps_per_frame,
+        road=road_values(params),
+        constants=engine_constants(params.constants),
         outputs=flat,
-        later=afterwards,
+        later=later,
         actions=None if actions is None else (actions.kind, actions.values),
         level=forced,
     )
@@ -107,9 +107,9 @@ def _flat(judged: F32 | None) -> F32 | None:
     return None if judged is None else judged.reshape(-1)
 
 
-def road_values(given: StepParameters) -> dict[str, Any]:
+def road_values(params: StepParameters) -> dict[str, Any]:
     """The road as the compiled engine takes it."""
-    road = given.road
+    road = params.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
     return {
         "num_lanes": road.num_lanes,

@@ -127,26 +127,26 @@ def drive(
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
     """
-    given = step_parameters(scenario)
-    return run(scenario, given, actions=record_actions(scenario, given, driver, simulator))
+    params = step_parameters(scenario)
+    return run(scenario, params, actions=record_actions(scenario, params, driver, simulator))
 
 
 def record_actions(
-    scenario: Scenario, given: StepParameters, driver: Driver, simulator: str
+    scenario: Scenario, params: StepParameters, driver: Driver, simulator: str
 ) -> Actions:
     """The actions of a driver in a batch; a simulation with these actions is the one it observed.
 
     Args:
         scenario: A batch of scenarios.
-        given: Its parameters.
+        params: Parameters of the batch.
         driver: The driver.
         simulator: `engine` or `reference`; both let it do the same.
     """
-    last = int(given.simulations.last_step.max(initial=0.0))
+    last = int(params.simulations.last_step.max(initial=0.0))
     log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MAX_ACTION_PARTS), np.int32)
     clipped = np.zeros(scenario.num_simulations, np.int64)
     if scenario.num_simulations:
-        for decision, values in _decisions(scenario, given, driver, simulator, clipped):
+        for decision, values in _decisions(scenario, params, driver, simulator, clipped):
             rows = log[:, decision : decision + len(values)]
             rows[...] = values.swapaxes(0, 1)[:, : rows.shape[1]]
     return Actions(values=log, kind=driver.action_space.kind, num_clipped=clipped)
@@ -154,7 +154,7 @@ def record_actions(
 
 def _decisions(
     scenario: Scenario,
-    given: StepParameters,
+    params: StepParameters,
     driver: Driver,
     simulator: str,
     clipped: NDArray[np.int64],
@@ -164,11 +164,11 @@ def _decisions(
     Counts the answers that were beyond the limits.
     """
     control, sensor, action_repeat = driver.action_space, driver.observation, driver.action_repeat
-    is_true = sensor != "human"
+    observes_truth = sensor != "human"
     if (reset := getattr(driver.function, "reset", None)) is not None:
         reset(scenario)
-    steps = new_stepper(given, control.kind, is_true=is_true, simulator=simulator)
-    eyes = _Observer(scenario, given, sensor if isinstance(sensor, Sensor) else None)
+    steps = new_stepper(params, control.kind, observes_truth=observes_truth, simulator=simulator)
+    eyes = _Observer(scenario, params, sensor if isinstance(sensor, Sensor) else None)
     observation, decision = eyes.observe(steps.observe_start(), 0), 0
     while observation.is_running.any():
         answer, num_clipped = clip_to_limits(
@@ -194,9 +194,9 @@ def _decisions(
 class _Observer:
     """Makes observations of a batch from the numbers of the engines."""
 
-    def __init__(self, scenario: Scenario, given: StepParameters, sensor: Sensor | None) -> None:
-        self._scenario, self._vehicle = scenario, given.vehicles.at_slots(0)
-        self._sensing = SensorArray(sensor, scenario, given) if sensor else None
+    def __init__(self, scenario: Scenario, params: StepParameters, sensor: Sensor | None) -> None:
+        self._scenario, self._vehicle = scenario, params.vehicles.at_slots(0)
+        self._sensing = SensorArray(sensor, scenario, params) if sensor else None
 
     def observe(self, stepped: SteppedObservation, decision: int) -> Observation:
         table, active = stepped.table, stepped.runs

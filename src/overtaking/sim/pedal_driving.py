@@ -35,75 +35,73 @@ class PedalDriving(Protocol):
         ...
 
 
-def pedal_driving(given: StepParameters) -> PedalDriving:
-    """The fastest way to move the vehicles of a batch of one.
+def pedal_driving(params: StepParameters) -> PedalDriving:
+    """The engine for a batch of one, or the reference if the engine has too few slots for it.
 
     Args:
-        given: Their parameters, with the lengths of step and tick among the constants.
+        params: Parameters with the lengths of step and tick among the constants.
     """
-    is_small = given.vehicle_table.shape[1] <= _core.MAX_VEHICLES
-    return EnginePedalDriving(given) if is_small else ReferencePedalDriving(given)
+    is_small = params.vehicle_table.shape[1] <= _core.MAX_VEHICLES
+    return EnginePedalDriving(params) if is_small else ReferencePedalDriving(params)
 
 
 class ReferencePedalDriving:
     """The reference, for any number of vehicles.
 
     Args:
-        given: As in `mover`.
+        params: As in `pedal_driving`.
     """
 
-    def __init__(self, given: StepParameters) -> None:
-        """Name the parameters."""
-        self.constants, self._given = given.constants, given
-        self._p = given.vehicles
-        self._q = given.simulations
+    def __init__(self, params: StepParameters) -> None:
+        """Keep the parameters."""
+        self.constants, self._params = params.constants, params
 
     def weather(self, state: State, decision: int) -> None:
-        """See `Mover`."""
-        reference.update_weather(state, self._given, self._p, self._q, decision)
+        """See `PedalDriving`."""
+        reference.update_weather(state, self._params, decision)
 
     def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """See `Mover`."""
-        reference.drive(state, self.constants, self._p, controls, steps)
+        """See `PedalDriving`."""
+        reference.drive(state, self._params, controls, steps)
 
 
 class EnginePedalDriving:
     """The compiled engine.
 
     Args:
-        given: As in `mover`, with no more vehicles than the engine has slots.
+        params: As in `pedal_driving`, with no more vehicles than the engine has slots.
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
         ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
 
-    def __init__(self, given: StepParameters, level: str | None = None) -> None:
+    def __init__(self, params: StepParameters, level: str | None = None) -> None:
         """Turn the parameters into what the engine takes."""
-        self.constants = given.constants
+        self.constants = params.constants
         self._level = simd_level(level)
-        self._given: dict[str, Any] = {
-            "vehicle": np.ascontiguousarray(given.vehicle_table, np.float32).reshape(-1),
-            "simulation": np.ascontiguousarray(given.simulation_table, np.float32).reshape(-1),
-            "index": given.scenario_index,
-            "slots": given.vehicle_table.shape[1],
-            "seed": given.seed,
-            "road": road_values(given),
-            "constants": engine_constants(given.constants),
+        self._inputs: dict[str, Any] = {
+            "vehicle": np.ascontiguousarray(params.vehicle_table, np.float32).reshape(-1),
+            "simulation": np.ascontiguousarray(params.simulation_table, np.float32).reshape(-1),
+            "index": params.scenario_index,
+            "slots": params.vehicle_table.shape[1],
+            "seed": params.seed,
+            "road": road_values(params),
+            "constants": engine_constants(params.constants),
         }
 
     def weather(self, state: State, decision: int) -> None:
-        """See `Mover`."""
+        """See `PedalDriving`."""
         table = _table(state)
-        _core.weather_driven(self._given, table, decision, self._level)
+        _core.weather_driven(self._inputs, table, decision, self._level)
         _spread(state, table)
 
     def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """See `Mover`."""
+        """See `PedalDriving`."""
         table = _table(state)
         rows = [controls.throttle, controls.brake, controls.wheel_angle]
         wanted = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
-        _core.drive(self._given, table, wanted, float(WHEEL_RATE), steps, self._level)
+        _core.drive(self._inputs, table, wanted, float(WHEEL_RATE), steps, self._level)
         _spread(state, table)
 
 

@@ -127,14 +127,14 @@ class SensorArray:
     Args:
         sensor: The sensor.
         scenario: A batch of scenarios.
-        given: Its parameters.
+        params: Parameters of the batch.
     """
 
-    def __init__(self, sensor: Sensor, scenario: Scenario, given: StepParameters) -> None:
+    def __init__(self, sensor: Sensor, scenario: Scenario, params: StepParameters) -> None:
         """Have seen nothing yet."""
         self._sensor, self._scenario = sensor, scenario
-        self._unseen = given.constants.unseen_gap
-        self._half = given.vehicles.at_slots(0).half_length
+        self._unseen = params.constants.unseen_gap
+        self._half = params.vehicles.at_slots(0).half_length
         weather = scenario.weather
         kept = 1.0 - sensor.rain_loss * weather.rain / 100.0
         self._clear = (kept * (1.0 - sensor.fog_loss * weather.fog / 100.0)).astype(np.float32)

@@ -48,18 +48,23 @@ class EngineStepper:
     """The compiled stepper, in whose rows new simulations can begin while others go on.
 
     Args:
-        given: Parameters of a batch.
+        params: Parameters of a batch.
         kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
             decides.
-        is_true: Whether the truth is observed, not what the ego believes.
+        observes_truth: Whether the truth is observed, not what the ego believes.
         level: As in `stepper`.
     """
 
     def __init__(
-        self, given: StepParameters, kind: str | None, *, is_true: bool, level: str | None = None
+        self,
+        params: StepParameters,
+        kind: str | None,
+        *,
+        observes_truth: bool,
+        level: str | None = None,
     ) -> None:
         """Stand before the first decision."""
-        self._batch = _core.Stepper(_values(given), kind, is_true, simd_level(level))
+        self._batch = _core.Stepper(_values(params), kind, observes_truth, simd_level(level))
 
     def observe_start(self) -> SteppedObservation:
         """As `Stepper.begin`."""
@@ -99,20 +104,20 @@ class BeliefTrace:
 
 
 def new_stepper(
-    given: StepParameters,
+    params: StepParameters,
     kind: str | None,
     *,
-    is_true: bool,
+    observes_truth: bool,
     simulator: str = "engine",
     level: str | None = None,
 ) -> Stepper:
     """A batch before its first decision.
 
     Args:
-        given: Its parameters.
+        params: Parameters of the batch.
         kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
             decides.
-        is_true: Whether the truth is observed, not what the ego believes.
+        observes_truth: Whether the truth is observed, not what the ego believes.
         simulator: `engine` or `reference`.
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
 
@@ -120,21 +125,21 @@ def new_stepper(
         ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
     if simulator == "reference":
-        return ReferenceStepper(given, kind, is_true=is_true)
-    return EngineStepper(given, kind, is_true=is_true, level=level)
+        return ReferenceStepper(params, kind, observes_truth=observes_truth)
+    return EngineStepper(params, kind, observes_truth=observes_truth, level=level)
 
 
-def _values(given: StepParameters) -> dict[str, Any]:
+def _values(params: StepParameters) -> dict[str, Any]:
     """A batch as the compiled stepper takes it."""
     return {
-        "vehicle": given.vehicle_table.reshape(-1),
-        "simulation": given.simulation_table.reshape(-1),
-        "index": given.scenario_index,
-        "slots": given.vehicle_table.shape[1],
-        "seed": given.seed,
-        "steps_per_frame": given.steps_per_frame,
-        "road": road_values(given),
-        "constants": engine_constants(given.constants),
+        "vehicle": params.vehicle_table.reshape(-1),
+        "simulation": params.simulation_table.reshape(-1),
+        "index": params.scenario_index,
+        "slots": params.vehicle_table.shape[1],
+        "seed": params.seed,
+        "steps_per_frame": params.steps_per_frame,
+        "road": road_values(params),
+        "constants": engine_constants(params.constants),
     }
 
 
@@ -148,17 +153,19 @@ def trace_beliefs(
         actions: What another driver did with the ego; None for the model's own.
         simulator: `engine` or `reference`; their beliefs are the same.
     """
-    ego, believed = _trace(scenario, actions, simulator, is_true=False)
-    _, true = _trace(scenario, actions, simulator, is_true=True)
+    ego, believed = _trace(scenario, actions, simulator, observes_truth=False)
+    _, true = _trace(scenario, actions, simulator, observes_truth=True)
     return BeliefTrace(ego=ego, believed=believed, true=true)
 
 
 def _trace(
-    scenario: Scenario, actions: Actions | None, simulator: str, *, is_true: bool
+    scenario: Scenario, actions: Actions | None, simulator: str, *, observes_truth: bool
 ) -> tuple[F32, F32]:
     """Columns of the egos and of their neighbours."""
     kind = None if actions is None else actions.kind
-    steps = new_stepper(step_parameters(scenario), kind, is_true=is_true, simulator=simulator)
+    steps = new_stepper(
+        step_parameters(scenario), kind, observes_truth=observes_truth, simulator=simulator
+    )
     nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
     table, runs, _ = steps.observe_start()

@@ -259,6 +259,12 @@ class StepParameters:
         judgement_errors: In a `ParameterSwitch`, new errors of the ego's judgement of distances and
             of closing speeds, in standard deviations, shape (2, simulation); None keeps the present
             errors. Elsewhere None.
+        local_vehicles: Parameters of the vehicles with the speeds that drivers want where they are
+            now; None for `vehicle_table`. Only the reference uses it: the engine computes these
+            speeds itself.
+        local_simulations: Parameters of the simulations with a wind of its own for each vehicle;
+            None for `simulation_table`. Only the reference uses it, for vehicles that head
+            anywhere.
     """
 
     vehicle_table: F32
@@ -269,15 +275,21 @@ class StepParameters:
     scenario_index: U64
     steps_per_frame: int
     judgement_errors: F32 | None = None
+    local_vehicles: VehicleParameters | None = None
+    local_simulations: SimulationParameters | None = None
 
     @cached_property
     def vehicles(self) -> VehicleParameters:
-        """The rows of `vehicle_table` by name."""
+        """The rows of `vehicle_table` by name, or `local_vehicles`."""
+        if self.local_vehicles is not None:
+            return self.local_vehicles
         return VehicleParameters._make(self.vehicle_table)
 
     @cached_property
     def simulations(self) -> SimulationParameters:
-        """The rows of `simulation_table` by name."""
+        """The rows of `simulation_table` by name, or `local_simulations`."""
+        if self.local_simulations is not None:
+            return self.local_simulations
         return SimulationParameters._make(self.simulation_table)
 
     @property

@@ -19,7 +19,7 @@ def press(now: float, leader: float, old_leader: float = 1e9) -> float:
     m = moment([Vehicle(speed=20.0)])
     m.state.accel = np.full_like(m.state.accel, now)
     wanted = [np.full_like(m.state.accel, value) for value in (leader, old_leader)]
-    acceleration.apply_pedals(m.state, m.given, m.p, *wanted)
+    acceleration.apply_pedals(m.state, m.given, *wanted)
     return float(m.state.accel[0, 0])
 
 
@@ -60,20 +60,16 @@ def test_a_wreck_has_no_pedals():
     m.state.accel = np.full_like(m.state.accel, -4.0)
     m.state.crashed = np.ones_like(m.state.crashed)
     still = np.zeros_like(m.state.accel)
-    acceleration.apply_pedals(m.state, m.given, m.p, still, still)
+    acceleration.apply_pedals(m.state, m.given, still, still)
     assert (m.state.accel == 0.0).all()
 
 
 def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
     believed = m.look()
-    following = acceleration.accel_behind_leader(
-        m.state, m.given, m.p, m.neighbours(), believed, None
-    )
+    following = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
     m.state.stage[EGO_SLOT] = np.float32(Stage.PASS)
-    passing = acceleration.accel_behind_leader(
-        m.state, m.given, m.p, m.neighbours(), believed, None
-    )
+    passing = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
     assert float(passing[0, 0]) == pytest.approx(1.3 * faster, rel=1e-3)
@@ -94,7 +90,7 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     m.state.path_time[0] = done
     m.state.d[0] = float(steering.path_position(m.state)[0][0, 0])
     near, believed = m.neighbours(), m.look()
-    wanted = acceleration.accel_behind_old_leader(m.state, m.given, m.p, near, believed, None)
+    wanted = acceleration.accel_behind_old_leader(m.state, m.given, near, believed, None)
     return bool(wanted[0, 0] < 0.0)
 
 
@@ -113,7 +109,7 @@ def test_who_is_beside_the_old_leader_does_not_brake():
 def test_who_keeps_the_lane_does_not_brake_for_the_next():
     m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=15.0, lane=0, speed=20.0)])
     near, believed = m.neighbours(), m.look()
-    wanted = acceleration.accel_behind_old_leader(m.state, m.given, m.p, near, believed, None)
+    wanted = acceleration.accel_behind_old_leader(m.state, m.given, near, believed, None)
     assert float(wanted[0, 0]) > 1e6
 
 
@@ -124,7 +120,7 @@ def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str
     grip = float(m.state.mu_fast[0, 0]) * 8000.0
     for force, expected in ((1e6, share), (-1e6, -0.95)):
         asked = np.full_like(load, force)
-        axle = vehicle_dynamics.axle_forces(m.given.constants, m.p, m.state, asked, load)
+        axle = vehicle_dynamics.axle_forces(m.given, m.state, asked, load)
         assert float(axle.force_lon[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
         rest = np.sqrt(1.0 - expected * expected)
         assert float(axle.max_lateral_force[0, 0]) == pytest.approx(rest * grip, rel=1e-4)

@@ -11,13 +11,9 @@ from tests.support.worlds import Vehicle, wide_road
 from overtaking.model.trajectories import Stage
 from overtaking.sim.reference import collisions
 
-EDGES = (-10.5, 0.0)
-"""Of three lanes of 3.5 m."""
-
 
 def after_leaving(m: Moment, step: int = 100) -> Moment:
-    borders = np.array(EDGES, np.float32)
-    collisions.wreck_off_road_vehicles(m.state, m.given.constants, m.p, borders, step)
+    collisions.wreck_off_road_vehicles(m.state, m.given, step)
     return m
 
 

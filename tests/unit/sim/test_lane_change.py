@@ -37,9 +37,9 @@ def decide(m: Moment) -> None:
     """One look around of everybody, a fifth of a second after the last one."""
     looks = np.ones(m.state.s.shape, np.bool_)
     believed = m.look()
-    own = acceleration.accel_behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
+    own = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
     m.state.wanted_time += np.float32(0.2)
-    lane_change.change_lanes_by_mobil(m.state, m.given, m.p, believed, own, looks, m.decision)
+    lane_change.change_lanes_by_mobil(m.state, m.given, believed, own, looks, m.decision)
 
 
 def car(s: float, lane: int, speed: float, **driver: float) -> Vehicle:
@@ -237,5 +237,5 @@ def test_who_would_reach_the_leader_hurries():
         moved[1] = True
         believed = m.look()
         believed.gap[LEADER], believed.closing_speed[LEADER] = 60.0, closing
-        lane_change.start_lane_changes(m.state, m.given, m.p, (moved, nobody, nobody), believed, 0)
+        lane_change.start_lane_changes(m.state, m.given, (moved, nobody, nobody), believed, 0)
         assert float(m.state.path_duration[1, 0]) == pytest.approx(expected, rel=1e-5)

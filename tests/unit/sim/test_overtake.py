@@ -182,9 +182,7 @@ def view_of(*vehicles: Vehicle) -> tuple[Moment, gap_acceptance.GapAcceptanceInp
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
     near = m.neighbours()
-    return m, gap_acceptance.gap_acceptance_inputs(
-        m.state, m.given, m.p, m.q, near, m.look(), EGO_SLOT
-    )
+    return m, gap_acceptance.gap_acceptance_inputs(m.state, m.given, near, m.look(), EGO_SLOT)
 
 
 @pytest.mark.parametrize(

@@ -295,7 +295,7 @@ def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
 
 
 def looks(m: Moment, decision: int) -> np.ndarray:
-    return checks_mirrors_now(m.state, m.given, m.p, decision)
+    return checks_mirrors_now(m.state, m.given, decision)
 
 
 def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():

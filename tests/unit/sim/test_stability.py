@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,10 +19,10 @@ SPEED = 30.0
 def moment(r: float, wheel: float = 0.0, friction: float = 0.9) -> float:
     """The yaw moment at 30 m/s, as a share of the largest."""
     b = bench(Vehicle(speed=SPEED), friction=friction)
-    c = b.c.replace(stability_threshold=THRESHOLD)
+    given = replace(b.given, constants=b.c.replace(stability_threshold=THRESHOLD))
     b.state.r[:] = r
     angle = np.full_like(b.state.s, wheel)
-    found = float(vehicle_dynamics._stability_control(b.state, c, b.p, b.state.vx, angle)[0, 0])
+    found = float(vehicle_dynamics._stability_control(b.state, given, b.state.vx, angle)[0, 0])
     wheel_force = friction * 9.81 * float(b.p.mass[0, 0]) / 4.0
     return found / (wheel_force * float(b.p.half_track[0, 0]))
 

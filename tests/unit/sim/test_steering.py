@@ -92,7 +92,7 @@ def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
     rows = {name: [] for name in RECORDED}
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.update_wind_trim(b.state, b.c, b.p, k)
+        steering.update_wind_trim(b.state, b.given, k)
         ran = b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))
         for name, values in rows.items():
             values.append(ran[name])
@@ -161,7 +161,7 @@ def drive_after_start(b: Bench, duration: float) -> np.ndarray:
     places = []
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.update_wind_trim(b.state, b.c, b.p, k + 1)
+        steering.update_wind_trim(b.state, b.given, k + 1)
         places.append(b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))["d"])
     return np.array(places)
 

@@ -20,7 +20,7 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.sim.reference.steering import start_path
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 _FREE = np.float32(1e9)
 
@@ -33,45 +33,51 @@ _HALF = np.float32(0.5)
 
 def accel_behind_leader(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    near: Neighbours,
-    believed: Beliefs,
-    met: OncomingTraffic | None,
+    params: StepParameters,
+    neighbours: Neighbours,
+    beliefs: Beliefs,
+    oncoming: OncomingTraffic | None,
 ) -> F32:
     """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2].
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        near: Neighbours.
-        believed: What drivers believe of them.
-        met: Whom they meet; None on roads of one direction.
+        params: Parameters of the batch.
+        neighbours: Neighbours.
+        beliefs: What drivers believe of them.
+        oncoming: Whom they meet; None on roads of one direction.
     """
-    desired = _current_desired_speed(state, given, p, met)
-    c = given.constants
-    gap, closing = believed.gap[LEADER], believed.closing_speed[LEADER]
+    vehicles = params.vehicles
+    desired = _current_desired_speed(state, params, oncoming)
+    constants = params.constants
+    gap, closing = beliefs.gap[LEADER], beliefs.closing_speed[LEADER]
     passing = is_before_return(state, slice(None))
     # A driver about to pull out accepts a smaller gap.
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
-    kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
-    if given.road.has_oncoming_traffic:
+    kept = np.where(about_to, constants.signalling_time_gap * vehicles.time_gap, vehicles.time_gap)
+    if params.road.has_oncoming_traffic:
         follows = state.stage == np.float32(Stage.FOLLOW)
-        kept = np.where(follows, kept * tall_vehicle_gap_factor(c, p, near.slot[LEADER]), kept)
-    wanted = acc_accel(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEADER])
+        kept = np.where(
+            follows, kept * tall_vehicle_gap_factor(params, neighbours.slot[LEADER]), kept
+        )
+    wanted = acc_accel(
+        constants, vehicles, state.vx, desired, gap, closing, kept, beliefs.accel[LEADER]
+    )
     wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
-    eager = np.where(state.hurries > 0, c.urgent_accel_factor, c.accelerate_gain)
+    eager = np.where(state.hurries > 0, constants.urgent_accel_factor, constants.accelerate_gain)
     return wanted * np.where(passing & (wanted > 0), eager, np.float32(1.0))
 
 
 def _current_desired_speed(
-    state: State, given: StepParameters, p: VehicleParameters, met: OncomingTraffic | None
+    state: State, params: StepParameters, oncoming: OncomingTraffic | None
 ) -> F32:
-    desired, passing = p.desired_speed, p.passing_speed
-    if met is not None:
-        passing = current_passing_speed(state, given, p)
-        desired = np.where(met.is_being_passed, desired * p.speed_factor_when_passed, desired)
+    vehicles = params.vehicles
+    desired, passing = vehicles.desired_speed, vehicles.passing_speed
+    if oncoming is not None:
+        passing = current_passing_speed(state, params)
+        desired = np.where(
+            oncoming.is_being_passed, desired * vehicles.speed_factor_when_passed, desired
+        )
     return minimum(
         np.where(is_before_return(state, slice(None)), passing, desired), state.bend_speed
     )
@@ -79,11 +85,10 @@ def _current_desired_speed(
 
 def accel_behind_old_leader(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    near: Neighbours,
-    believed: Beliefs,
-    met: OncomingTraffic | None,
+    params: StepParameters,
+    neighbours: Neighbours,
+    beliefs: Beliefs,
+    oncoming: OncomingTraffic | None,
 ) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
@@ -93,48 +98,62 @@ def accel_behind_old_leader(
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        near: Neighbours.
-        believed: What drivers believe of them.
-        met: Whom they meet; None on roads of one direction.
+        params: Parameters of the batch.
+        neighbours: Neighbours.
+        beliefs: What drivers believe of them.
+        oncoming: Whom they meet; None on roads of one direction.
     """
-    c = given.constants
+    vehicles = params.vehicles
+    constants = params.constants
     changing = state.path_time < state.path_duration
-    to_fast = np.float32(0.5) * (near.lane_right_edge + near.lane_left_edge) > state.d
-    slot = np.where(to_fast, near.slot[RIGHT_LEADER], near.slot[LEFT_LEADER])
-    gap = np.where(to_fast, believed.gap[RIGHT_LEADER], believed.gap[LEFT_LEADER])
+    to_fast = np.float32(0.5) * (neighbours.lane_right_edge + neighbours.lane_left_edge) > state.d
+    slot = np.where(to_fast, neighbours.slot[RIGHT_LEADER], neighbours.slot[LEFT_LEADER])
+    gap = np.where(to_fast, beliefs.gap[RIGHT_LEADER], beliefs.gap[LEFT_LEADER])
     closing = np.where(
-        to_fast, believed.closing_speed[RIGHT_LEADER], believed.closing_speed[LEFT_LEADER]
+        to_fast, beliefs.closing_speed[RIGHT_LEADER], beliefs.closing_speed[LEFT_LEADER]
     )
-    accel = np.where(to_fast, believed.accel[RIGHT_LEADER], believed.accel[LEFT_LEADER])
+    accel = np.where(to_fast, beliefs.accel[RIGHT_LEADER], beliefs.accel[LEFT_LEADER])
     aside = np.abs(
-        np.where(to_fast, near.lateral_distance[RIGHT_LEADER], near.lateral_distance[LEFT_LEADER])
+        np.where(
+            to_fast,
+            neighbours.lateral_distance[RIGHT_LEADER],
+            neighbours.lateral_distance[LEFT_LEADER],
+        )
     )
-    overlaps = aside < p.half_width + value_at_slot(p.half_width, slot) + c.footprint_margin
-    left = maximum(c.lane_cleared_share * state.path_duration - state.path_time, np.float32(0.0))
-    needed = _braking_until_clear(c, gap - p.min_gap, closing, left + c.lane_clearance_time) - accel
+    overlaps = (
+        aside
+        < vehicles.half_width
+        + value_at_slot(vehicles.half_width, slot)
+        + constants.footprint_margin
+    )
+    left = maximum(
+        constants.lane_cleared_share * state.path_duration - state.path_time, np.float32(0.0)
+    )
+    needed = (
+        _braking_until_clear(
+            constants, gap - vehicles.min_gap, closing, left + constants.lane_clearance_time
+        )
+        - accel
+    )
     matters = changing & (slot >= 0) & overlaps & (needed > 0)
-    desired = _current_desired_speed(state, given, p, met)
-    kept = acc_accel(c, p, state.vx, desired, gap, closing, p.time_gap, accel)
+    desired = _current_desired_speed(state, params, oncoming)
+    kept = acc_accel(constants, vehicles, state.vx, desired, gap, closing, vehicles.time_gap, accel)
     return np.where(matters, maximum(kept, -needed), _FREE)
 
 
-def _braking_until_clear(c: ModelConstants, room: F32, closing: F32, time: F32) -> F32:
+def _braking_until_clear(constants: ModelConstants, room: F32, closing: F32, time: F32) -> F32:
     """Constant braking with which the room lasts a time, below 0 if it does so without [m/s^2].
 
     Where the closing would end before that time, it is the braking that ends it within the room.
     """
-    two, room = np.float32(2.0), maximum(room, c.min_effective_gap)
+    two, room = np.float32(2.0), maximum(room, constants.min_effective_gap)
     way = closing * time
     return np.where(
         way < two * room, two * (way - room) / (time * time), closing * closing / (two * room)
     )
 
 
-def apply_pedals(
-    state: State, given: StepParameters, p: VehicleParameters, leader: F32, old_leader: F32
-) -> None:
+def apply_pedals(state: State, params: StepParameters, leader: F32, old_leader: F32) -> None:
     """Move the pedals towards the wanted acceleration, as fast as it is urgent.
 
     A driver that needs more brakes beyond the friction that it believes in: anti-lock brakes and
@@ -143,60 +162,67 @@ def apply_pedals(
     Source:
         Markkula and others 2016: the ramp of emergency braking grows with its urgency.
     """
-    c = given.constants
-    wanted = maximum(minimum(leader, old_leader), -(p.max_brake_force * p.inverse_mass))
-    up = np.where(state.accel < 0, c.jerk_release, c.jerk_up) * c.decision
-    down = maximum(-wanted / c.brake_ramp, c.jerk_down) * c.decision
+    vehicles = params.vehicles
+    constants = params.constants
+    wanted = maximum(
+        minimum(leader, old_leader), -(vehicles.max_brake_force * vehicles.inverse_mass)
+    )
+    up = np.where(state.accel < 0, constants.jerk_release, constants.jerk_up) * constants.decision
+    down = maximum(-wanted / constants.brake_ramp, constants.jerk_down) * constants.decision
     changed = state.accel + clamp(wanted - state.accel, -down, up)
     state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)
 
 
-def accel_for_oncoming(
-    state: State, given: StepParameters, p: VehicleParameters, met: OncomingTraffic
-) -> F32:
-    """The acceleration that drivers do not go beyond for who comes in their lane [m/s^2].
+def accel_for_oncoming(state: State, params: StepParameters, oncoming: OncomingTraffic) -> F32:
+    """Largest acceleration of drivers with an oncoming vehicle in their own lane [m/s^2].
 
-    They flash and lift, then brake so as to stop within their part of the way, and move aside.
-    What who overtakes does is told by `plight`. Those who are being passed may make room.
+    They flash the headlamps and lift the accelerator, then brake so as to stop within their half of
+    the distance, and move to the edge of the lane. The overtaking driver's reaction is in
+    `pass_continuation`. A driver that is being passed may move to the edge, too.
     """
-    c, oncoming = given.constants, met.in_own_lane
+    vehicles, constants = params.vehicles, params.constants
+    in_own_lane = oncoming.in_own_lane
     out = is_overtaking(state)
-    meets = oncoming.is_detected & (state.crashed == 0) & ~out
-    time = oncoming.believed_gap / maximum(oncoming.closing_speed, _MIN_SPEED)
-    lifts, brakes = meets & (time < c.oncoming_flash_time), meets & (time < c.oncoming_brake_time)
+    meets = in_own_lane.is_detected & (state.crashed == 0) & ~out
+    time = in_own_lane.believed_gap / maximum(in_own_lane.closing_speed, _MIN_SPEED)
+    lifts, brakes = (
+        meets & (time < constants.oncoming_flash_time),
+        meets & (time < constants.oncoming_brake_time),
+    )
     state.flashes = np.where(lifts, np.float32(1.0), np.float32(0.0))
     halved = np.float32(2.0) * maximum(time, _MIN_MEETING_TIME)
-    braking = clamp(state.vx / halved, c.oncoming_min_decel, c.oncoming_max_decel)
+    braking = clamp(state.vx / halved, constants.oncoming_min_decel, constants.oncoming_max_decel)
     _shift_to_edge(
         state,
-        given,
-        p,
+        params,
         brakes,
-        np.where(met.is_being_passed, p.edge_shift_when_passed, np.float32(0.0)),
+        np.where(oncoming.is_being_passed, vehicles.edge_shift_when_passed, np.float32(0.0)),
         out,
     )
-    return np.where(brakes, -braking, np.where(lifts, -c.oncoming_lift_decel, _FREE))
+    return np.where(brakes, -braking, np.where(lifts, -constants.oncoming_lift_decel, _FREE))
 
 
 def _shift_to_edge(
-    state: State, given: StepParameters, p: VehicleParameters, brakes: Mask, room: F32, out: Mask
+    state: State, params: StepParameters, brakes: Mask, room: F32, out: Mask
 ) -> None:
     """Move towards the edge of the lane for who comes in it, or passes; and back afterwards.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
+        params: Parameters of the batch.
         brakes: Who brakes for who comes.
         room: How far others move for who passes [m].
         out: Who overtakes, and keeps to the way of that.
     """
-    c = given.constants
-    wanted = np.where(brakes, c.edge_shift, room)
+    vehicles = params.vehicles
+    constants = params.constants
+    wanted = np.where(brakes, constants.edge_shift, room)
     arrived = state.path_time >= state.path_duration
     moved = (wanted > state.aside) | (arrived & (wanted < state.aside))
-    moved = moved & (state.crashed == 0) & (p.valid > 0) & ~out
-    low, high = lane_borders(state, given, 0.0)
-    duration = np.where(brakes, c.edge_shift_duration, np.float32(2.0) * c.edge_shift_duration)
+    moved = moved & (state.crashed == 0) & (vehicles.valid > 0) & ~out
+    low, high = lane_borders(state, params, 0.0)
+    duration = np.where(
+        brakes, constants.edge_shift_duration, np.float32(2.0) * constants.edge_shift_duration
+    )
     start_path(state, moved, _HALF * (low + high) - wanted, duration)
     state.aside = np.where(out, np.float32(0.0), np.where(moved, wanted, state.aside))

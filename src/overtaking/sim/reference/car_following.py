@@ -25,15 +25,15 @@ _MAX_EXPONENT = np.float32(1000.0)
 _MIN_GAP_RATIO = np.float32(1e-6)  # Of the wanted to the actual gap, for its logarithm.
 
 
-def desired_gap(p: VehicleParameters, speed: F32, closing: F32, time_gap: F32) -> F32:
+def desired_gap(vehicle: VehicleParameters, speed: F32, closing: F32, time_gap: F32) -> F32:
     """s* of the intelligent driver model [m]."""
-    dynamic = speed * time_gap + speed * closing * p.idm_interaction
-    return p.min_gap + maximum(dynamic, np.float32(0.0))
+    dynamic = speed * time_gap + speed * closing * vehicle.idm_interaction
+    return vehicle.min_gap + maximum(dynamic, np.float32(0.0))
 
 
 def iidm_accel(
-    c: ModelConstants,
-    p: VehicleParameters,
+    constants: ModelConstants,
+    vehicle: VehicleParameters,
     speed: F32,
     desired: F32,
     gap: F32,
@@ -43,8 +43,8 @@ def iidm_accel(
     """Acceleration of the improved intelligent driver model [m/s^2].
 
     Args:
-        c: Constants.
-        p: Driver parameters of shape (vehicle, simulation), or of one vehicle.
+        constants: Constants.
+        vehicle: Driver parameters of shape (vehicle, simulation), or of one vehicle.
         speed: Own speed [m/s].
         desired: Desired speed, > 0 [m/s].
         gap: Gap to the leader [m].
@@ -55,16 +55,18 @@ def iidm_accel(
         Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3.7.
     """
     one = np.float32(1.0)
-    wanted_time = p.time_gap if time_gap is None else time_gap
-    z = desired_gap(p, speed, closing, wanted_time) / maximum(gap, c.min_effective_gap)
+    wanted_time = vehicle.time_gap if time_gap is None else time_gap
+    z = desired_gap(vehicle, speed, closing, wanted_time) / maximum(
+        gap, constants.min_effective_gap
+    )
     ratio = speed / desired
     square = ratio * ratio
-    free_below = p.accel * (one - square * square)
-    over = exp(-p.overspeed_exponent * log(maximum(ratio, one)))
-    free_above = -p.decel * (one - over)
-    interacting = p.accel * (one - z * z)
+    free_below = vehicle.accel * (one - square * square)
+    over = exp(-vehicle.overspeed_exponent * log(maximum(ratio, one)))
+    free_above = -vehicle.decel * (one - over)
+    interacting = vehicle.accel * (one - z * z)
     steepness = minimum(
-        np.float32(2.0) * p.accel / maximum(free_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
+        np.float32(2.0) * vehicle.accel / maximum(free_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
     )
     blended = free_below * (one - exp(steepness * log(clamp(z, _MIN_GAP_RATIO, one))))
     below = np.where(z >= one, interacting, blended)
@@ -73,12 +75,12 @@ def iidm_accel(
 
 
 def cah_accel(
-    c: ModelConstants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
+    constants: ModelConstants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
 ) -> F32:
     """Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
 
     Args:
-        c: Constants.
+        constants: Constants.
         speed: Own speed [m/s].
         gap: Gap to the leader [m].
         closing: Own speed minus the leader's [m/s].
@@ -88,7 +90,7 @@ def cah_accel(
         Constant-acceleration heuristic of Kesting, Treiber, Helbing 2010, equation 2.5.
     """
     zero = np.float32(0.0)
-    room = np.float32(2.0) * maximum(gap, c.min_effective_gap)
+    room = np.float32(2.0) * maximum(gap, constants.min_effective_gap)
     leader_speed = maximum(speed - closing, zero)
     approach = maximum(closing, zero)
     moving = leader_accel - (approach * approach) / room
@@ -98,15 +100,17 @@ def cah_accel(
     return np.where(stops_first, stopping, moving)
 
 
-def blend_iidm_with_cah(c: ModelConstants, p: VehicleParameters, wanted: F32, needed: F32) -> F32:
+def blend_iidm_with_cah(
+    constants: ModelConstants, vehicle: VehicleParameters, wanted: F32, needed: F32
+) -> F32:
     """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 
     Where the model asks for more braking than is needed, the excess is limited to about the
     comfortable deceleration, so that a cut-in by a faster vehicle causes no hard braking.
 
     Args:
-        c: Constants.
-        p: Driver parameters.
+        constants: Constants.
+        vehicle: Driver parameters.
         wanted: What the following model asks for [m/s^2].
         needed: `needed_braking` [m/s^2].
 
@@ -115,17 +119,17 @@ def blend_iidm_with_cah(c: ModelConstants, p: VehicleParameters, wanted: F32, ne
     """
     one = np.float32(1.0)
     excess = minimum(wanted - needed, np.float32(0.0))
-    e = exp(np.float32(2.0) * excess / p.decel)
-    softened = needed + p.decel * ((e - one) / (e + one))
+    e = exp(np.float32(2.0) * excess / vehicle.decel)
+    softened = needed + vehicle.decel * ((e - one) / (e + one))
     # No vehicle brakes harder than gravity, however small the gap that alarms the model.
-    alarmed = maximum(wanted, -c.gravity)
-    calm = (one - c.coolness) * alarmed + c.coolness * softened
+    alarmed = maximum(wanted, -constants.gravity)
+    calm = (one - constants.coolness) * alarmed + constants.coolness * softened
     return np.where(wanted >= needed, wanted, calm)
 
 
 def acc_accel(
-    c: ModelConstants,
-    p: VehicleParameters,
+    constants: ModelConstants,
+    vehicle: VehicleParameters,
     speed: F32,
     desired: F32,
     gap: F32,
@@ -141,21 +145,29 @@ def acc_accel(
 
     Arguments as in `iidm` and `needed_braking`.
     """
-    needed = cah_accel(c, speed, gap, closing, leader_accel)
+    needed = cah_accel(constants, speed, gap, closing, leader_accel)
     cool = blend_iidm_with_cah(
-        c, p, iidm_accel(c, p, speed, desired, gap, closing, time_gap), needed
+        constants,
+        vehicle,
+        iidm_accel(constants, vehicle, speed, desired, gap, closing, time_gap),
+        needed,
     )
-    room = c.stop_lamp_max_time_gap - gap / maximum(speed, c.slip_speed)
+    room = constants.stop_lamp_max_time_gap - gap / maximum(speed, constants.slip_speed)
     heed = clamp(
-        room / (c.stop_lamp_max_time_gap - c.stop_lamp_full_time_gap),
+        room / (constants.stop_lamp_max_time_gap - constants.stop_lamp_full_time_gap),
         np.float32(0.0),
         np.float32(1.0),
     )
-    return np.where(leader_accel < -c.stop_lamp_decel, minimum(cool, heed * needed), cool)
+    return np.where(leader_accel < -constants.stop_lamp_decel, minimum(cool, heed * needed), cool)
 
 
 def imposed_accel(
-    c: ModelConstants, p: VehicleParameters, speed: F32, gap: F32, closing: F32, time_gap: F32
+    constants: ModelConstants,
+    vehicle: VehicleParameters,
+    speed: F32,
+    gap: F32,
+    closing: F32,
+    time_gap: F32,
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 
@@ -166,5 +178,5 @@ def imposed_accel(
     Source:
         Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.
     """
-    z = desired_gap(p, speed, closing, time_gap) / maximum(gap, c.min_effective_gap)
-    return minimum(p.accel * (np.float32(1.0) - z * z), np.float32(0.0))
+    z = desired_gap(vehicle, speed, closing, time_gap) / maximum(gap, constants.min_effective_gap)
+    return minimum(vehicle.accel * (np.float32(1.0) - z * z), np.float32(0.0))

@@ -9,9 +9,7 @@ from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import State
-from overtaking.world.constants import ModelConstants
-from overtaking.world.road_parameters import RoadParameters
-from overtaking.world.step_parameters import VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 _TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
 _NEVER = np.float32(1e9)  # Steps before and after which nothing happens.
@@ -52,61 +50,70 @@ class PairFrame:
         return np.where(turned, self.road_length - s, s), np.where(turned, self.edge_sum - d, d)
 
 
-def pair_frame(road: RoadParameters, p: VehicleParameters, i: int, j: int | slice) -> PairFrame:
+def pair_frame(params: StepParameters, i: int, j: int | slice) -> PairFrame:
     """How vehicle `j` is seen from vehicle `i`."""
-    turn = p.travel_sign[i] * p.travel_sign[j]
+    vehicles, road = params.vehicles, params.road
+    turn = vehicles.travel_sign[i] * vehicles.travel_sign[j]
     return PairFrame(turn=turn, road_length=road.length, edge_sum=road.edge_sum)
 
 
-def pairs_that_may_touch(
-    state: State, c: ModelConstants, road: RoadParameters, p: VehicleParameters
-) -> Pairs:
+def pairs_that_may_touch(state: State, params: StepParameters) -> Pairs:
     """The pairs that may touch before the next decision, in order, and where they may."""
+    vehicles, constants = params.vehicles, params.constants
     found: Pairs = {}
-    for i in range(len(p.valid)):
+    for i in range(len(vehicles.valid)):
         rest = slice(i + 1, None)
-        s, d = pair_frame(road, p, i, rest).in_first_frame(state.s[rest], state.d[rest])
-        along = np.abs(s - state.s[i]) < p.half_length[i] + p.half_length[rest] + c.near_gap
-        aside = np.abs(d - state.d[i]) < p.half_width[i] + p.half_width[rest] + c.near_side
-        near = along & aside & (p.valid[i] > 0) & (p.valid[rest] > 0)
+        s, d = pair_frame(params, i, rest).in_first_frame(state.s[rest], state.d[rest])
+        along = (
+            np.abs(s - state.s[i])
+            < vehicles.half_length[i] + vehicles.half_length[rest] + constants.near_gap
+        )
+        aside = (
+            np.abs(d - state.d[i])
+            < vehicles.half_width[i] + vehicles.half_width[rest] + constants.near_side
+        )
+        near = along & aside & (vehicles.valid[i] > 0) & (vehicles.valid[rest] > 0)
         found |= {(i, j): one for j, one in enumerate(near, i + 1) if one.any()}
     return found
 
 
-def wreck_off_road_vehicles(
-    state: State, c: ModelConstants, p: VehicleParameters, borders: F32, step: int
-) -> None:
+def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> None:
     """Vehicles that have left the lanes, or stand across them, become wrecks that slide to rest.
 
     Args:
         state: State at a decision.
-        c: Constants.
-        p: Parameters.
-        borders: Slow and fast edge of the lanes [m].
+        params: Parameters of the batch.
         step: Number of the step.
     """
-    beyond = (state.d < borders[0] - c.edge_margin) | (state.d > borders[1] + c.edge_margin)
-    lost = (beyond | (np.abs(state.psi) > c.spin_angle)) & (p.valid > 0) & (state.crashed == 0)
+    vehicles, constants, road = params.vehicles, params.constants, params.road
+    right_edge, left_edge = road.boundaries[0], road.boundaries[road.num_lanes]
+    beyond = (state.d < right_edge - constants.edge_margin) | (
+        state.d > left_edge + constants.edge_margin
+    )
+    lost = (
+        (beyond | (np.abs(state.psi) > constants.spin_angle))
+        & (vehicles.valid > 0)
+        & (state.crashed == 0)
+    )
     state.crashed = np.where(lost, np.float32(1.0), state.crashed)
-    end_after_ego_accident(state, c, lost[EGO_SLOT], step)
+    end_after_ego_accident(state, params, lost[EGO_SLOT], step)
 
 
-def end_after_ego_accident(state: State, c: ModelConstants, crashed: Mask, step: int) -> None:
+def end_after_ego_accident(state: State, params: StepParameters, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
+    constants = params.constants
     state.stage[EGO_SLOT] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[EGO_SLOT])
-    after = np.float32(step) + np.rint(c.after_collision / c.step)
+    after = np.float32(step) + np.rint(constants.after_collision / constants.step)
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 
 
 def resolve_contacts(
     state: State,
-    c: ModelConstants,
-    road: RoadParameters,
-    p: VehicleParameters,
+    params: StepParameters,
     pairs: Pairs,
     before: tuple[F32, F32],
     step: int,
-    length: np.float32,
+    step_length: np.float32,
 ) -> None:
     """Exchange momentum in every near pair that touched during the last step.
 
@@ -114,19 +121,17 @@ def resolve_contacts(
 
     Args:
         state: State after the step.
-        c: Constants.
-        road: The road.
-        p: Parameters.
+        params: Parameters of the batch.
         pairs: `near_pairs` at the last decision.
         before: Positions `s` and `d` before the step.
         step: Number of the step that began at `before`.
-        length: Its length [s].
+        step_length: Its length [s].
     """
     was_sound = state.crashed[EGO_SLOT] == 0
     for (i, j), near in pairs.items():
-        frame = pair_frame(road, p, i, j)
-        _resolve_pair(state, c, p, near, before, (step, length), (i, j), frame)
-    end_after_ego_accident(state, c, was_sound & (state.crashed[EGO_SLOT] > 0), step)
+        frame = pair_frame(params, i, j)
+        _resolve_pair(state, params, near, before, (step, step_length), (i, j), frame)
+    end_after_ego_accident(state, params, was_sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -154,8 +159,7 @@ class Impact:
 
 def _resolve_pair(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     near: Mask,
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
@@ -163,20 +167,19 @@ def _resolve_pair(
     frame: PairFrame,
 ) -> None:
     i, j = pair
-    hit = _find_impact(state, c, p, near, before, during, pair, frame)
+    hit = _find_impact(state, params, near, before, during, pair, frame)
     if hit is None:
         return
-    impulse = _impulse(c, p, hit, i, j)
-    _apply_impulse(state, p, hit, i, -impulse, hit.lever_a)
-    _apply_impulse(state, p, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
+    impulse = _impulse(params, hit, i, j)
+    _apply_impulse(state, params, hit, i, -impulse, hit.lever_a)
+    _apply_impulse(state, params, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
     for own, other in ((i, j), (j, i)):
         _record_contact(state, hit, impulse, own, other)
 
 
 def _find_impact(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     near: Mask,
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
@@ -190,7 +193,8 @@ def _find_impact(
     Boxes keep their heading while they are swept: that of the end of the step, and then that of the
     instant of contact that was found so.
     """
-    (step, length), (i, j) = during, pair
+    constants = params.constants
+    (step, step_length), (i, j) = during, pair
     one = np.float32(1.0)
     was_s, was_d = frame.in_first_frame(before[0][j], before[1][j])
     is_s, is_d = frame.in_first_frame(state.s[j], state.d[j])
@@ -201,24 +205,27 @@ def _find_impact(
         turn=np.ones_like(zero), road_length=frame.road_length, edge_sum=frame.edge_sum
     )
     frames = (i, unturned), (j, frame)
-    a, b = (_box_at(state, p, before, k, zero, zero, own) for k, own in frames)
+    a, b = (_box_at(state, params, before, k, zero, zero, own) for k, own in frames)
     overlap = swept_overlap(a, b, then, now)
     near = near & _is_within(overlap)
     if not near.any():
         return None
     share = one - clamp(overlap[0], np.float32(0.0), one)
-    a, b = (_box_at(state, p, before, k, share, share * length, own) for k, own in frames)
+    a, b = (_box_at(state, params, before, k, share, share * step_length, own) for k, own in frames)
     overlap = swept_overlap(a, b, then, now)
     enter, _, along, across = overlap
     enter = clamp(enter, np.float32(0.0), one)
     # Levers of any other instant than the one that the pair goes on from would make spin.
-    a, b = (_box_at(state, p, before, k, one - enter, share * length, own) for k, own in frames)
+    a, b = (
+        _box_at(state, params, before, k, one - enter, share * step_length, own)
+        for k, own in frames
+    )
     arm_a, arm_b = _contact_arms(a, b)
     velocity_a = _point_velocity(state, i, arm_a, unturned.turn)
     velocity_b = _point_velocity(state, j, arm_b, frame.turn)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
-    instant = np.float32(step) * c.step + enter * length
-    runs = instant < state.end_step * c.step
+    instant = np.float32(step) * constants.step + enter * step_length
+    runs = instant < state.end_step * constants.step
     return Impact(
         mask=near & _is_within(overlap) & (approach > 0) & runs,
         normal_s=along,
@@ -227,24 +234,25 @@ def _find_impact(
         lever_b=arm_b[0] * across - arm_b[1] * along,
         closing_speed=approach,
         time=instant,
-        remaining_time=(one - enter) * length,
+        remaining_time=(one - enter) * step_length,
     )
 
 
-def _impulse(c: ModelConstants, p: VehicleParameters, hit: Impact, i: int, j: int) -> F32:
+def _impulse(params: StepParameters, hit: Impact, i: int, j: int) -> F32:
     """Impulse along the normal of two rigid bodies without friction between them [N s].
 
     Source:
         Newton's law of restitution; Brach and Brach, Vehicle Accident Analysis and Reconstruction
         Methods (2011), planar impact mechanics.
     """
-    softness = p.inverse_mass[i] + p.inverse_mass[j]
+    vehicles, constants = params.vehicles, params.constants
+    softness = vehicles.inverse_mass[i] + vehicles.inverse_mass[j]
     softness = (
         softness
-        + hit.lever_a * hit.lever_a * p.inverse_inertia[i]
-        + hit.lever_b * hit.lever_b * p.inverse_inertia[j]
+        + hit.lever_a * hit.lever_a * vehicles.inverse_inertia[i]
+        + hit.lever_b * hit.lever_b * vehicles.inverse_inertia[j]
     )
-    impulse = (np.float32(1.0) + c.restitution) * hit.closing_speed / softness
+    impulse = (np.float32(1.0) + constants.restitution) * hit.closing_speed / softness
     return np.where(hit.mask, impulse, np.float32(0.0))
 
 
@@ -264,7 +272,7 @@ def _record_contact(state: State, hit: Impact, impulse: F32, own: int, other: in
 
 def _box_at(
     state: State,
-    p: VehicleParameters,
+    params: StepParameters,
     before: tuple[F32, F32],
     i: int,
     share: F32,
@@ -272,6 +280,7 @@ def _box_at(
     frame: PairFrame,
 ) -> OrientedBox:
     """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
+    vehicles = params.vehicles
     sine, cosine = sincos(state.psi[i] - left * state.r[i])
     s = state.s[i] - share * (state.s[i] - before[0][i])
     d = state.d[i] - share * (state.d[i] - before[1][i])
@@ -281,8 +290,8 @@ def _box_at(
         d=d,
         sine=frame.turn * sine,
         cosine=frame.turn * cosine,
-        half_length=p.half_length[i],
-        half_width=p.half_width[i],
+        half_length=vehicles.half_length[i],
+        half_width=vehicles.half_width[i],
     )
 
 
@@ -369,14 +378,15 @@ def _point_velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tu
 
 
 def _apply_impulse(
-    state: State, p: VehicleParameters, hit: Impact, i: int, impulse: F32, lever: F32
+    state: State, params: StepParameters, hit: Impact, i: int, impulse: F32, lever: F32
 ) -> None:
     """Change the motion of a vehicle by an impulse, and its position over the rest of the step."""
+    vehicles = params.vehicles
     zero = np.zeros_like(lever)
-    change = impulse * p.inverse_mass[i]
+    change = impulse * vehicles.inverse_mass[i]
     along, across = _point_velocity(state, i, (zero, zero), np.ones_like(lever))
     along, across = along + change * hit.normal_s, across + change * hit.normal_d
-    spin = impulse * lever * p.inverse_inertia[i]
+    spin = impulse * lever * vehicles.inverse_inertia[i]
     state.s[i] = state.s[i] + hit.remaining_time * (change * hit.normal_s)
     state.d[i] = state.d[i] + hit.remaining_time * (change * hit.normal_d)
     state.psi[i] = state.psi[i] + hit.remaining_time * spin

@@ -17,7 +17,7 @@ from overtaking.sim.reference.gap_acceptance import (
 )
 from overtaking.sim.reference.pass_continuation import can_abort_pass
 from overtaking.sim.reference.state import State, has_finished_lane_change, is_in_stage
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
 
@@ -45,11 +45,11 @@ class EgoAction:
         return self.value("wheel_angle") is not None
 
 
-def action_at(actions: Actions | None, decision: int) -> EgoAction | None:
+def action_at(actions: Actions | None, decision_index: int) -> EgoAction | None:
     """The orders of a decision; those of the last one where there are no more."""
     if actions is None:
         return None
-    row = actions.values[:, min(decision, actions.values.shape[1] - 1)]
+    row = actions.values[:, min(decision_index, actions.values.shape[1] - 1)]
     return action_from_integers(actions.kind, row)
 
 
@@ -60,9 +60,9 @@ def action_from_integers(kind: str, steps: np.ndarray) -> EgoAction:
     return EgoAction(kind=kind, values=tuple(values))
 
 
-def with_requested_accel(orders: EgoAction | None, leader: F32, old_leader: F32) -> tuple[F32, F32]:
+def with_requested_accel(action: EgoAction | None, leader: F32, old_leader: F32) -> tuple[F32, F32]:
     """The accelerations that drivers want for two reasons, the ego's as another driver asks."""
-    asked = None if orders is None else orders.value("accel")
+    asked = None if action is None else action.value("accel")
     if asked is None:
         return leader, old_leader
     leader, old_leader = leader.copy(), old_leader.copy()
@@ -70,28 +70,28 @@ def with_requested_accel(orders: EgoAction | None, leader: F32, old_leader: F32)
     return leader, old_leader
 
 
-def ordered_wheel_angle(orders: EgoAction | None) -> F32 | None:
+def ordered_wheel_angle(action: EgoAction | None) -> F32 | None:
     """Angle of the front wheels that another driver asks for, (simulation,) [rad]."""
-    return None if orders is None else orders.value("wheel_angle")
+    return None if action is None else action.value("wheel_angle")
 
 
-def set_requested_indicator(state: State, orders: EgoAction) -> None:
+def set_requested_indicator(state: State, action: EgoAction) -> None:
     """Light the indicator that another driver asks for, if that is a part of its action.
 
     A wish for a lane beside a wheel angle is nothing but the indicator. A `Move` that names a side
     shows it, whether or not the scenario's driver uses indicators.
     """
-    if orders.kind not in ("accel_move", "accel_steer_signal"):
+    if action.kind not in ("accel_move", "accel_steer_signal"):
         return
-    side = _requested_side(orders)
-    told = (state.crashed[EGO_SLOT] == 0) & (orders.steers_wheels | (side != 0))
+    side = _requested_side(action)
+    told = (state.crashed[EGO_SLOT] == 0) & (action.steers_wheels | (side != 0))
     state.indicator[EGO_SLOT] = np.where(told, side, state.indicator[EGO_SLOT])
 
 
-def can_pull_out(state: State, given: StepParameters) -> Mask:
+def can_pull_out(state: State, params: StepParameters) -> Mask:
     """Whether there is a faster lane for the ego, and no lane change under way, (simulation,)."""
     settled = is_in_stage(state, EGO_SLOT, Stage.FOLLOW) | is_in_stage(state, EGO_SLOT, Stage.PASS)
-    has_lane = state.lane[EGO_SLOT] < np.float32(given.road.num_lanes - 1)
+    has_lane = state.lane[EGO_SLOT] < np.float32(params.road.num_lanes - 1)
     return settled & has_finished_lane_change(state, EGO_SLOT) & has_lane
 
 
@@ -103,62 +103,61 @@ def can_return(state: State) -> Mask:
     )
 
 
-def intent_from_action(
-    state: State, given: StepParameters, p: VehicleParameters, orders: EgoAction
-) -> Intent:
+def intent_from_action(state: State, params: StepParameters, action: EgoAction) -> Intent:
     """What the ego sets out to do: what another driver asks for, where that is possible."""
-    if orders.steers_wheels:
-        return _intent_from_position(state, given, p)
-    side = _requested_side(orders)
+    if action.steers_wheels:
+        return _intent_from_position(state, params)
+    side = _requested_side(action)
     # Who changes their mind shows the other side for as long.
     turned = state.wanted[EGO_SLOT] * side < 0
     state.signalled[EGO_SLOT] = np.where(turned, np.float32(0.0), state.signalled[EGO_SLOT])
-    start = can_pull_out(state, given) & (side > 0)
+    start = can_pull_out(state, params) & (side > 0)
     back = can_return(state) & (side < 0)
-    update_indicator(state, given, EGO_SLOT, start, back)
-    now = _moves_over_now(state, p, orders)
-    drops_out, drops_back, falls_in = _requested_cancels(orders)
+    update_indicator(state, params, EGO_SLOT, start, back)
+    now = _moves_over_now(state, params, action)
+    drops_out, drops_back, falls_in = _requested_cancels(action)
     return Intent(
         wants_to_pull_out=start,
         wants_to_return=back,
         starts_pull_out=start & now,
         starts_return=back & now,
-        cancels_pull_out=(can_cancel_pull_out(state, given, EGO_SLOT) & drops_out)
-        | (can_abort_pass(state, given, p, EGO_SLOT) & falls_in),
-        cancels_return=can_cancel_return(state, given, EGO_SLOT) & drops_back,
-        has_passed_target=has_passed_target(state, given, p, EGO_SLOT),
+        cancels_pull_out=(can_cancel_pull_out(state, params, EGO_SLOT) & drops_out)
+        | (can_abort_pass(state, params, EGO_SLOT) & falls_in),
+        cancels_return=can_cancel_return(state, params, EGO_SLOT) & drops_back,
+        has_passed_target=has_passed_target(state, params, EGO_SLOT),
         has_finished_lane_change=has_finished_lane_change(state, EGO_SLOT),
     )
 
 
-def _requested_side(orders: EgoAction) -> F32:
+def _requested_side(action: EgoAction) -> F32:
     """Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere."""
-    if (wish := orders.value("lane_change")) is not None:
+    if (wish := action.value("lane_change")) is not None:
         return wish
-    move, one = orders.value("move"), np.float32(1.0)
+    move, one = action.value("move"), np.float32(1.0)
     out = (move == np.float32(Move.INDICATE_PULL_OUT)) | (move == np.float32(Move.PULL_OUT))
     back = (move == np.float32(Move.INDICATE_RETURN)) | (move == np.float32(Move.RETURN))
     return np.where(out, one, np.where(back, -one, np.float32(0.0)))
 
 
-def _moves_over_now(state: State, p: VehicleParameters, orders: EgoAction) -> Mask:
+def _moves_over_now(state: State, params: StepParameters, action: EgoAction) -> Mask:
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
-    if (move := orders.value("move")) is None:
-        return state.signalled[EGO_SLOT] > p.indicator_lead_time[EGO_SLOT]
+    vehicles = params.vehicles
+    if (move := action.value("move")) is None:
+        return state.signalled[EGO_SLOT] > vehicles.indicator_lead_time[EGO_SLOT]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
-def _requested_cancels(orders: EgoAction) -> tuple[Mask, Mask, Mask]:
+def _requested_cancels(action: EgoAction) -> tuple[Mask, Mask, Mask]:
     """Whether the ego is to give up pulling out, changing back, and a pass that it is out for."""
-    if (wish := orders.value("lane_change")) is not None:
+    if (wish := action.value("lane_change")) is not None:
         return wish < 0, wish > 0, np.zeros(wish.shape, np.bool_)
-    aborts = np.asarray(orders.value("move") == np.float32(Move.CANCEL))
+    aborts = np.asarray(action.value("move") == np.float32(Move.CANCEL))
     return aborts, aborts, aborts
 
 
-def _intent_from_position(state: State, given: StepParameters, p: VehicleParameters) -> Intent:
+def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
-    road = given.road
+    road = params.road
     lane = np.zeros_like(state.stage[EGO_SLOT])
     for k in range(1, road.num_lanes):
         lane = np.where(state.d[EGO_SLOT] >= road.boundaries[k], np.float32(k), lane)
@@ -168,7 +167,7 @@ def _intent_from_position(state: State, given: StepParameters, p: VehicleParamet
         state, EGO_SLOT, Stage.ABORT
     )
     never = np.zeros_like(out)
-    update_indicator(state, given, EGO_SLOT, never, never)
+    update_indicator(state, params, EGO_SLOT, never, never)
     return Intent(
         wants_to_pull_out=never,
         wants_to_return=never,
@@ -176,6 +175,6 @@ def _intent_from_position(state: State, given: StepParameters, p: VehicleParamet
         starts_return=slower & ~out,
         cancels_pull_out=slower & out,
         cancels_return=faster & comes_back,
-        has_passed_target=has_passed_target(state, given, p, EGO_SLOT),
+        has_passed_target=has_passed_target(state, params, EGO_SLOT),
         has_finished_lane_change=has_finished_lane_change(state, EGO_SLOT),
     )

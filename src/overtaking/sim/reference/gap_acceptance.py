@@ -35,7 +35,6 @@ from overtaking.sim.reference.state import (
     value_at_slot,
 )
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
 
 _STEADY = np.float32(0.0)
 
@@ -111,234 +110,244 @@ class Intent:
 
 def gap_acceptance_inputs(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
-    believed: Beliefs,
-    who: SlotSelection,
+    params: StepParameters,
+    neighbours: Neighbours,
+    beliefs: Beliefs,
+    slots: SlotSelection,
 ) -> GapAcceptanceInputs:
     """What drivers believe, and how much they demand after their wait.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        near: Neighbours.
-        believed: What drivers believe of them.
-        who: The drivers.
+        params: Parameters of the batch.
+        neighbours: Neighbours.
+        beliefs: What drivers believe of them.
+        slots: The drivers.
     """
-    own = p.at_slots(who)
-    waited = state.waited[who] * own.inverse_patience
-    impatience = maximum(exp(-waited), given.constants.patience_floor)
-    gap, closing = believed.gap[:, who], believed.closing_speed[:, who]
+    vehicles, simulations = params.vehicles, params.simulations
+    own = vehicles.at_slots(slots)
+    waited = state.waited[slots] * own.inverse_patience
+    impatience = maximum(exp(-waited), params.constants.patience_floor)
+    gap, closing = beliefs.gap[:, slots], beliefs.closing_speed[:, slots]
     demand = own.gap_demand_factor * impatience
     told = ordered = np.zeros(demand.shape, bool)
-    if who == EGO_SLOT:
-        told = is_scripted(p)
-        seen = told & believed.is_detected[LEADER, who]
-        ordered = seen & (true_closing_speed_to_leader(state, near) > own.min_speed_gain)
+    if slots == EGO_SLOT:
+        told = is_scripted(params)
+        seen = told & beliefs.is_detected[LEADER, slots]
+        ordered = seen & (true_closing_speed_to_leader(state, neighbours) > own.min_speed_gain)
     bounded = minimum(
-        own.safe_decel / maximum(demand, _MIN_GAP_FACTOR), given.constants.max_imposed_decel
+        own.safe_decel / maximum(demand, _MIN_GAP_FACTOR), params.constants.max_imposed_decel
     )
     return GapAcceptanceInputs(
-        slots=who,
+        slots=slots,
         vehicle=own,
-        speed=state.vx[who],
+        speed=state.vx[slots],
         gap=gap,
         closing_speed=closing,
-        is_detected=believed.is_detected[:, who],
-        leader_speed=state.vx[who] - closing[LEADER],
+        is_detected=beliefs.is_detected[:, slots],
+        leader_speed=state.vx[slots] - closing[LEADER],
         gap_factor=demand,
         acceptable_imposed_decel=minimum(bounded, own.max_assumed_decel),
         patience_left=impatience,
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(given.constants, p, near.slot[LEADER, who])
-        if given.road.has_oncoming_traffic
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, neighbours.slot[LEADER, slots])
+        if params.road.has_oncoming_traffic
         else _ONE,
         is_scripted=told,
         pulls_out_by_script=ordered,
-        forced_decision=q.forced_decision if who == EGO_SLOT else np.zeros_like(q.forced_decision),
+        forced_decision=simulations.forced_decision
+        if slots == EGO_SLOT
+        else np.zeros_like(simulations.forced_decision),
     )
 
 
-def is_scripted(p: VehicleParameters) -> Mask:
+def is_scripted(params: StepParameters) -> Mask:
     """Whether the ego is told to change lanes, as in the study: it demands no gap."""
-    return p.at_slots(EGO_SLOT).gap_demand_factor <= 0
+    vehicles = params.vehicles
+    return vehicles.at_slots(EGO_SLOT).gap_demand_factor <= 0
 
 
-def true_closing_speed_to_leader(state: State, near: Neighbours) -> F32:
+def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
     """By how much the ego is in truth faster than its leader, which decides where it is told."""
-    return state.vx[EGO_SLOT] - value_at_slot(state.vx, near.slot[LEADER, EGO_SLOT])
+    return state.vx[EGO_SLOT] - value_at_slot(state.vx, neighbours.slot[LEADER, EGO_SLOT])
 
 
 def imposed_accel_on_driver(
-    given: StepParameters, view: GapAcceptanceInputs, gap: F32, closing: F32
+    params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing: F32
 ) -> F32:
     """Acceleration that a vehicle ahead forces on a driver at the gap demanded now."""
-    time_gap = view.vehicle.time_gap * view.gap_factor
-    return imposed_accel(given.constants, view.vehicle, view.speed, gap, closing, time_gap)
+    time_gap = inputs.vehicle.time_gap * inputs.gap_factor
+    return imposed_accel(params.constants, inputs.vehicle, inputs.speed, gap, closing, time_gap)
 
 
 def imposed_accel_by_driver(
-    given: StepParameters, view: GapAcceptanceInputs, gap: F32, closing: F32
+    params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing: F32
 ) -> F32:
     """Acceleration that a driver in front would force on a vehicle behind."""
-    time_gap = view.vehicle.time_gap * view.gap_factor
+    time_gap = inputs.vehicle.time_gap * inputs.gap_factor
     return imposed_accel(
-        given.constants, view.vehicle, view.speed + closing, gap, closing, time_gap
+        params.constants, inputs.vehicle, inputs.speed + closing, gap, closing, time_gap
     )
 
 
-def wants_to_overtake(given: StepParameters, view: GapAcceptanceInputs) -> Mask:
+def wants_to_overtake(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
-    own = view.vehicle
-    slower = own.desired_speed - view.leader_speed > own.min_speed_gain * view.patience_left
-    soon = view.gap[LEADER] < own.pull_out_ttc * view.closing_speed[LEADER]
-    kept = own.time_gap * view.tall_vehicle_gap_factor
-    near = given.constants.close_time_gap * kept * view.speed + own.min_gap
-    close = view.gap[LEADER] < near
-    return view.is_detected[LEADER] & slower & (soon | close)
+    own = inputs.vehicle
+    slower = own.desired_speed - inputs.leader_speed > own.min_speed_gain * inputs.patience_left
+    soon = inputs.gap[LEADER] < own.pull_out_ttc * inputs.closing_speed[LEADER]
+    kept = own.time_gap * inputs.tall_vehicle_gap_factor
+    neighbours = params.constants.close_time_gap * kept * inputs.speed + own.min_gap
+    close = inputs.gap[LEADER] < neighbours
+    return inputs.is_detected[LEADER] & slower & (soon | close)
 
 
-def accepts_pull_out_gaps(given: StepParameters, view: GapAcceptanceInputs) -> Mask:
+def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the next lane looks free enough, and faster, to this driver.
 
     The lane of oncoming traffic is free while no other is seen to overtake there.
     """
-    c, own = given.constants, view.vehicle
+    constants, own = params.constants, inputs.vehicle
     front = (
-        imposed_accel_on_driver(given, view, view.gap[LEFT_LEADER], view.closing_speed[LEFT_LEADER])
+        imposed_accel_on_driver(
+            params, inputs, inputs.gap[LEFT_LEADER], inputs.closing_speed[LEFT_LEADER]
+        )
         >= -own.decel
     )
-    gap, closing = view.gap[LEFT_FOLLOWER], view.closing_speed[LEFT_FOLLOWER]
-    now = imposed_accel_by_driver(given, view, gap, closing)
+    gap, closing = inputs.gap[LEFT_FOLLOWER], inputs.closing_speed[LEFT_FOLLOWER]
+    now = imposed_accel_by_driver(params, inputs, gap, closing)
     rear = (
         minimum(
-            now, imposed_accel_by_driver(given, view, *anticipated_follower(given, gap, closing))
+            now,
+            imposed_accel_by_driver(params, inputs, *anticipated_follower(params, gap, closing)),
         )
-        >= -view.acceptable_imposed_decel
+        >= -inputs.acceptable_imposed_decel
     )
-    rear = rear & (gap > c.min_rear_gap * view.gap_factor)
-    if given.road.has_oncoming_traffic:
-        return rear & ~view.is_detected[LEFT_LEADER]
-    next_speed = view.speed - view.closing_speed[LEFT_LEADER]
-    gain = next_speed - view.leader_speed > own.min_speed_gain * view.patience_left
-    far = view.gap[LEFT_LEADER] > view.gap[LEADER] + c.waiting_time_gap * view.speed
-    return front & rear & (gain | far | ~view.is_detected[LEFT_LEADER])
+    rear = rear & (gap > constants.min_rear_gap * inputs.gap_factor)
+    if params.road.has_oncoming_traffic:
+        return rear & ~inputs.is_detected[LEFT_LEADER]
+    next_speed = inputs.speed - inputs.closing_speed[LEFT_LEADER]
+    gain = next_speed - inputs.leader_speed > own.min_speed_gain * inputs.patience_left
+    far = inputs.gap[LEFT_LEADER] > inputs.gap[LEADER] + constants.waiting_time_gap * inputs.speed
+    return front & rear & (gain | far | ~inputs.is_detected[LEFT_LEADER])
 
 
 def accepts_return_gaps(
-    given: StepParameters, view: GapAcceptanceInputs, room_left: F32 | np.float32 = _ONE
+    params: StepParameters, inputs: GapAcceptanceInputs, room_left: F32 | np.float32 = _ONE
 ) -> Mask:
     """Whether the slower lane has room: behind when the line is crossed, ahead at the end.
 
     Args:
-        given: All inputs.
-        view: What drivers know.
+        params: Parameters of the batch.
+        inputs: What drivers know.
         room_left: How much more room is left behind than to a car [1].
     """
-    own, zero = view.vehicle, np.float32(0.0)
-    closing, ahead = view.closing_speed[RIGHT_FOLLOWER], view.closing_speed[RIGHT_LEADER]
+    own, zero = inputs.vehicle, np.float32(0.0)
+    closing, ahead = inputs.closing_speed[RIGHT_FOLLOWER], inputs.closing_speed[RIGHT_LEADER]
     crossing = np.float32(0.5) * own.lane_change_duration
-    gap = view.gap[RIGHT_FOLLOWER] - crossing * minimum(closing, zero)
-    left = gap >= own.return_time_gap * (view.speed + closing) * view.patience_left * room_left
+    gap = inputs.gap[RIGHT_FOLLOWER] - crossing * minimum(closing, zero)
+    left = gap >= own.return_time_gap * (inputs.speed + closing) * inputs.patience_left * room_left
     rear = left & (
-        imposed_accel_by_driver(given, view, gap, closing) >= -view.acceptable_imposed_decel
+        imposed_accel_by_driver(params, inputs, gap, closing) >= -inputs.acceptable_imposed_decel
     )
-    room = view.gap[RIGHT_LEADER] - own.lane_change_duration * maximum(ahead, zero)
-    front = imposed_accel_on_driver(given, view, room, ahead) >= -own.decel
-    c = given.constants
+    room = inputs.gap[RIGHT_LEADER] - own.lane_change_duration * maximum(ahead, zero)
+    front = imposed_accel_on_driver(params, inputs, room, ahead) >= -own.decel
+    constants = params.constants
     # On a two-way road one returns even if one will soon catch up with the next vehicle.
-    if given.road.has_oncoming_traffic:
-        return rear & front & (view.gap[RIGHT_LEADER] > c.min_return_gap)
-    return rear & front & (view.gap[RIGHT_LEADER] > c.stay_time * view.closing_speed[RIGHT_LEADER])
+    if params.road.has_oncoming_traffic:
+        return rear & front & (inputs.gap[RIGHT_LEADER] > constants.min_return_gap)
+    return (
+        rear
+        & front
+        & (inputs.gap[RIGHT_LEADER] > constants.stay_time * inputs.closing_speed[RIGHT_LEADER])
+    )
 
 
 def lane_change_is_dangerous(
-    given: StepParameters, view: GapAcceptanceInputs, lead: int, rear: int
+    params: StepParameters, inputs: GapAcceptanceInputs, lead: int, rear: int
 ) -> Mask:
     """Whether the lane being entered has turned dangerous, and the old one still has room.
 
     Args:
-        given: All inputs.
-        view: What drivers know.
+        params: Parameters of the batch.
+        inputs: What drivers know.
         lead: Role of the vehicle ahead in the old lane.
         rear: Role of the vehicle behind in the old lane.
     """
-    c, own = given.constants, view.vehicle
-    imposed = imposed_accel_by_driver(given, view, view.gap[FOLLOWER], view.closing_speed[FOLLOWER])
-    braking = imposed_accel_on_driver(given, view, view.gap[LEADER], view.closing_speed[LEADER])
-    bad = (imposed < -(c.abort_imposed_factor * view.acceptable_imposed_decel)) | (
-        braking < -(c.abort_factor * own.decel)
+    constants, own = params.constants, inputs.vehicle
+    imposed = imposed_accel_by_driver(
+        params, inputs, inputs.gap[FOLLOWER], inputs.closing_speed[FOLLOWER]
     )
-    back = cah_accel(c, view.speed, view.gap[lead], view.closing_speed[lead], _STEADY)
-    return bad & (back >= -own.max_assumed_decel) & (view.gap[rear] > c.min_rear_gap)
+    braking = imposed_accel_on_driver(
+        params, inputs, inputs.gap[LEADER], inputs.closing_speed[LEADER]
+    )
+    bad = (imposed < -(constants.abort_imposed_factor * inputs.acceptable_imposed_decel)) | (
+        braking < -(constants.abort_factor * own.decel)
+    )
+    back = cah_accel(constants, inputs.speed, inputs.gap[lead], inputs.closing_speed[lead], _STEADY)
+    return bad & (back >= -own.max_assumed_decel) & (inputs.gap[rear] > constants.min_rear_gap)
 
 
-def accepts_urgent_return_gaps(
-    given: StepParameters, q: SimulationParameters, view: GapAcceptanceInputs
-) -> Mask:
+def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the lane beside has room enough for a driver in a hurry when the line is crossed."""
-    c, closing = given.constants, view.closing_speed[RIGHT_LEADER]
-    crossing = np.float32(0.5) * q.urgent_change_duration
-    front = view.gap[RIGHT_LEADER] - crossing * closing
-    rear = view.gap[RIGHT_FOLLOWER] - crossing * maximum(
-        view.closing_speed[RIGHT_FOLLOWER], _STEADY
+    simulations = params.simulations
+    constants, closing = params.constants, inputs.closing_speed[RIGHT_LEADER]
+    crossing = np.float32(0.5) * simulations.urgent_change_duration
+    front = inputs.gap[RIGHT_LEADER] - crossing * closing
+    rear = inputs.gap[RIGHT_FOLLOWER] - crossing * maximum(
+        inputs.closing_speed[RIGHT_FOLLOWER], _STEADY
     )
-    squeezed = minimum(rear, front) > c.min_return_gap
+    squeezed = minimum(rear, front) > constants.min_return_gap
     # It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
-    ahead = cah_accel(c, view.speed, view.gap[RIGHT_LEADER], closing, _STEADY)
-    return squeezed & (ahead >= -(c.abort_factor * view.vehicle.decel))
+    ahead = cah_accel(constants, inputs.speed, inputs.gap[RIGHT_LEADER], closing, _STEADY)
+    return squeezed & (ahead >= -(constants.abort_factor * inputs.vehicle.decel))
 
 
-def has_gap_behind(given: StepParameters, view: GapAcceptanceInputs) -> Mask:
+def has_gap_behind(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether nobody is close behind in the slower lane."""
-    return view.gap[RIGHT_FOLLOWER] > given.constants.min_rear_gap
+    return inputs.gap[RIGHT_FOLLOWER] > params.constants.min_rear_gap
 
 
 def form_intent(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
-    who: SlotSelection,
-    plight: PassContinuation | None,
+    params: StepParameters,
+    context: DecisionContext,
+    slots: SlotSelection,
+    continuation: PassContinuation | None,
 ) -> Intent:
     """What drivers want, and what of it is done now that they have signalled long enough.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: What drivers know.
-        who: The drivers.
-        plight: How they stand to oncoming traffic; None where there is none on the road.
+        params: Parameters of the batch.
+        context: What drivers know.
+        slots: The drivers.
+        continuation: How they stand to oncoming traffic; None where there is none on the road.
     """
-    view = gap_acceptance_inputs(state, given, p, q, moment.neighbours, moment.beliefs, who)
-    looks = moment.checks_mirrors[who]
-    arrived = has_finished_lane_change(state, who)
-    passed = has_passed_target(state, given, p, who)
-    start = _wants_to_pull_out(state, given, p, moment, view, arrived)
-    back = _wants_to_return(state, given, p, q, view, passed, looks, plight)
-    update_indicator(state, given, who, start, back)
-    ready = state.signalled[who] > view.vehicle.indicator_lead_time
-    sure = (looks & ~moment.gives_way[who]) | view.is_scripted
-    abort = _cancels_pull_out(state, given, view, looks)
-    remain = _cancels_return(state, given, view, looks)
+    inputs = gap_acceptance_inputs(state, params, context.neighbours, context.beliefs, slots)
+    checks_mirrors = context.checks_mirrors[slots]
+    arrived = has_finished_lane_change(state, slots)
+    passed = has_passed_target(state, params, slots)
+    start = _wants_to_pull_out(state, params, context, inputs, arrived)
+    back = _wants_to_return(state, params, inputs, passed, checks_mirrors, continuation)
+    update_indicator(state, params, slots, start, back)
+    ready = state.signalled[slots] > inputs.vehicle.indicator_lead_time
+    sure = (checks_mirrors & ~context.gives_way[slots]) | inputs.is_scripted
+    abort = _cancels_pull_out(state, params, inputs, checks_mirrors)
+    remain = _cancels_return(state, params, inputs, checks_mirrors)
     back_now = ready
-    if plight is not None:
-        falls_in = plight.must_abort & plight.fits_into_lane & has_gap_behind(given, view)
-        back_now = (ready | plight.must_return_urgently) & ~falls_in
+    if continuation is not None:
+        falls_in = (
+            continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
+        )
+        back_now = (ready | continuation.must_return_urgently) & ~falls_in
         abort = abort | falls_in
         remain = np.zeros_like(remain)  # The other lane is no place to stay.
     return Intent(
         wants_to_pull_out=start,
         wants_to_return=back,
-        starts_pull_out=start & ready & (sure | (view.forced_decision == ForcedDecision.PULL_OUT)),
-        starts_return=back & back_now & (sure | (view.forced_decision == ForcedDecision.RETURN)),
+        starts_pull_out=start
+        & ready
+        & (sure | (inputs.forced_decision == ForcedDecision.PULL_OUT)),
+        starts_return=back & back_now & (sure | (inputs.forced_decision == ForcedDecision.RETURN)),
         cancels_pull_out=abort,
         cancels_return=remain,
         has_passed_target=passed,
@@ -348,121 +357,123 @@ def form_intent(
 
 def _wants_to_pull_out(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    moment: DecisionContext,
-    view: GapAcceptanceInputs,
+    params: StepParameters,
+    context: DecisionContext,
+    inputs: GapAcceptanceInputs,
     arrived: Mask,
 ) -> Mask:
     """Whether an overtake is wanted and looked possible, or is forced by a branch."""
-    c, who, met = given.constants, view.slots, moment.oncoming
-    rested = state.since_change[who] >= c.abort_cooldown
-    has_lane = state.lane[who] < np.float32(given.road.num_lanes - 1)
-    free = is_in_stage(state, who, Stage.FOLLOW) & arrived & rested & has_lane
-    seen = wants_to_overtake(given, view) & accepts_pull_out_gaps(given, view)
-    if met is not None:
-        leader = view.gap[LEADER], view.leader_speed
-        ahead = passing_opportunity(state, given, p, moment.neighbours, met.nearest, who, leader)
-        seen = seen & accepts_oncoming_gap(
-            given, view.vehicle, view.speed, view.patience_left, ahead
+    constants, slots, oncoming = params.constants, inputs.slots, context.oncoming
+    rested = state.since_change[slots] >= constants.abort_cooldown
+    has_lane = state.lane[slots] < np.float32(params.road.num_lanes - 1)
+    free = is_in_stage(state, slots, Stage.FOLLOW) & arrived & rested & has_lane
+    seen = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
+    if oncoming is not None:
+        leader = inputs.gap[LEADER], inputs.leader_speed
+        ahead = passing_opportunity(
+            state, params, context.neighbours, oncoming.nearest, slots, leader
         )
-        seen = seen & ~met.leader_pulls_out[who]
-    seen = np.where(view.is_scripted, view.pulls_out_by_script, seen)
-    wanted = np.where(moment.checks_mirrors[who] | view.is_scripted, seen, state.wanted[who] > 0)
-    wanted = wanted & (view.forced_decision != ForcedDecision.STAY)
-    forced = (view.forced_decision == ForcedDecision.PULL_OUT) & (state.attempted == 0)
+        seen = seen & accepts_oncoming_gap(
+            params, inputs.vehicle, inputs.speed, inputs.patience_left, ahead
+        )
+        seen = seen & ~oncoming.leader_pulls_out[slots]
+    seen = np.where(inputs.is_scripted, inputs.pulls_out_by_script, seen)
+    wanted = np.where(
+        context.checks_mirrors[slots] | inputs.is_scripted, seen, state.wanted[slots] > 0
+    )
+    wanted = wanted & (inputs.forced_decision != ForcedDecision.STAY)
+    forced = (inputs.forced_decision == ForcedDecision.PULL_OUT) & (state.attempted == 0)
     return free & (wanted | forced)
 
 
 def _wants_to_return(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    view: GapAcceptanceInputs,
+    params: StepParameters,
+    inputs: GapAcceptanceInputs,
     passed: Mask,
-    looks: Mask,
-    plight: PassContinuation | None,
+    checks_mirrors: Mask,
+    continuation: PassContinuation | None,
 ) -> Mask:
     """Whether drivers may return: past the target, or stuck beside it, or forced by a branch."""
-    c, who = given.constants, view.slots
-    has_lane = is_in_stage(state, who, Stage.PASS) & (state.lane[who] >= np.float32(1.0))
-    late = state.stage_time[who] > c.give_up_after
-    stuck = late & (state.s[who] < value_at_slot(state.s, state.target[who]))
-    rested = state.since_change[who] >= c.abort_cooldown
-    if plight is None:
-        may = accepts_return_gaps(given, view) & (passed | stuck)
+    constants, slots = params.constants, inputs.slots
+    has_lane = is_in_stage(state, slots, Stage.PASS) & (state.lane[slots] >= np.float32(1.0))
+    late = state.stage_time[slots] > constants.give_up_after
+    stuck = late & (state.s[slots] < value_at_slot(state.s, state.target[slots]))
+    rested = state.since_change[slots] >= constants.abort_cooldown
+    if continuation is None:
+        may = accepts_return_gaps(params, inputs) & (passed | stuck)
     else:
-        room = tall_vehicle_gap_factor(c, p, state.target[who])
-        hurried = plight.accepts_small_gap & accepts_urgent_return_gaps(given, q, view) & passed
-        may = (accepts_return_gaps(given, view, room) & (passed | stuck)) | hurried
+        room = tall_vehicle_gap_factor(params, state.target[slots])
+        hurried = (
+            continuation.accepts_small_gap & accepts_urgent_return_gaps(params, inputs) & passed
+        )
+        may = (accepts_return_gaps(params, inputs, room) & (passed | stuck)) | hurried
         rested = rested | hurried
-    seen = np.where(view.is_scripted, passed, may) & rested
-    wanted = np.where(looks | view.is_scripted, seen, state.wanted[who] < 0)
-    return has_lane & (wanted | (view.forced_decision == ForcedDecision.RETURN))
+    seen = np.where(inputs.is_scripted, passed, may) & rested
+    wanted = np.where(checks_mirrors | inputs.is_scripted, seen, state.wanted[slots] < 0)
+    return has_lane & (wanted | (inputs.forced_decision == ForcedDecision.RETURN))
 
 
 def _cancels_pull_out(
-    state: State, given: StepParameters, view: GapAcceptanceInputs, looks: Mask
+    state: State, params: StepParameters, inputs: GapAcceptanceInputs, checks_mirrors: Mask
 ) -> Mask:
     """Whether drivers go back while pulling out: in danger, or forced by a branch."""
     danger = (
-        looks
-        & ~view.is_scripted
-        & lane_change_is_dangerous(given, view, RIGHT_LEADER, RIGHT_FOLLOWER)
+        checks_mirrors
+        & ~inputs.is_scripted
+        & lane_change_is_dangerous(params, inputs, RIGHT_LEADER, RIGHT_FOLLOWER)
     )
-    forced = view.forced_decision == ForcedDecision.CANCEL
-    return can_cancel_pull_out(state, given, view.slots) & (danger | forced)
+    forced = inputs.forced_decision == ForcedDecision.CANCEL
+    return can_cancel_pull_out(state, params, inputs.slots) & (danger | forced)
 
 
 def _cancels_return(
-    state: State, given: StepParameters, view: GapAcceptanceInputs, looks: Mask
+    state: State, params: StepParameters, inputs: GapAcceptanceInputs, checks_mirrors: Mask
 ) -> Mask:
     """Whether drivers give up their way back in danger, unless a branch forces a return."""
     danger = (
-        looks
-        & ~view.is_scripted
-        & lane_change_is_dangerous(given, view, LEFT_LEADER, LEFT_FOLLOWER)
+        checks_mirrors
+        & ~inputs.is_scripted
+        & lane_change_is_dangerous(params, inputs, LEFT_LEADER, LEFT_FOLLOWER)
     )
     return (
-        can_cancel_return(state, given, view.slots)
+        can_cancel_return(state, params, inputs.slots)
         & danger
-        & (view.forced_decision != ForcedDecision.RETURN)
+        & (inputs.forced_decision != ForcedDecision.RETURN)
     )
 
 
-def has_passed_target(
-    state: State, given: StepParameters, p: VehicleParameters, who: SlotSelection
-) -> Mask:
+def has_passed_target(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether the target's front is visibly behind the own rear."""
-    behind = state.s[who] - value_at_slot(state.s, state.target[who])
-    bodies = p.half_length[who] + value_at_slot(p.half_length, state.target[who])
-    return behind > bodies + given.constants.return_clearance
+    vehicles = params.vehicles
+    behind = state.s[slots] - value_at_slot(state.s, state.target[slots])
+    bodies = vehicles.half_length[slots] + value_at_slot(vehicles.half_length, state.target[slots])
+    return behind > bodies + params.constants.return_clearance
 
 
-def is_quicker_to_turn_back(state: State, given: StepParameters, who: SlotSelection) -> Mask:
+def is_quicker_to_turn_back(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether going back is shorter than going on."""
-    return state.path_time[who] < given.constants.abort_until * state.path_duration[who]
+    return state.path_time[slots] < params.constants.abort_until * state.path_duration[slots]
 
 
-def can_cancel_pull_out(state: State, given: StepParameters, who: SlotSelection) -> Mask:
+def can_cancel_pull_out(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether drivers pull out, and going back is shorter than going on."""
-    return is_in_stage(state, who, Stage.PULL_OUT) & is_quicker_to_turn_back(state, given, who)
+    return is_in_stage(state, slots, Stage.PULL_OUT) & is_quicker_to_turn_back(state, params, slots)
 
 
-def can_cancel_return(state: State, given: StepParameters, who: SlotSelection) -> Mask:
+def can_cancel_return(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether drivers change back by a whole lane, and going back is shorter than going on."""
-    comes_back = is_in_stage(state, who, Stage.RETURN) | is_in_stage(state, who, Stage.ABORT)
-    _, whole = lane_change_direction(state, given)
-    return comes_back & is_quicker_to_turn_back(state, given, who) & whole[who]
+    comes_back = is_in_stage(state, slots, Stage.RETURN) | is_in_stage(state, slots, Stage.ABORT)
+    _, whole = lane_change_direction(state, params)
+    return comes_back & is_quicker_to_turn_back(state, params, slots) & whole[slots]
 
 
 def update_indicator(
-    state: State, given: StepParameters, who: SlotSelection, start: Mask, back: Mask
+    state: State, params: StepParameters, slots: SlotSelection, start: Mask, back: Mask
 ) -> None:
     """Remember the side that is wanted, and for how long it has been shown."""
-    decision, zero, one = given.constants.decision, np.float32(0.0), np.float32(1.0)
-    state.wanted[who] = np.where(start, one, np.where(back, -one, zero))
+    decision_index, zero, one = params.constants.decision, np.float32(0.0), np.float32(1.0)
+    state.wanted[slots] = np.where(start, one, np.where(back, -one, zero))
     # Doubts while waiting do not switch the indicator off at once.
-    fading = maximum(state.signalled[who] - decision, zero)
-    state.signalled[who] = np.where(start | back, state.signalled[who] + decision, fading)
+    fading = maximum(state.signalled[slots] - decision_index, zero)
+    state.signalled[slots] = np.where(start | back, state.signalled[slots] + decision_index, fading)

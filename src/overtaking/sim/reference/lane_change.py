@@ -33,17 +33,17 @@ LaneClaims = tuple[F32, F32]
 
 
 def imposed_accel_on_follower(
-    given: StepParameters, p: VehicleParameters, speed: F32, gap: F32, closing: F32
+    params: StepParameters, vehicle: VehicleParameters, speed: F32, gap: F32, closing: F32
 ) -> F32:
     """Acceleration imposed on a follower, judged by the standard of the driver in front [m/s^2]."""
-    return imposed_accel(given.constants, p, speed + closing, gap, closing, p.time_gap)
+    return imposed_accel(params.constants, vehicle, speed + closing, gap, closing, vehicle.time_gap)
 
 
 def mobil_incentives(
-    given: StepParameters,
-    p: VehicleParameters,
+    params: StepParameters,
+    vehicle: VehicleParameters,
     v: F32,
-    believed: Beliefs,
+    beliefs: Beliefs,
     own: F32,
     most: F32 | np.float32 = NO_ACCEL_LIMIT,
 ) -> tuple[F32, F32]:
@@ -53,126 +53,147 @@ def mobil_incentives(
     above 60 km/h no driver expects to be faster than the traffic on the fast side.
 
     Args:
-        given: All inputs.
-        p: Driver parameters, of all vehicles or of one.
+        params: Parameters of the batch.
+        vehicle: Driver parameters, of all vehicles or of one.
         v: Own speed [m/s].
-        believed: What drivers believe about their neighbours.
+        beliefs: What drivers believe about their neighbours.
         own: Acceleration behind the present leader [m/s^2].
         most: Acceleration that drivers do not go beyond, in whatever lane [m/s^2].
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
     """
-    c = given.constants
-    gap, closing = believed.gap, believed.closing_speed
-    desired, time = p.desired_speed, p.time_gap
-    fast = minimum(acc_accel(c, p, v, desired, gap[LEFT_LEADER], closing[LEFT_LEADER], time), most)
-    slow = minimum(
-        acc_accel(c, p, v, desired, gap[RIGHT_LEADER], closing[RIGHT_LEADER], time), most
+    constants = params.constants
+    gap, closing = beliefs.gap, beliefs.closing_speed
+    desired, time = vehicle.desired_speed, vehicle.time_gap
+    fast = minimum(
+        acc_accel(constants, vehicle, v, desired, gap[LEFT_LEADER], closing[LEFT_LEADER], time),
+        most,
     )
-    no_passing = v > c.no_passing_right_speed
+    slow = minimum(
+        acc_accel(constants, vehicle, v, desired, gap[RIGHT_LEADER], closing[RIGHT_LEADER], time),
+        most,
+    )
+    no_passing = v > constants.no_passing_right_speed
     here = np.where(no_passing, minimum(own, fast), own)
     there = np.where(no_passing, minimum(slow, own), slow)
-    body = np.float32(2.0) * p.half_length
-    after = imposed_accel_on_follower(given, p, v, gap[LEFT_FOLLOWER], closing[LEFT_FOLLOWER])
+    body = np.float32(2.0) * vehicle.half_length
+    after = imposed_accel_on_follower(
+        params, vehicle, v, gap[LEFT_FOLLOWER], closing[LEFT_FOLLOWER]
+    )
     open_gap = gap[LEFT_FOLLOWER] + gap[LEFT_LEADER] + body
     before = imposed_accel_on_follower(
-        given, p, v - closing[LEFT_LEADER], open_gap, closing[LEFT_FOLLOWER] + closing[LEFT_LEADER]
+        params,
+        vehicle,
+        v - closing[LEFT_LEADER],
+        open_gap,
+        closing[LEFT_FOLLOWER] + closing[LEFT_LEADER],
     )
     relieved_gap = gap[FOLLOWER] + gap[LEADER] + body
-    now = imposed_accel_on_follower(given, p, v, gap[FOLLOWER], closing[FOLLOWER])
+    now = imposed_accel_on_follower(params, vehicle, v, gap[FOLLOWER], closing[FOLLOWER])
     relieved = imposed_accel_on_follower(
-        given, p, v - closing[LEADER], relieved_gap, closing[FOLLOWER] + closing[LEADER]
+        params, vehicle, v - closing[LEADER], relieved_gap, closing[FOLLOWER] + closing[LEADER]
     )
-    to_fast = fast - here + p.politeness * (after - before) - p.keep_right_bias
-    to_slow = there - own + p.politeness * (relieved - now) + p.keep_right_bias
+    to_fast = fast - here + vehicle.politeness * (after - before) - vehicle.keep_right_bias
+    to_slow = there - own + vehicle.politeness * (relieved - now) + vehicle.keep_right_bias
     return to_fast, to_slow
 
 
 def is_safe_lane_change(
-    given: StepParameters, p: VehicleParameters, v: F32, believed: Beliefs, front: int, rear: int
+    params: StepParameters,
+    vehicle: VehicleParameters,
+    v: F32,
+    beliefs: Beliefs,
+    front: int,
+    rear: int,
 ) -> Mask:
     """Whether a lane change endangers neither the driver nor the new follower, now and soon.
 
     Args:
-        given: All inputs.
-        p: Driver parameters, of all vehicles or of one.
+        params: Parameters of the batch.
+        vehicle: Driver parameters, of all vehicles or of one.
         v: Own speed [m/s].
-        believed: What drivers believe about their neighbours.
+        beliefs: What drivers believe about their neighbours.
         front: Role of the vehicle ahead in the new lane.
         rear: Role of the one behind.
     """
-    c = given.constants
-    gap, closing = believed.gap, believed.closing_speed
+    constants = params.constants
+    gap, closing = beliefs.gap, beliefs.closing_speed
     braking = minimum(
-        imposed_accel_on_follower(given, p, v, gap[rear], closing[rear]),
+        imposed_accel_on_follower(params, vehicle, v, gap[rear], closing[rear]),
         imposed_accel_on_follower(
-            given, p, v, *anticipated_follower(given, gap[rear], closing[rear])
+            params, vehicle, v, *anticipated_follower(params, gap[rear], closing[rear])
         ),
     )
-    own = imposed_accel(c, p, v, gap[front], closing[front], p.time_gap)
-    room = (gap[rear] > c.min_rear_gap) & (gap[front] > c.min_rear_gap)
-    return room & (braking >= -p.safe_decel) & (own >= -p.safe_decel)
+    own = imposed_accel(constants, vehicle, v, gap[front], closing[front], vehicle.time_gap)
+    room = (gap[rear] > constants.min_rear_gap) & (gap[front] > constants.min_rear_gap)
+    return room & (braking >= -vehicle.safe_decel) & (own >= -vehicle.safe_decel)
 
 
-def anticipated_follower(given: StepParameters, gap: F32, closing: F32) -> tuple[F32, F32]:
+def anticipated_follower(params: StepParameters, gap: F32, closing: F32) -> tuple[F32, F32]:
     """Gap [m] to a follower, and how fast it closes [m/s], if it speeds up for some seconds."""
-    c = given.constants
-    faster = c.foresight_accel * c.foresight
-    return gap - c.foresight * (closing + np.float32(0.5) * faster), closing + faster
+    constants = params.constants
+    faster = constants.foresight_accel * constants.foresight
+    return gap - constants.foresight * (closing + np.float32(0.5) * faster), closing + faster
 
 
 def change_lanes_by_mobil(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    believed: Beliefs,
+    params: StepParameters,
+    beliefs: Beliefs,
     own: F32,
-    looks: Mask,
-    decision: int,
+    checks_mirrors: Mask,
+    decision_index: int,
 ) -> None:
     """Let the other vehicles change lanes where it pays and is safe, or back in danger.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        believed: What drivers believe about their neighbours.
+        params: Parameters of the batch.
+        beliefs: What drivers believe about their neighbours.
         own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
-        looks: Which drivers look around, (vehicle, simulation).
-        decision: Number of the decision.
+        checks_mirrors: Which drivers look around, (vehicle, simulation).
+        decision_index: Number of the decision.
     """
+    vehicles = params.vehicles
     claims = lane_claims(state)
-    to_fast, to_slow = mobil_incentives(given, p, state.vx, believed, own, state.most_accel)
-    ready = looks & _is_ready_for_lane_change(state, given, p)
-    has_fast = state.lane < np.float32(given.road.num_lanes - 1)
+    to_fast, to_slow = mobil_incentives(params, vehicles, state.vx, beliefs, own, state.most_accel)
+    ready = checks_mirrors & _is_ready_for_lane_change(state, params)
+    has_fast = state.lane < np.float32(params.road.num_lanes - 1)
     has_slow = state.lane >= np.float32(1.0)
-    safe_fast = is_safe_lane_change(given, p, state.vx, believed, LEFT_LEADER, LEFT_FOLLOWER)
-    safe_slow = is_safe_lane_change(given, p, state.vx, believed, RIGHT_LEADER, RIGHT_FOLLOWER)
+    safe_fast = is_safe_lane_change(params, vehicles, state.vx, beliefs, LEFT_LEADER, LEFT_FOLLOWER)
+    safe_slow = is_safe_lane_change(
+        params, vehicles, state.vx, beliefs, RIGHT_LEADER, RIGHT_FOLLOWER
+    )
     # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
-    worth = believed.gap[RIGHT_LEADER] > given.constants.free_ahead_time * state.vx
-    fast = ready & has_fast & safe_fast & (to_fast > p.lane_change_threshold)
-    slow = ready & has_slow & safe_slow & (to_slow > p.lane_change_threshold) & worth & ~fast
+    worth = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.vx
+    fast = ready & has_fast & safe_fast & (to_fast > vehicles.lane_change_threshold)
+    slow = ready & has_slow & safe_slow & (to_slow > vehicles.lane_change_threshold) & worth & ~fast
     wanted = _signed_side(fast, slow)
-    shows = looks & (state.path_time >= state.path_duration)
+    shows = checks_mirrors & (state.path_time >= state.path_duration)
     shows[EGO_SLOT] = False
-    state.indicator = np.where(shows, wanted * p.uses_indicator, state.indicator)
-    decided = update_wanted_side(state, p, wanted, looks) & ~gives_way(state, given, wanted, claims)
-    back, to_fast = _cancels_lane_change(state, given, p, believed)
-    back = back & looks
+    state.indicator = np.where(shows, wanted * vehicles.uses_indicator, state.indicator)
+    decided = update_wanted_side(state, params, wanted, checks_mirrors) & ~gives_way(
+        state, params, wanted, claims
+    )
+    back, to_fast = _cancels_lane_change(state, params, beliefs)
+    back = back & checks_mirrors
     fast, slow = (fast & decided) | (back & ~to_fast), (slow & decided) | (back & to_fast)
-    start_lane_changes(state, given, p, (fast, slow, back), believed, decision)
+    start_lane_changes(state, params, (fast, slow, back), beliefs, decision_index)
 
 
-def update_wanted_side(state: State, p: VehicleParameters, wanted: F32, looks: Mask) -> Mask:
+def update_wanted_side(
+    state: State, params: StepParameters, wanted: F32, checks_mirrors: Mask
+) -> Mask:
     """Who has wanted the same for as long as they signal; remembers what is wanted."""
+    vehicles = params.vehicles
     same = (wanted == state.wanted) & (wanted != 0)
-    others = looks.copy()
+    others = checks_mirrors.copy()
     others[EGO_SLOT] = False
     restarts = others & ~same
     state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
     state.wanted = np.where(others, wanted, state.wanted)
-    return others & same & (state.wanted_time >= p.indicator_lead_time)
+    return others & same & (state.wanted_time >= vehicles.indicator_lead_time)
 
 
 def lane_claims(state: State) -> LaneClaims:
@@ -181,75 +202,76 @@ def lane_claims(state: State) -> LaneClaims:
     return state.lane.copy(), np.where(waits, state.indicator, np.float32(0.0))
 
 
-def gives_way(state: State, given: StepParameters, side: F32, claims: LaneClaims) -> Mask:
+def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
     """Who lets somebody first who signals for the same place from the other side of it.
 
     That is who is farther ahead, or moves to the fast side where nobody is.
 
     Args:
         state: State at a decision.
-        given: All inputs.
+        params: Parameters of the batch.
         side: Where drivers want to go, as `State.indicator`, (vehicle, simulation).
         claims: `claimed` at the begin of the decision.
     """
-    c = given.constants
+    constants = params.constants
     waits = np.zeros(state.s.shape, bool)
     for lane, towards, place in zip(*claims, state.s, strict=True):
-        ahead = nearest_image(given, place - state.s)
+        ahead = nearest_image(params, place - state.s)
         same = (towards == -side) & (lane == state.lane + np.float32(2.0) * side) & (side != 0)
-        close = np.abs(ahead) < c.claim_time * state.vx
+        close = np.abs(ahead) < constants.claim_time * state.vx
         waits = waits | (same & close & ((ahead > 0) | ((ahead == 0) & (side < 0))))
     return waits
 
 
-def lane_change_direction(state: State, given: StepParameters) -> tuple[Mask, Mask]:
+def lane_change_direction(state: State, params: StepParameters) -> tuple[Mask, Mask]:
     """Whether each lane change is to the fast side, and whole: a retreat has less far to go."""
-    low, high = lane_borders(state, given, 0.0)
+    low, high = lane_borders(state, params, 0.0)
     half = np.float32(0.5)
     way = half * (low + high) - state.path[0]
     return way > 0, np.abs(way) > half * (high - low)
 
 
 def _cancels_lane_change(
-    state: State, given: StepParameters, p: VehicleParameters, believed: Beliefs
+    state: State, params: StepParameters, beliefs: Beliefs
 ) -> tuple[Mask, Mask]:
     """Who gives up a lane change that has turned dangerous, and whether it is to the fast side."""
-    c = given.constants
-    v, gap, closing = state.vx, believed.gap, believed.closing_speed
-    to_fast, whole = lane_change_direction(state, given)
+    vehicles = params.vehicles
+    constants = params.constants
+    v, gap, closing = state.vx, beliefs.gap, beliefs.closing_speed
+    to_fast, whole = lane_change_direction(state, params)
     front, behind = (
         tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
         for slow, fast in ((RIGHT_LEADER, LEFT_LEADER), (RIGHT_FOLLOWER, LEFT_FOLLOWER))
     )
-    bad_rear = imposed_accel_on_follower(given, p, v, gap[FOLLOWER], closing[FOLLOWER]) < -(
-        c.abort_imposed_factor * p.safe_decel
+    bad_rear = imposed_accel_on_follower(params, vehicles, v, gap[FOLLOWER], closing[FOLLOWER]) < -(
+        constants.abort_imposed_factor * vehicles.safe_decel
     )
-    own = imposed_accel(c, p, v, gap[LEADER], closing[LEADER], p.time_gap)
-    bad_front = own < -(c.abort_factor * p.decel)
-    back = cah_accel(c, v, front[0], front[1], _STEADY)
-    room = (back >= -p.max_assumed_decel) & (behind[0] > c.min_rear_gap)
-    early = state.path_time < c.abort_until * state.path_duration
-    sound = (state.crashed == 0) & (p.valid > 0)
+    own = imposed_accel(constants, vehicles, v, gap[LEADER], closing[LEADER], vehicles.time_gap)
+    bad_front = own < -(constants.abort_factor * vehicles.decel)
+    back = cah_accel(constants, v, front[0], front[1], _STEADY)
+    room = (back >= -vehicles.max_assumed_decel) & (behind[0] > constants.min_rear_gap)
+    early = state.path_time < constants.abort_until * state.path_duration
+    sound = (state.crashed == 0) & (vehicles.valid > 0)
     sound[EGO_SLOT] = False
     return (bad_rear | bad_front) & room & early & whole & sound, to_fast
 
 
-def _is_ready_for_lane_change(state: State, given: StepParameters, p: VehicleParameters) -> Mask:
+def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
     """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
+    vehicles = params.vehicles
     arrived = state.path_time >= state.path_duration
-    rested = state.since_change >= given.constants.cooldown
-    ready = arrived & rested & (state.crashed == 0) & (p.valid > 0)
+    rested = state.since_change >= params.constants.cooldown
+    ready = arrived & rested & (state.crashed == 0) & (vehicles.valid > 0)
     ready[EGO_SLOT] = False
     return ready
 
 
 def start_lane_changes(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
+    params: StepParameters,
     sides: tuple[Mask, Mask, Mask],
-    believed: Beliefs,
-    decision: int,
+    beliefs: Beliefs,
+    decision_index: int,
     hasty: F32 | None = None,
 ) -> None:
     """Begin a lane change of the masked vehicles, with the indicator where it is used.
@@ -258,30 +280,31 @@ def start_lane_changes(
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
+        params: Parameters of the batch.
         sides: Who moves to the fast side, who to the slow side, and who of them breaks off a lane
             change and so has less far to go; each (vehicle, simulation).
-        believed: What drivers believe of the leader.
-        decision: Number of the decision.
+        beliefs: What drivers believe of the leader.
+        decision_index: Number of the decision.
         hasty: How long it takes who is in a hurry, 0 for who is not, (vehicle, simulation) [s].
     """
-    c, (fast, slow, back) = given.constants, sides
+    vehicles = params.vehicles
+    constants, (fast, slow, back) = params.constants, sides
     step, moved = _signed_side(fast, slow), fast | slow
     state.lane = state.lane + step
-    low, high = lane_borders(state, given, 0.0)
-    left = believed.gap[LEADER] / maximum(believed.closing_speed[LEADER], _MIN_SPEED)
+    low, high = lane_borders(state, params, 0.0)
+    left = beliefs.gap[LEADER] / maximum(beliefs.closing_speed[LEADER], _MIN_SPEED)
     hurried = maximum(
-        (left - c.lane_clearance_time) / c.lane_cleared_share, c.min_lane_change_duration
+        (left - constants.lane_clearance_time) / constants.lane_cleared_share,
+        constants.min_lane_change_duration,
     )
-    usual = minimum(p.lane_change_duration, hurried)
-    duration = np.where(back, c.abort_duration_share * p.lane_change_duration, usual)
+    usual = minimum(vehicles.lane_change_duration, hurried)
+    duration = np.where(back, constants.abort_duration_share * vehicles.lane_change_duration, usual)
     if hasty is not None:
         duration = np.where(hasty > 0, hasty, duration)
     start_path(state, moved, np.float32(0.5) * (low + high), duration)
-    state.indicator = np.where(moved, step * p.uses_indicator, state.indicator)
+    state.indicator = np.where(moved, step * vehicles.uses_indicator, state.indicator)
     state.wanted = np.where(moved, np.float32(0.0), state.wanted)
-    draw_shoulder_check(state, given, p, moved, decision)
+    draw_shoulder_check(state, params, moved, decision_index)
 
 
 def _signed_side(fast: Mask, slow: Mask) -> F32:

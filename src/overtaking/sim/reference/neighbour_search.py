@@ -6,7 +6,7 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.decision_context import Neighbours
 from overtaking.sim.reference.road_conditions import value_of_lane
 from overtaking.sim.reference.state import NO_SLOT, State, value_at_slot
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Gap without a neighbour [m].
 
@@ -14,15 +14,15 @@ _FAR = np.float32(1e9)  # Gap without a neighbour [m].
 _LANE_OFFSETS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
 
 
-def lane_borders(state: State, given: StepParameters, shift: float) -> tuple[F32, F32]:
+def lane_borders(state: State, params: StepParameters, shift: float) -> tuple[F32, F32]:
     """Borders of the lane `shift` lanes from each vehicle's own [m]."""
-    road = given.road
+    road = params.road
     low = value_of_lane(road.boundaries, state.lane + np.float32(shift), road.num_lanes + 1)
     high = value_of_lane(road.boundaries, state.lane + np.float32(shift + 1.0), road.num_lanes + 1)
     return low, high
 
 
-def find_neighbours(state: State, given: StepParameters, p: VehicleParameters) -> Neighbours:
+def find_neighbours(state: State, params: StepParameters) -> Neighbours:
     """The nearest vehicle ahead and behind in the own, the faster and the slower lane.
 
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
@@ -30,22 +30,23 @@ def find_neighbours(state: State, given: StepParameters, p: VehicleParameters) -
     moment if it signals, and else as soon as it visibly moves over. Those who make for one place
     from both sides would else see each other too late.
     """
-    bands = [lane_borders(state, given, shift) for shift in _LANE_OFFSETS]
+    vehicles = params.vehicles
+    bands = [lane_borders(state, params, shift) for shift in _LANE_OFFSETS]
     found = _NearestByRole(state.s.shape)
     for j in range(state.s.shape[0]):
-        ahead, beside = nearest_image(given, state.s[j] - state.s), state.d[j] - state.d
-        others = (p.valid[j] > 0) & (p.travel_sign[j] == p.travel_sign)
+        ahead, beside = nearest_image(params, state.s[j] - state.s), state.d[j] - state.d
+        others = (vehicles.valid[j] > 0) & (vehicles.travel_sign[j] == vehicles.travel_sign)
         others[j] = False
-        shows = visibly_changes_lane(state, given, j)
+        shows = visibly_changes_lane(state, params, j)
         for k, (low, high) in enumerate(bands):
             heading = shows & (state.lane[j] - state.lane == _LANE_OFFSETS[k])
-            inside = others & (_is_in_lane(state, given, p, j, low, high) | heading)
+            inside = others & (_is_in_lane(state, params, j, low, high) | heading)
             found.consider(2 * k, j, inside & (ahead >= 0), ahead, beside)
             found.consider(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
-    half = value_at_slot(p.half_length, found.slot)
+    half = value_at_slot(vehicles.half_length, found.slot)
     return Neighbours(
         slot=found.slot,
-        gap=found.distance - (half + p.half_length),
+        gap=found.distance - (half + vehicles.half_length),
         distance=found.distance,
         lateral_distance=found.aside,
         half_length=half,
@@ -54,26 +55,25 @@ def find_neighbours(state: State, given: StepParameters, p: VehicleParameters) -
     )
 
 
-def nearest_image(given: StepParameters, distance: F32) -> F32:
+def nearest_image(params: StepParameters, distance: F32) -> F32:
     """A distance along the road; on a ring that to the nearest image [m]."""
-    q = given.simulations
-    ring, inverse = q.ring_length, q.inverse_ring_length
+    simulations = params.simulations
+    ring, inverse = simulations.ring_length, simulations.inverse_ring_length
     return distance - ring * np.rint(distance * inverse)
 
 
-def visibly_changes_lane(state: State, given: StepParameters, j: int) -> Mask:
+def visibly_changes_lane(state: State, params: StepParameters, j: int) -> Mask:
     """Whether others can tell to which lane vehicle `j` is changing."""
     changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
-    moves = state.path_time[j] > given.constants.visible_fraction * state.path_duration[j]
+    moves = state.path_time[j] > params.constants.visible_fraction * state.path_duration[j]
     return changing & ((state.indicator[j] != 0) | moves)
 
 
-def _is_in_lane(
-    state: State, given: StepParameters, p: VehicleParameters, j: int, low: F32, high: F32
-) -> Mask:
+def _is_in_lane(state: State, params: StepParameters, j: int, low: F32, high: F32) -> Mask:
     """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
-    margin = given.constants.corridor_margin
-    low_side, high_side = state.d[j] - p.half_width[j], state.d[j] + p.half_width[j]
+    vehicles = params.vehicles
+    margin = params.constants.corridor_margin
+    low_side, high_side = state.d[j] - vehicles.half_width[j], state.d[j] + vehicles.half_width[j]
     return (high_side > low + margin) & (low_side < high - margin)
 
 

@@ -37,9 +37,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
     value_at_slot,
 )
-from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
+from overtaking.world.step_parameters import StepParameters
 
 _HALF = np.float32(0.5)
 
@@ -65,45 +63,41 @@ class NeighbourMotion(NamedTuple):
 
 def observation_table(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
     *,
-    decision: int,
-    is_true: bool,
+    decision_index: int,
+    observes_truth: bool,
 ) -> F32:
     """Observations of all egos, shape (simulation, `OBSERVATION_SIZE`).
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: Percepts and beliefs of the drivers.
-        decision: Number of the decision.
-        is_true: Whether to observe the true state instead of the ego's beliefs.
+        params: Parameters of the batch.
+        context: Percepts and beliefs of the drivers.
+        decision_index: Number of the decision.
+        observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
     table = np.zeros((state.s.shape[1], OBSERVATION_SIZE), np.float32)
     ego, neighbours, passing = split_observation(table)
-    neighbours[:, :, NeighbourColumns._fields.index("gap")] = given.constants.unseen_gap
-    _fill_columns(ego, _ego_columns(state, given, p, moment))
+    neighbours[:, :, NeighbourColumns._fields.index("gap")] = params.constants.unseen_gap
+    _fill_columns(ego, _ego_columns(state, params, context))
     for role in NeighbourRole:
-        if is_true:
-            motion = _true_motion(state, moment.neighbours, given, role)
+        if observes_truth:
+            motion = _true_motion(state, context.neighbours, params, role)
         else:
-            motion = _believed_motion(state, p, moment, role)
-        columns = _neighbour_columns(
-            state, given.constants, p, moment.neighbours, role=role, motion=motion
-        )
+            motion = _believed_motion(state, params, context, role)
+        columns = _neighbour_columns(state, params, context.neighbours, role=role, motion=motion)
         _fill_columns(neighbours[:, role], columns)
-    if moment.oncoming is not None:
-        oncoming = moment.oncoming.nearest
-        second = observe_second_oncoming(state, given, p, q, moment.neighbours, oncoming, decision)
+    if context.oncoming is not None:
+        oncoming = context.oncoming.nearest
+        second = observe_second_oncoming(
+            state, params, context.neighbours, oncoming, decision_index
+        )
         for role, vehicle in enumerate((oncoming, second), len(NeighbourRole)):
-            columns = _oncoming_columns(state, given, p, vehicle, is_true=is_true)
+            columns = _oncoming_columns(state, params, vehicle, observes_truth=observes_truth)
             _fill_columns(neighbours[:, role], columns)
-        _fill_columns(passing, _passing_columns(state, given, p, q, moment, oncoming=oncoming))
+        _fill_columns(passing, _passing_columns(state, params, context, oncoming=oncoming))
     return table
 
 
@@ -113,12 +107,10 @@ def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingCo
         table[:, index] = values
 
 
-def _ego_columns(
-    state: State, given: StepParameters, p: VehicleParameters, moment: DecisionContext
-) -> EgoColumns:
+def _ego_columns(state: State, params: StepParameters, context: DecisionContext) -> EgoColumns:
     """The ego itself."""
-    ego, near = EGO_SLOT, moment.neighbours
-    lane_centre = _HALF * (near.lane_right_edge[ego] + near.lane_left_edge[ego])
+    ego, neighbours = EGO_SLOT, context.neighbours
+    lane_centre = _HALF * (neighbours.lane_right_edge[ego] + neighbours.lane_left_edge[ego])
     return EgoColumns(
         speed=state.vx[ego],
         requested_accel=state.accel[ego],
@@ -135,39 +127,39 @@ def _ego_columns(
         wanted_side=state.wanted[ego],
         time_since_lane_change=state.since_change[ego],
         has_finished_lane_change=_flag(has_finished_lane_change(state, ego)),
-        checks_mirrors=_flag(moment.checks_mirrors[ego]),
-        gives_way=_flag(moment.gives_way[ego]),
-        has_passed_target=_flag(has_passed_target(state, given, p, ego)),
+        checks_mirrors=_flag(context.checks_mirrors[ego]),
+        gives_way=_flag(context.gives_way[ego]),
+        has_passed_target=_flag(has_passed_target(state, params, ego)),
         is_behind_target=_flag(state.s[ego] < value_at_slot(state.s, state.target[ego])),
-        can_pull_out=_flag(can_pull_out(state, given)),
+        can_pull_out=_flag(can_pull_out(state, params)),
         can_return=_flag(can_return(state)),
         can_cancel_lane_change=_flag(
-            can_cancel_pull_out(state, given, ego) | can_cancel_return(state, given, ego)
+            can_cancel_pull_out(state, params, ego) | can_cancel_return(state, params, ego)
         ),
     )
 
 
 def _believed_motion(
-    state: State, p: VehicleParameters, moment: DecisionContext, role: NeighbourRole
+    state: State, params: StepParameters, context: DecisionContext, role: NeighbourRole
 ) -> NeighbourMotion:
     """The model driver's beliefs; true closing speeds if the driver is told to change lanes."""
-    believed, ego = moment.beliefs, EGO_SLOT
-    is_detected, closing_speed = believed.is_detected[role, ego], believed.closing_speed[role, ego]
+    beliefs, ego = context.beliefs, EGO_SLOT
+    is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]
     if role == NeighbourRole.LEADER:
-        knows_speed = is_scripted(p) & is_detected
+        knows_speed = is_scripted(params) & is_detected
         closing_speed = np.where(
-            knows_speed, true_closing_speed_to_leader(state, moment.neighbours), closing_speed
+            knows_speed, true_closing_speed_to_leader(state, context.neighbours), closing_speed
         )
     return NeighbourMotion(
-        is_detected, believed.gap[role, ego], closing_speed, believed.accel[role, ego]
+        is_detected, beliefs.gap[role, ego], closing_speed, beliefs.accel[role, ego]
     )
 
 
 def _true_motion(
-    state: State, near: Neighbours, given: StepParameters, role: NeighbourRole
+    state: State, neighbours: Neighbours, params: StepParameters, role: NeighbourRole
 ) -> NeighbourMotion:
     """The true motion of a neighbour; a large gap and zeros without one."""
-    slot, zero = near.slot[role, EGO_SLOT], np.float32(0.0)
+    slot, zero = neighbours.slot[role, EGO_SLOT], np.float32(0.0)
     exists = slot >= 0
     speeds, _ = road_velocity(state)
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
@@ -175,7 +167,7 @@ def _true_motion(
     closing_speed = ego_speed - speed if is_ahead else speed - ego_speed
     return NeighbourMotion(
         is_detected=exists,
-        gap=np.where(exists, near.gap[role, EGO_SLOT], given.constants.unseen_gap),
+        gap=np.where(exists, neighbours.gap[role, EGO_SLOT], params.constants.unseen_gap),
         closing_speed=np.where(exists, closing_speed, zero),
         accel=np.where(exists, value_at_slot(state.a_lon, slot), zero),
     )
@@ -183,16 +175,16 @@ def _true_motion(
 
 def _neighbour_columns(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
     *,
     role: NeighbourRole,
     motion: NeighbourMotion,
 ) -> NeighbourColumns:
     """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
-    slot = near.slot[role, EGO_SLOT]
-    brakes = (value_at_slot(state.accel, slot) < -c.stop_lamp_decel) | (
+    vehicles, constants = params.vehicles, params.constants
+    slot = neighbours.slot[role, EGO_SLOT]
+    brakes = (value_at_slot(state.accel, slot) < -constants.stop_lamp_decel) | (
         value_at_slot(state.crashed, slot) > 0
     )
 
@@ -204,28 +196,28 @@ def _neighbour_columns(
         gap=motion.gap,
         closing_speed=motion.closing_speed,
         accel=motion.accel,
-        lateral_distance=if_detected(near.lateral_distance[role, EGO_SLOT]),
+        lateral_distance=if_detected(neighbours.lateral_distance[role, EGO_SLOT]),
         indicator=if_detected(value_at_slot(state.indicator, slot)),
         stop_lamp=if_detected(_flag(brakes)),
-        length=if_detected(_TWO * near.half_length[role, EGO_SLOT]),
-        is_truck=if_detected(value_at_slot(p.has_truck_tyres, slot)),
-        is_two_wheeler=if_detected(value_at_slot(p.two_wheeler, slot)),
+        length=if_detected(_TWO * neighbours.half_length[role, EGO_SLOT]),
+        is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
+        is_two_wheeler=if_detected(value_at_slot(vehicles.two_wheeler, slot)),
     )
 
 
 def _oncoming_columns(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
+    params: StepParameters,
     vehicle: OncomingVehicle,
     *,
-    is_true: bool,
+    observes_truth: bool,
 ) -> NeighbourColumns:
     """One oncoming vehicle; a large gap and zeros without one."""
+    vehicles = params.vehicles
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
     speeds, _ = road_velocity(state)
-    d = np.stack([position_seen_by_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
-    if is_true:
+    d = np.stack([position_seen_by_each(state, params, j)[1][ego] for j in range(len(state.s))])
+    if observes_truth:
         is_detected, gap = slot >= 0, vehicle.gap[ego]
         closing_speed, accel = (
             speeds[ego] + value_at_slot(speeds, slot),
@@ -240,43 +232,43 @@ def _oncoming_columns(
 
     return NeighbourColumns(
         is_detected=_flag(is_detected),
-        gap=np.where(is_detected, gap, given.constants.unseen_gap),
+        gap=np.where(is_detected, gap, params.constants.unseen_gap),
         closing_speed=if_detected(closing_speed),
         accel=if_detected(accel),
         lateral_distance=if_detected(value_at_slot(d, slot) - state.d[ego]),
         indicator=if_detected(-value_at_slot(state.indicator, slot)),
         stop_lamp=np.zeros_like(gap),
         length=if_detected(_TWO * vehicle.half_length[ego]),
-        is_truck=if_detected(value_at_slot(p.has_truck_tyres, slot)),
-        is_two_wheeler=if_detected(value_at_slot(p.two_wheeler, slot)),
+        is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
+        is_two_wheeler=if_detected(value_at_slot(vehicles.two_wheeler, slot)),
     )
 
 
 def _passing_columns(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
     *,
     oncoming: OncomingVehicle,
 ) -> PassingColumns:
     """The model driver's knowledge about a pass against oncoming traffic."""
     ego = EGO_SLOT
-    plight = decide_pass_continuation(state, given, p, q, moment, ego)
-    leader = moment.neighbours.slot[LEADER, ego]
+    continuation = decide_pass_continuation(state, params, context, ego)
+    leader = context.neighbours.slot[LEADER, ego]
     overtaken = np.where(is_in_stage(state, ego, Stage.FOLLOW), leader, state.target[ego])
-    gap_ahead_of_leader = gap_ahead_of(state, p, leader, ego)
+    gap_ahead_of_leader = gap_ahead_of(state, params, leader, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],
         is_certain=_flag(oncoming.is_certain[ego]),
-        expected_closing_speed=expected_closing_speed(state, q)[ego],
-        gap_ahead_of_leader=minimum(gap_ahead_of_leader, given.constants.unseen_gap),
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(given.constants, p, overtaken),
-        line_is_solid=_flag(line_is_solid(state, given, p, ego, given.constants.line_lookahead)),
-        return_urgency=_HALF * plight.must_return_urgently + _HALF * plight.accepts_small_gap,
-        abort_state=_HALF * plight.must_abort + _HALF * (plight.must_abort & plight.fits_into_lane),
-        can_abort_pass=_flag(can_abort_pass(state, given, p, ego)),
+        expected_closing_speed=expected_closing_speed(state, params)[ego],
+        gap_ahead_of_leader=minimum(gap_ahead_of_leader, params.constants.unseen_gap),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, overtaken),
+        line_is_solid=_flag(line_is_solid(state, params, ego, params.constants.line_lookahead)),
+        return_urgency=_HALF * continuation.must_return_urgently
+        + _HALF * continuation.accepts_small_gap,
+        abort_state=_HALF * continuation.must_abort
+        + _HALF * (continuation.must_abort & continuation.fits_into_lane),
+        can_abort_pass=_flag(can_abort_pass(state, params, ego)),
     )
 
 

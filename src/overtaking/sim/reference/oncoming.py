@@ -24,8 +24,7 @@ from overtaking.sim.reference.state import (
     road_velocity,
     value_at_slot,
 )
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
+from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Sight past nobody [m].
 
@@ -40,11 +39,9 @@ NearestOncoming = tuple[F32, F32]
 
 def observe_oncoming(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
-    decision: int,
+    params: StepParameters,
+    neighbours: Neighbours,
+    decision_index: int,
 ) -> OncomingTraffic:
     """Who comes, and what each driver believes of it; advances the time in view.
 
@@ -54,45 +51,41 @@ def observe_oncoming(
     Source:
         Farber and Silver 1967, ARRB 1978 (a usual speed); Levulis 2015 (small oncomers).
     """
-    met = nearest_oncoming(state, given, p, np.full_like(state.s, NO_SLOT))
-    sight = _sight_distance(state, given, p, q, near)
+    oncoming = nearest_oncoming(state, params, np.full_like(state.s, NO_SLOT))
+    sight = _sight_distance(state, params, neighbours)
     coming, facing = (
-        _judged(state, given, p, q, near, met[lanes], sight, decision, lanes)
+        _judged(state, params, neighbours, oncoming[lanes], sight, decision_index, lanes)
         for lanes in (_IN_ANY_LANE, _IN_OWN_LANE)
     )
-    leader = near.slot[LEADER]
+    leader = neighbours.slot[LEADER]
     return OncomingTraffic(
         nearest=coming,
         in_own_lane=facing,
-        is_being_passed=is_being_passed(state, given, p),
+        is_being_passed=is_being_passed(state, params),
         leader_pulls_out=(leader >= 0) & (value_at_slot(state.indicator, leader) > 0),
     )
 
 
 def observe_second_oncoming(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
     first: OncomingVehicle,
-    decision: int,
+    decision_index: int,
 ) -> OncomingVehicle:
     """Who comes behind the nearest, and what each driver would believe of it.
 
     Our drivers decide by the nearest alone; another driver of the ego is told of the next one. It
     is noticed with the nearest, where it can be seen.
     """
-    met, _ = nearest_oncoming(state, given, p, first.slot)
+    oncoming, _ = nearest_oncoming(state, params, first.slot)
     return _judged(
         state,
-        given,
-        p,
-        q,
-        near,
-        met,
+        params,
+        neighbours,
+        oncoming,
         first.sight_distance,
-        decision,
+        decision_index,
         _IN_ANY_LANE,
         first.is_detected,
     )
@@ -100,25 +93,30 @@ def observe_second_oncoming(
 
 def _sight_distance(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
 ) -> F32:
     """How far drivers see the other lane: by the road, the weather, and past a high leader."""
-    c, road = given.constants, given.road
-    place, _ = road_position(state, given, p)
+    vehicles, simulations = params.vehicles, params.simulations
+    constants, road = params.constants, params.road
+    place, _ = road_position(state, params)
     by_road = np.where(
-        p.travel_sign < 0, *(_interpolate_knots(table, place) for table in road.sight[::-1])
+        vehicles.travel_sign < 0, *(_interpolate_knots(table, place) for table in road.sight[::-1])
     )
-    lead = near.slot[LEADER]
-    reach = maximum(near.distance[LEADER] - near.half_length[LEADER], MIN_SIGHT_LINE)
-    edge = near.lateral_distance[LEADER] + value_at_slot(p.half_width, lead) - c.eye_offset
+    lead = neighbours.slot[LEADER]
+    reach = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    edge = (
+        neighbours.lateral_distance[LEADER]
+        + value_at_slot(vehicles.half_width, lead)
+        - constants.eye_offset
+    )
     middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
-    beside = middle - state.d - c.eye_offset
-    hides = (lead >= 0) & (value_at_slot(p.blocks_view, lead) > 0) & (edge > 0) & (beside > 0)
+    beside = middle - state.d - constants.eye_offset
+    hides = (
+        (lead >= 0) & (value_at_slot(vehicles.blocks_view, lead) > 0) & (edge > 0) & (beside > 0)
+    )
     past = np.where(hides, beside * (reach / maximum(edge, MIN_SIGHT_LINE)), _FAR)
-    return minimum(minimum(minimum(by_road, state.shown), past), q.oncoming_sight)
+    return minimum(minimum(minimum(by_road, state.shown), past), simulations.oncoming_sight)
 
 
 def _interpolate_knots(table: F32, place: F32) -> F32:
@@ -130,97 +128,117 @@ def _interpolate_knots(table: F32, place: F32) -> F32:
 
 def _judged(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
-    met: tuple[F32, F32],
+    params: StepParameters,
+    neighbours: Neighbours,
+    oncoming: tuple[F32, F32],
     sight: F32,
-    decision: int,
+    decision_index: int,
     lanes: int,
     noticed: Mask | None = None,
 ) -> OncomingVehicle:
     """What drivers believe of whom they have `noticed`; None for whom they watch in some lanes."""
-    c, one = given.constants, np.float32(1.0)
-    slot, distance = met
-    half = value_at_slot(p.half_length, slot)
-    true_gap = distance - (half + p.half_length)
-    shines = value_at_slot(p.log_contrast, slot), value_at_slot(p.inverse_head_lamp, slot)
-    depths = extinction_ahead(state, given, p, q, near)
-    effort = sight_range_ratio(c, q, true_gap, shines, depths, is_front=True)
-    reach = minimum(c.oncoming_range, sight if lanes == _IN_ANY_LANE else state.shown)
+    vehicles, simulations = params.vehicles, params.simulations
+    constants, one = params.constants, np.float32(1.0)
+    slot, distance = oncoming
+    half = value_at_slot(vehicles.half_length, slot)
+    true_gap = distance - (half + vehicles.half_length)
+    shines = (
+        value_at_slot(vehicles.log_contrast, slot),
+        value_at_slot(vehicles.inverse_head_lamp, slot),
+    )
+    depths = extinction_ahead(state, params, neighbours)
+    effort = sight_range_ratio(params, true_gap, shines, depths, is_front=True)
+    reach = minimum(constants.oncoming_range, sight if lanes == _IN_ANY_LANE else state.shown)
     visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
     if noticed is None:
-        needed = q.detection_time * (one + c.detection_growth * (effort * effort * effort))
-        needed = np.where(visible, needed, q.detection_time)
-        update_time_in_view(state, given, lanes, np.where(visible, slot, NO_SLOT))
+        needed = simulations.detection_time * (
+            one + constants.detection_growth * (effort * effort * effort)
+        )
+        needed = np.where(visible, needed, simulations.detection_time)
+        update_time_in_view(state, params, lanes, np.where(visible, slot, NO_SLOT))
         sure = state.oncoming_time[lanes] >= needed
     else:
         sure = noticed
     detected = visible & sure
     own_speed, _ = road_velocity(state)
-    urgent = true_gap < c.urgent_time * (own_speed + value_at_slot(state.vx, slot))
-    ticks = np.where(urgent, p.urgent_reaction_delay, p.reaction_delay)
-    then = maximum(np.float32(decision) - ticks, np.float32(0.0))
-    elapsed = (np.float32(decision) - then) * c.decision
+    urgent = true_gap < constants.urgent_time * (own_speed + value_at_slot(state.vx, slot))
+    ticks = np.where(urgent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
+    then = maximum(np.float32(decision_index) - ticks, np.float32(0.0))
+    elapsed = (np.float32(decision_index) - then) * constants.decision
     place, speed = recall_motion(state, then, slot)
     place = place + speed * elapsed
-    gap = (given.road.length - place) - state.s - (half + p.half_length)
+    gap = (params.road.length - place) - state.s - (half + vehicles.half_length)
     closing = own_speed + speed
     _, clear, share, sensed = sense_looming(
-        state, c, q, gap, closing, value_at_slot(p.looming_width, slot)
+        state, params, gap, closing, value_at_slot(vehicles.looming_width, slot)
     )
-    small = np.where(value_at_slot(p.two_wheeler, slot) > 0, c.two_wheeler_distance_factor, one)
-    judged = exp(q.oncoming_error * state.distance_error) * small
-    habit = expected_closing_speed(state, q)
+    small = np.where(
+        value_at_slot(vehicles.two_wheeler, slot) > 0, constants.two_wheeler_distance_factor, one
+    )
+    judged = exp(simulations.oncoming_error * state.distance_error) * small
+    habit = expected_closing_speed(state, params)
     return OncomingVehicle(
         slot=slot,
         gap=true_gap,
         half_length=half,
         is_detected=detected,
         is_certain=sure,
-        believed_gap=np.where(detected, gap + gap * ((judged - one) * share), c.oncoming_range),
+        believed_gap=np.where(
+            detected, gap + gap * ((judged - one) * share), constants.oncoming_range
+        ),
         closing_speed=np.where(detected, habit + clear * (sensed - habit), habit),
         sight_distance=sight,
     )
 
 
-def expected_closing_speed(state: State, q: SimulationParameters) -> F32:
+def expected_closing_speed(state: State, params: StepParameters) -> F32:
     """Speed of approach that drivers expect of who comes, (vehicle, simulation) [m/s]."""
+    simulations = params.simulations
     own_speed, _ = road_velocity(state)
-    return own_speed + q.expected_oncoming_speed
+    return own_speed + simulations.expected_oncoming_speed
 
 
-def update_time_in_view(state: State, given: StepParameters, lanes: int, seen: F32) -> None:
+def update_time_in_view(state: State, params: StepParameters, lanes: int, seen: F32) -> None:
     """Count for how long drivers have seen what they see in some lanes now: slots `seen`."""
-    c, before = given.constants, state.oncoming_id[lanes]
-    longer = np.where(seen == before, state.oncoming_time[lanes] + c.decision, np.float32(0.0))
-    state.oncoming_time[lanes] = np.where(before == NEVER_LOOKED, c.initial_time_in_view, longer)
+    constants, before = params.constants, state.oncoming_id[lanes]
+    longer = np.where(
+        seen == before, state.oncoming_time[lanes] + constants.decision, np.float32(0.0)
+    )
+    state.oncoming_time[lanes] = np.where(
+        before == NEVER_LOOKED, constants.initial_time_in_view, longer
+    )
     state.oncoming_id[lanes] = seen
 
 
 def nearest_oncoming(
-    state: State, given: StepParameters, p: VehicleParameters, but: F32
+    state: State, params: StepParameters, but: F32
 ) -> tuple[NearestOncoming, NearestOncoming]:
     """The nearest oncomer of each vehicle in any lane, and in its own; slots `but` do not count.
 
     One that is visibly on its way into the own lane is there.
     """
-    c, road = given.constants, given.road
-    low, high = lane_borders(state, given, 0.0)
+    vehicles = params.vehicles
+    constants, road = params.constants, params.road
+    low, high = lane_borders(state, params, 0.0)
     edges = road.boundaries[0], road.boundaries[road.num_lanes]
     slot = np.full((2, *state.s.shape), NO_SLOT)
     distance = np.full_like(slot, _FAR)
     for j in range(len(state.s)):
-        s, d = position_seen_by_each(state, given, p, j)
+        s, d = position_seen_by_each(state, params, j)
         ahead = s - state.s
-        low_side, high_side = d - p.half_width[j], d + p.half_width[j]
+        low_side, high_side = d - vehicles.half_width[j], d + vehicles.half_width[j]
         lane = np.float32(road.num_lanes - 1) - state.lane[j]
-        comes = visibly_changes_lane(state, given, j) & (lane == state.lane)
-        opposed = (p.valid[j] > 0) & (p.travel_sign[j] != p.travel_sign) & (p.valid > 0)
+        comes = visibly_changes_lane(state, params, j) & (lane == state.lane)
+        opposed = (
+            (vehicles.valid[j] > 0)
+            & (vehicles.travel_sign[j] != vehicles.travel_sign)
+            & (vehicles.valid > 0)
+        )
         opposed = opposed & (ahead >= 0) & (but != np.float32(j))
         for k, (begin, end) in enumerate((edges, (low, high))):
-            there = (high_side > begin + c.corridor_margin) & (low_side < end - c.corridor_margin)
+            there = (high_side > begin + constants.corridor_margin) & (
+                low_side < end - constants.corridor_margin
+            )
             there = there | comes if k else there
             nearer = opposed & there & (ahead < distance[k])
             slot[k] = np.where(nearer, np.float32(j), slot[k])
@@ -228,13 +246,14 @@ def nearest_oncoming(
     return (slot[0], distance[0]), (slot[1], distance[1])
 
 
-def is_being_passed(state: State, given: StepParameters, p: VehicleParameters) -> Mask:
+def is_being_passed(state: State, params: StepParameters) -> Mask:
     """Whom others pass in the next lane, as they notice it, (vehicle, simulation)."""
+    vehicles = params.vehicles
     out, passed = is_overtaking(state), np.zeros(state.s.shape, bool)
     for j in range(len(state.s)):
-        apart = np.abs(state.s - state.s[j]) - (p.half_length + p.half_length[j])
-        beside = (apart < given.constants.passed_awareness_margin) & (
-            p.travel_sign == p.travel_sign[j]
+        apart = np.abs(state.s - state.s[j]) - (vehicles.half_length + vehicles.half_length[j])
+        beside = (apart < params.constants.passed_awareness_margin) & (
+            vehicles.travel_sign == vehicles.travel_sign[j]
         )
         passed = passed | (beside & (state.lane[j] > state.lane) & out[j])
     return passed & (state.crashed == 0)

@@ -35,9 +35,8 @@ from overtaking.sim.reference.state import (
     State,
     is_in_stage,
 )
-from overtaking.world.constants import SUBSTEPS, ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
+from overtaking.world.constants import SUBSTEPS
+from overtaking.world.step_parameters import StepParameters
 
 _ZERO = np.float32(0.0)
 
@@ -50,25 +49,23 @@ OTHERS = slice(EGO_SLOT + 1, None)  # Everybody but the ego.
 
 def decide_ego(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
     recorder: Recorder | None,
     step: int,
-    orders: EgoAction | None = None,
+    action: EgoAction | None = None,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
     ego = EGO_SLOT
     # Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
-    plight = _update_pass_continuation(state, given, p, q, moment, ego)
-    if orders is None:
-        intent = form_intent(state, given, p, q, moment, ego, plight)
+    continuation = _update_pass_continuation(state, params, context, ego)
+    if action is None:
+        intent = form_intent(state, params, context, ego, continuation)
     else:
-        intent = intent_from_action(state, given, p, orders)
-    _count_waiting_time(state, given, p, moment.beliefs, ego)
+        intent = intent_from_action(state, params, action)
+    _count_waiting_time(state, params, context.beliefs, ego)
     # Roles in the order of `PerceivedVehicle`.
-    front = LEFT_LEADER if moment.oncoming is None else ONCOMING_ROLE
+    front = LEFT_LEADER if context.oncoming is None else ONCOMING_ROLE
     for mask, kind, roles in (
         (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, (LEADER, front, LEFT_FOLLOWER)),
         (intent.cancels_pull_out, ManoeuvreKind.CANCEL, (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)),
@@ -76,170 +73,169 @@ def decide_ego(
         (intent.starts_return, ManoeuvreKind.RETURN, (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)),
     ):
         if recorder is not None:
-            coming = None if moment.oncoming is None else moment.oncoming.nearest
+            coming = None if context.oncoming is None else context.oncoming.nearest
             recorder.record_percepts(
-                state, moment.neighbours, moment.beliefs, mask, kind, roles, step, coming
+                state, context.neighbours, context.beliefs, mask, kind, roles, step, coming
             )
-    next_stage = _next_stage(state, given, moment.neighbours, ego, intent)
-    _carry_out_intent(state, given, p, q, moment, ego, intent, step // SUBSTEPS)
-    if orders is not None:
-        set_requested_indicator(state, orders)
-    _set_end_step(state, given, q, intent, next_stage, step)
+    next_stage = _next_stage(state, params, context.neighbours, ego, intent)
+    _carry_out_intent(state, params, context, ego, intent, step // SUBSTEPS)
+    if action is not None:
+        set_requested_indicator(state, action)
+    _set_end_step(state, params, intent, next_stage, step)
     _set_stage(state, ego, next_stage)
 
 
 def decide_others(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
     step: int,
 ) -> None:
     """One decision of everybody else on a two-way road; who has overtaken may do so again."""
-    plight = _update_pass_continuation(state, given, p, q, moment, OTHERS)
-    intent = form_intent(state, given, p, q, moment, OTHERS, plight)
-    _count_waiting_time(state, given, p, moment.beliefs, OTHERS)
-    stage = _next_stage(state, given, moment.neighbours, OTHERS, intent)
-    _carry_out_intent(state, given, p, q, moment, OTHERS, intent, step // SUBSTEPS)
+    continuation = _update_pass_continuation(state, params, context, OTHERS)
+    intent = form_intent(state, params, context, OTHERS, continuation)
+    _count_waiting_time(state, params, context.beliefs, OTHERS)
+    stage = _next_stage(state, params, context.neighbours, OTHERS, intent)
+    _carry_out_intent(state, params, context, OTHERS, intent, step // SUBSTEPS)
     done = stage == np.float32(Stage.DONE)
     state.waited[OTHERS] = np.where(done, _ZERO, state.waited[OTHERS])
     _set_stage(state, OTHERS, np.where(done, np.float32(Stage.FOLLOW), stage))
 
 
-def _set_stage(state: State, who: SlotSelection, stage: F32) -> None:
+def _set_stage(state: State, slots: SlotSelection, stage: F32) -> None:
     """Go on to the next stage, or stay."""
-    changed = stage != state.stage[who]
-    state.stage_time[who] = np.where(changed, _ZERO, state.stage_time[who])
-    state.stage[who] = stage
+    changed = stage != state.stage[slots]
+    state.stage_time[slots] = np.where(changed, _ZERO, state.stage_time[slots])
+    state.stage[slots] = stage
 
 
 def _update_pass_continuation(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
-    who: SlotSelection,
+    params: StepParameters,
+    context: DecisionContext,
+    slots: SlotSelection,
 ) -> PassContinuation | None:
     """How drivers stand to oncoming traffic, remembered; None where there is none on the road."""
-    if moment.oncoming is None:
+    if context.oncoming is None:
         return None
-    plight = decide_pass_continuation(state, given, p, q, moment, who)
-    state.yields[who] = np.where(plight.must_abort, _ONE, _ZERO)
-    state.hurries[who] = np.where(plight.must_return_urgently, _ONE, _ZERO)
-    return plight
+    continuation = decide_pass_continuation(state, params, context, slots)
+    state.yields[slots] = np.where(continuation.must_abort, _ONE, _ZERO)
+    state.hurries[slots] = np.where(continuation.must_return_urgently, _ONE, _ZERO)
+    return continuation
 
 
-def _urgent_change_durations(
-    state: State, c: ModelConstants, q: SimulationParameters, who: SlotSelection
-) -> F32:
+def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSelection) -> F32:
     """How long hurried drivers take to change lanes, 0 for everybody else [s].
 
     At a walking pace a change takes longer, as the wheels turn only so far.
     """
+    simulations, constants = params.simulations, params.constants
     hasty = np.zeros_like(state.s)
-    hurried = (state.hurries[who] > 0) | (state.yields[who] > 0)
-    turned = c.min_change_distance / maximum(state.vx[who], c.slip_speed)
-    hasty[who] = np.where(hurried, maximum(q.urgent_change_duration, turned), _ZERO)
+    hurried = (state.hurries[slots] > 0) | (state.yields[slots] > 0)
+    turned = constants.min_change_distance / maximum(state.vx[slots], constants.slip_speed)
+    hasty[slots] = np.where(hurried, maximum(simulations.urgent_change_duration, turned), _ZERO)
     return hasty
 
 
 def _count_waiting_time(
-    state: State, given: StepParameters, p: VehicleParameters, believed: Beliefs, who: SlotSelection
+    state: State, params: StepParameters, beliefs: Beliefs, slots: SlotSelection
 ) -> None:
     """Count the time behind a slower leader."""
-    c, speed = given.constants, state.vx[who]
-    queues = believed.gap[LEADER, who] < c.waiting_time_gap * speed
-    slower = p.desired_speed[who] > speed - believed.closing_speed[LEADER, who]
-    follows = is_in_stage(state, who, Stage.FOLLOW)
-    waits = follows & believed.is_detected[LEADER, who] & queues & slower
-    waited = state.waited[who]
-    state.waited[who] = np.where(waits, waited + c.decision, waited)
+    vehicles = params.vehicles
+    constants, speed = params.constants, state.vx[slots]
+    queues = beliefs.gap[LEADER, slots] < constants.waiting_time_gap * speed
+    slower = vehicles.desired_speed[slots] > speed - beliefs.closing_speed[LEADER, slots]
+    follows = is_in_stage(state, slots, Stage.FOLLOW)
+    waits = follows & beliefs.is_detected[LEADER, slots] & queues & slower
+    waited = state.waited[slots]
+    state.waited[slots] = np.where(waits, waited + constants.decision, waited)
 
 
 def _next_stage(
-    state: State, given: StepParameters, near: Neighbours, who: SlotSelection, intent: Intent
+    state: State,
+    params: StepParameters,
+    neighbours: Neighbours,
+    slots: SlotSelection,
+    intent: Intent,
 ) -> F32:
     """The stage after this decision; an abort wins over an arrival, a return over both."""
-    centre = np.float32(0.5) * (near.lane_right_edge[who] + near.lane_left_edge[who])
-    settled = np.abs(state.d[who] - centre) < given.constants.settled_offset
+    centre = np.float32(0.5) * (
+        neighbours.lane_right_edge[slots] + neighbours.lane_left_edge[slots]
+    )
+    settled = np.abs(state.d[slots] - centre) < params.constants.settled_offset
     finished = intent.has_finished_lane_change & settled
     returning = np.where(
         intent.has_passed_target, np.float32(Stage.RETURN), np.float32(Stage.ABORT)
     )
-    stage = np.where(intent.starts_pull_out, np.float32(Stage.PULL_OUT), state.stage[who])
-    entered = is_in_stage(state, who, Stage.PULL_OUT) & intent.has_finished_lane_change
+    stage = np.where(intent.starts_pull_out, np.float32(Stage.PULL_OUT), state.stage[slots])
+    entered = is_in_stage(state, slots, Stage.PULL_OUT) & intent.has_finished_lane_change
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.cancels_pull_out, np.float32(Stage.ABORT), stage)
-    stage = np.where(intent.starts_return & is_in_stage(state, who, Stage.PASS), returning, stage)
+    stage = np.where(intent.starts_return & is_in_stage(state, slots, Stage.PASS), returning, stage)
     stage = np.where(
-        is_in_stage(state, who, Stage.RETURN) & finished, np.float32(Stage.DONE), stage
+        is_in_stage(state, slots, Stage.RETURN) & finished, np.float32(Stage.DONE), stage
     )
     stage = np.where(
-        is_in_stage(state, who, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage
+        is_in_stage(state, slots, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage
     )
     return np.where(intent.cancels_return, np.float32(Stage.PASS), stage)
 
 
 def _carry_out_intent(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
-    who: SlotSelection,
+    params: StepParameters,
+    context: DecisionContext,
+    slots: SlotSelection,
     intent: Intent,
-    decision: int,
+    decision_index: int,
 ) -> None:
     """Move over and show it; who pulls out remembers whom to overtake."""
-    near = moment.neighbours
-    target = np.where(intent.starts_pull_out, near.slot[LEADER, who], state.target[who])
-    if given.road.has_oncoming_traffic:
-        beside = overtakes_next_vehicle(state, given, p, q, moment, who)
-        target = np.where(beside, near.slot[RIGHT_LEADER, who], target)
-    state.target[who] = target
-    if who == EGO_SLOT:
+    neighbours = context.neighbours
+    target = np.where(intent.starts_pull_out, neighbours.slot[LEADER, slots], state.target[slots])
+    if params.road.has_oncoming_traffic:
+        beside = overtakes_next_vehicle(state, params, context, slots)
+        target = np.where(beside, neighbours.slot[RIGHT_LEADER, slots], target)
+    state.target[slots] = target
+    if slots == EGO_SLOT:
         state.attempted = np.where(intent.starts_pull_out, _ONE, state.attempted)
     fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))
-    fast[who] = intent.starts_pull_out | intent.cancels_return
-    slow[who] = intent.starts_return | intent.cancels_pull_out
-    back[who] = intent.cancels_pull_out | intent.cancels_return
+    fast[slots] = intent.starts_pull_out | intent.cancels_return
+    slow[slots] = intent.starts_return | intent.cancels_pull_out
+    back[slots] = intent.cancels_pull_out | intent.cancels_return
     hasty = (
-        _urgent_change_durations(state, given.constants, q, who)
-        if given.road.has_oncoming_traffic
-        else None
+        _urgent_change_durations(state, params, slots) if params.road.has_oncoming_traffic else None
     )
-    start_lane_changes(state, given, p, (fast, slow, back), moment.beliefs, decision, hasty)
-    _set_indicator(state, p, intent, (fast | slow)[who], who)
+    start_lane_changes(state, params, (fast, slow, back), context.beliefs, decision_index, hasty)
+    _set_indicator(state, params, intent, (fast | slow)[slots], slots)
 
 
 def _set_indicator(
-    state: State, p: VehicleParameters, intent: Intent, moved: Mask, who: SlotSelection
+    state: State, params: StepParameters, intent: Intent, moved: Mask, slots: SlotSelection
 ) -> None:
     """Signal an intention while it lasts; during a lane change its own indicator stays on."""
-    signalled, used = state.signalled[who], p.uses_indicator[who]
-    kept = np.where(signalled > 0, state.indicator[who], _ZERO)
+    vehicles = params.vehicles
+    signalled, used = state.signalled[slots], vehicles.uses_indicator[slots]
+    kept = np.where(signalled > 0, state.indicator[slots], _ZERO)
     shown = np.where(intent.wants_to_pull_out, used, np.where(intent.wants_to_return, -used, kept))
     straight = intent.has_finished_lane_change & ~moved
-    state.indicator[who] = np.where(straight, shown, state.indicator[who])
-    state.signalled[who] = np.where(moved, _ZERO, signalled)
+    state.indicator[slots] = np.where(straight, shown, state.indicator[slots])
+    state.signalled[slots] = np.where(moved, _ZERO, signalled)
 
 
 def _set_end_step(
     state: State,
-    given: StepParameters,
-    q: SimulationParameters,
+    params: StepParameters,
     intent: Intent,
     next_stage: F32,
     step: int,
 ) -> None:
     """End the simulation some time after the overtake, or at the deadline without an attempt."""
-    c, done = given.constants, np.float32(Stage.DONE)
+    simulations = params.simulations
+    constants, done = params.constants, np.float32(Stage.DONE)
     now = np.float32(step)
     over = (next_stage == done) & (state.stage[EGO_SLOT] != done)
-    after = now + np.rint(c.after_overtake / c.step)
+    after = now + np.rint(constants.after_overtake / constants.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
     idle = is_in_stage(state, EGO_SLOT, Stage.FOLLOW) & ~intent.wants_to_pull_out
-    late = idle & (now >= q.deadline_step)
+    late = idle & (now >= simulations.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

@@ -31,8 +31,7 @@ from overtaking.sim.reference.state import (
     value_at_slot,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
+from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)
 
@@ -67,11 +66,9 @@ class PassContinuation:
 
 def decide_pass_continuation(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
-    who: SlotSelection,
+    params: StepParameters,
+    context: DecisionContext,
+    slots: SlotSelection,
 ) -> PassContinuation:
     """Whether drivers go on with their pass, and how.
 
@@ -84,71 +81,68 @@ def decide_pass_continuation(
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: What drivers know; there is oncoming traffic on the road.
-        who: The drivers.
+        params: Parameters of the batch.
+        context: What drivers know; there is oncoming traffic on the road.
+        slots: The drivers.
     """
-    assert moment.oncoming is not None
-    c, own, coming = given.constants, p.at_slots(who), moment.oncoming.nearest
-    near, believed = moment.neighbours, moment.beliefs
-    out = is_before_return(state, who)
+    vehicles, simulations = params.vehicles, params.simulations
+    assert context.oncoming is not None
+    constants, own, coming = params.constants, vehicles.at_slots(slots), context.oncoming.nearest
+    neighbours, beliefs = context.neighbours, context.beliefs
+    out = is_before_return(state, slots)
     along, _ = road_velocity(state)
-    speed, other = along[who], value_at_slot(along, state.target[who])
-    lead, bodies = _target_lead(state, given, p, who)
+    speed, other = along[slots], value_at_slot(along, state.target[slots])
+    lead, bodies = _target_lead(state, params, slots)
     faster = speed - other
-    aside = _HALF * q.urgent_change_duration
+    aside = _HALF * simulations.urgent_change_duration
     onwards = maximum(lead + bodies, _ZERO)
-    rest = time_to_pass(c, own, onwards, speed, faster, other) + aside
-    brake = c.abort_decel_share * own.max_assumed_decel
+    rest = time_to_pass(constants, own, onwards, speed, faster, other) + aside
+    brake = constants.abort_decel_share * own.max_assumed_decel
     backwards = maximum(bodies - lead, _ZERO)
     back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
-    noticed = coming.is_detected[who]
+    noticed = coming.is_detected[slots]
     there = np.where(
         noticed,
-        coming.believed_gap[who] / maximum(coming.closing_speed[who], MIN_CLOSING_SPEED),
+        coming.believed_gap[slots] / maximum(coming.closing_speed[slots], MIN_CLOSING_SPEED),
         _FAR,
     )
-    gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
-    no_time = _must_return_before_next(state, given, p, q, moment)[who]
-    room = near.gap[RIGHT_LEADER, who] + near.gap[RIGHT_FOLLOWER, who]
-    left = own.return_time_gap * tall_vehicle_gap_factor(c, p, state.target[who])
+    gives_up = (lead > 0) & (rest + constants.abort_margin > there) & (back < rest)
+    no_time = _must_return_before_next(state, params, context)[slots]
+    room = neighbours.gap[RIGHT_LEADER, slots] + neighbours.gap[RIGHT_FOLLOWER, slots]
+    left = own.return_time_gap * tall_vehicle_gap_factor(params, state.target[slots])
     cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
     too_slow = onwards / maximum(faster, MIN_CLOSING_SPEED) > back
-    trapped = no_time & ((room < c.min_return_space) | too_slow)
-    yields = (gives_up | trapped | (state.yields[who] > 0)) & out
-    beyond = (out | is_in_stage(state, who, Stage.RETURN)) & ~yields
-    pressed = beyond & ((there - rest < c.urgent_return_margin) | cramped)
-    late = line_is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (
+    trapped = no_time & ((room < constants.min_return_space) | too_slow)
+    yields = (gives_up | trapped | (state.yields[slots] > 0)) & out
+    beyond = (out | is_in_stage(state, slots, Stage.RETURN)) & ~yields
+    pressed = beyond & ((there - rest < constants.urgent_return_margin) | cramped)
+    late = line_is_solid(state, params, slots, maximum(speed, _ZERO) * rest) & (
         own.heeds_solid_lines > 0
     )
     # Another than the target may be ahead in the lane, as that one may have pulled out itself.
-    front = believed.gap[RIGHT_LEADER, who]
+    front = beliefs.gap[RIGHT_LEADER, slots]
     front = front - _distance_gained_while_braking(
-        c, believed.closing_speed[RIGHT_LEADER, who], brake
+        constants, beliefs.closing_speed[RIGHT_LEADER, slots], brake
     )
     return PassContinuation(
         must_abort=yields,
         must_return_urgently=pressed | (beyond & late),
         accepts_small_gap=pressed,
-        fits_into_lane=(lead - _distance_gained_while_braking(c, faster, brake) > bodies)
-        & (front > c.min_return_gap),
+        fits_into_lane=(lead - _distance_gained_while_braking(constants, faster, brake) > bodies)
+        & (front > constants.min_return_gap),
     )
 
 
-def _distance_gained_while_braking(c: ModelConstants, faster: F32, brake: F32) -> F32:
+def _distance_gained_while_braking(constants: ModelConstants, faster: F32, brake: F32) -> F32:
     """What is still gained on another while the brakes come on, and with them [m]."""
     faster = maximum(faster, _ZERO)
-    return faster * (c.brake_ramp + faster / (_TWO * brake))
+    return faster * (constants.brake_ramp + faster / (_TWO * brake))
 
 
 def _must_return_before_next(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
 ) -> Mask:
     """Who is past the one that it overtakes, and has no time to pass the next one as well.
 
@@ -156,83 +150,76 @@ def _must_return_before_next(
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: What drivers know; there is oncoming traffic on the road.
+        params: Parameters of the batch.
+        context: What drivers know; there is oncoming traffic on the road.
 
     Returns:
         Shape (vehicle, simulation).
     """
-    assert moment.oncoming is not None
-    c, coming, everybody = given.constants, moment.oncoming.nearest, slice(None)
+    vehicles, simulations = params.vehicles, params.simulations
+    assert context.oncoming is not None
+    constants, coming, everybody = params.constants, context.oncoming.nearest, slice(None)
     past = is_in_stage(state, everybody, Stage.PASS) & (
         state.s > value_at_slot(state.s, state.target)
     )
-    gap, closing = moment.beliefs.gap[RIGHT_LEADER], moment.beliefs.closing_speed[RIGHT_LEADER]
+    gap, closing = context.beliefs.gap[RIGHT_LEADER], context.beliefs.closing_speed[RIGHT_LEADER]
     next_one = state.vx - closing
-    bodies = _TWO * (moment.neighbours.half_length[RIGHT_LEADER] + p.half_length)
-    way = gap + bodies + c.min_return_gap
-    longer = time_to_pass(c, p, way, state.vx, closing, next_one)
-    longer = longer + _HALF * q.urgent_change_duration + c.urgent_return_margin
+    bodies = _TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
+    way = gap + bodies + constants.min_return_gap
+    longer = time_to_pass(constants, vehicles, way, state.vx, closing, next_one)
+    longer = longer + _HALF * simulations.urgent_change_duration + constants.urgent_return_margin
     late = (
-        assumed_oncoming_gap(p, coming.believed_gap, coming.sight_distance)
+        assumed_oncoming_gap(vehicles, coming.believed_gap, coming.sight_distance)
         < longer * coming.closing_speed
     )
-    needed = cah_accel(c, state.vx, gap, closing, _ZERO)
-    return past & late & (needed >= -(c.abort_decel_share * p.max_assumed_decel))
+    needed = cah_accel(constants, state.vx, gap, closing, _ZERO)
+    return past & late & (needed >= -(constants.abort_decel_share * vehicles.max_assumed_decel))
 
 
 def overtakes_next_vehicle(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
-    who: SlotSelection,
+    params: StepParameters,
+    context: DecisionContext,
+    slots: SlotSelection,
 ) -> Mask:
     """Who is past the one that it overtakes and comes beside the next one: it overtakes that now.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: What drivers know; there is oncoming traffic on the road.
-        who: The drivers.
+        params: Parameters of the batch.
+        context: What drivers know; there is oncoming traffic on the road.
+        slots: The drivers.
     """
-    near, confined = moment.neighbours, _must_return_before_next(state, given, p, q, moment)[who]
-    past = is_in_stage(state, who, Stage.PASS) & (
-        state.s[who] > value_at_slot(state.s, state.target[who])
+    neighbours, confined = (
+        context.neighbours,
+        _must_return_before_next(state, params, context)[slots],
     )
-    beside = near.gap[RIGHT_LEADER, who] < given.constants.min_return_gap
-    follows = confined | (state.yields[who] > 0)
-    return past & beside & (near.slot[RIGHT_LEADER, who] >= 0) & ~follows
+    past = is_in_stage(state, slots, Stage.PASS) & (
+        state.s[slots] > value_at_slot(state.s, state.target[slots])
+    )
+    beside = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
+    follows = confined | (state.yields[slots] > 0)
+    return past & beside & (neighbours.slot[RIGHT_LEADER, slots] >= 0) & ~follows
 
 
-def can_abort_pass(
-    state: State, given: StepParameters, p: VehicleParameters, who: SlotSelection
-) -> Mask:
+def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
-    lead, bodies = _target_lead(state, given, p, who)
-    return is_before_return(state, who) & (lead > bodies) & given.road.has_oncoming_traffic
+    lead, bodies = _target_lead(state, params, slots)
+    return is_before_return(state, slots) & (lead > bodies) & params.road.has_oncoming_traffic
 
 
-def _target_lead(
-    state: State, given: StepParameters, p: VehicleParameters, who: SlotSelection
-) -> tuple[F32, F32]:
+def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> tuple[F32, F32]:
     """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
-    target = state.target[who]
-    bodies = p.half_length[who] + value_at_slot(p.half_length, target)
-    return value_at_slot(state.s, target) - state.s[who], bodies + given.constants.min_return_gap
+    vehicles = params.vehicles
+    target = state.target[slots]
+    bodies = vehicles.half_length[slots] + value_at_slot(vehicles.half_length, target)
+    return value_at_slot(state.s, target) - state.s[slots], bodies + params.constants.min_return_gap
 
 
 def accel_limit_while_passing(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
 ) -> F32:
     """The acceleration that drivers in the other lane do not go beyond [m/s^2].
 
@@ -242,25 +229,26 @@ def accel_limit_while_passing(
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        q: Simulation parameters.
-        moment: What drivers know; there is oncoming traffic on the road.
+        params: Parameters of the batch.
+        context: What drivers know; there is oncoming traffic on the road.
 
     Returns:
         Shape (vehicle, simulation).
     """
-    c, near, believed = given.constants, moment.neighbours, moment.beliefs
+    vehicles = params.vehicles
+    constants, neighbours, beliefs = params.constants, context.neighbours, context.beliefs
     along, _ = road_velocity(state)
-    slow = along < value_at_slot(along, state.target) - c.abort_speed_difference
-    brake = np.where(slow, _ZERO, -(c.abort_decel_share * p.max_assumed_decel))
-    gap, closing = believed.gap[RIGHT_LEADER], believed.closing_speed[RIGHT_LEADER]
-    middle = _HALF * (near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER])
-    nearest = maximum(middle - p.min_gap, _ZERO) / maximum(state.vx, c.slip_speed)
+    slow = along < value_at_slot(along, state.target) - constants.abort_speed_difference
+    brake = np.where(slow, _ZERO, -(constants.abort_decel_share * vehicles.max_assumed_decel))
+    gap, closing = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
+    middle = _HALF * (neighbours.gap[RIGHT_LEADER] + neighbours.gap[RIGHT_FOLLOWER])
+    nearest = maximum(middle - vehicles.min_gap, _ZERO) / maximum(state.vx, constants.slip_speed)
     kept, wished = (
-        minimum(c.return_time_gap_share * p.time_gap, nearest),
-        current_passing_speed(state, given, p),
+        minimum(constants.return_time_gap_share * vehicles.time_gap, nearest),
+        current_passing_speed(state, params),
     )
-    fitting = acc_accel(c, p, state.vx, wished, gap, closing, kept, believed.accel[RIGHT_LEADER])
-    fits_in = _must_return_before_next(state, given, p, q, moment)
+    fitting = acc_accel(
+        constants, vehicles, state.vx, wished, gap, closing, kept, beliefs.accel[RIGHT_LEADER]
+    )
+    fits_in = _must_return_before_next(state, params, context)
     return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

@@ -48,7 +48,7 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
     return np.where(way < covered, within, ramp + (way - covered) / most)
 
 
-def expected_accel(c: ModelConstants, own: VehicleParameters, speed: F32, top: F32) -> F32:
+def expected_accel(constants: ModelConstants, own: VehicleParameters, speed: F32, top: F32) -> F32:
     """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
 
     It is the acceleration that they like to use, limited to what the engine can give halfway. The
@@ -56,15 +56,15 @@ def expected_accel(c: ModelConstants, own: VehicleParameters, speed: F32, top: F
     know what their vehicle can do.
 
     Args:
-        c: Constants of the model.
+        constants: Constants of the model.
         own: Parameters of the drivers.
         speed: Their own [m/s].
         top: The speed that they pass at [m/s].
     """
     halfway = _HALF * (speed + maximum(top, speed))
-    engine = minimum(own.launch_force, own.power / maximum(halfway, c.slip_speed))
+    engine = minimum(own.launch_force, own.power / maximum(halfway, constants.slip_speed))
     left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass
-    return minimum(c.accelerate_gain * own.accel, left)
+    return minimum(constants.accelerate_gain * own.accel, left)
 
 
 def passing_speed(own: VehicleParameters, surplus: np.float32, leader: F32) -> F32:
@@ -82,29 +82,34 @@ def passing_speed(own: VehicleParameters, surplus: np.float32, leader: F32) -> F
     return minimum(heeded, own.max_speed)
 
 
-def current_passing_speed(state: State, given: StepParameters, p: VehicleParameters) -> F32:
+def current_passing_speed(state: State, params: StepParameters) -> F32:
     """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
-    c = given.constants
+    vehicles = params.vehicles
+    constants = params.constants
     along, _ = road_velocity(state)
-    top = passing_speed(p, c.passing_speed_surplus, value_at_slot(along, state.target))
-    return minimum(np.where(state.hurries > 0, c.urgent_speed_factor * top, top), p.max_speed)
+    top = passing_speed(
+        vehicles, constants.passing_speed_surplus, value_at_slot(along, state.target)
+    )
+    return minimum(
+        np.where(state.hurries > 0, constants.urgent_speed_factor * top, top), vehicles.max_speed
+    )
 
 
 def time_to_pass(
-    c: ModelConstants, own: VehicleParameters, way: F32, speed: F32, faster: F32, other: F32
+    constants: ModelConstants, own: VehicleParameters, way: F32, speed: F32, faster: F32, other: F32
 ) -> F32:
     """How long drivers reckon to take to gain a way on another [s].
 
     Args:
-        c: Constants of the model.
+        constants: Constants of the model.
         own: Parameters of the drivers.
         way: The way [m].
         speed: Their own [m/s].
         faster: How much faster that is than the other [m/s].
         other: Speed of the other [m/s].
     """
-    top = passing_speed(own, c.passing_speed_surplus, other)
-    return time_to_gain(way, faster, top - other, expected_accel(c, own, speed, top))
+    top = passing_speed(own, constants.passing_speed_surplus, other)
+    return time_to_gain(way, faster, top - other, expected_accel(constants, own, speed, top))
 
 
 def assumed_oncoming_gap(own: VehicleParameters, gap: F32, sight: F32) -> F32:
@@ -121,14 +126,17 @@ def assumed_oncoming_gap(own: VehicleParameters, gap: F32, sight: F32) -> F32:
     return minimum(gap, own.assumed_sight_factor * sight)
 
 
-def tall_vehicle_gap_factor(c: ModelConstants, p: VehicleParameters, slot: F32) -> F32:
+def tall_vehicle_gap_factor(params: StepParameters, slot: F32) -> F32:
     """How much more room drivers leave to the vehicle in a slot than to a car [1].
 
     Source:
         The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
     """
+    vehicles, constants = params.vehicles, params.constants
     return np.where(
-        value_at_slot(p.blocks_view, slot) > 0, c.tall_vehicle_gap_factor, np.float32(1.0)
+        value_at_slot(vehicles.blocks_view, slot) > 0,
+        constants.tall_vehicle_gap_factor,
+        np.float32(1.0),
     )
 
 
@@ -162,43 +170,42 @@ class PassingOpportunity:
 
 def passing_opportunity(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
     coming: OncomingVehicle,
-    who: SlotSelection,
+    slots: SlotSelection,
     leader: tuple[F32, F32],
 ) -> PassingOpportunity:
     """What drivers know of the other lane.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        near: Neighbours.
+        params: Parameters of the batch.
+        neighbours: Neighbours.
         coming: Who comes.
-        who: The drivers.
+        slots: The drivers.
         leader: Gap at which they believe their leaders to be [m], and speed of those [m/s].
     """
+    vehicles = params.vehicles
     gap, speed = leader
-    slot = near.slot[LEADER, who]
+    slot = neighbours.slot[LEADER, slots]
     return PassingOpportunity(
         leader_gap=gap,
         leader_speed=speed,
-        leader_length=_TWO * near.half_length[LEADER, who],
-        gap_ahead_of_leader=gap_ahead_of(state, p, slot, who),
+        leader_length=_TWO * neighbours.half_length[LEADER, slots],
+        gap_ahead_of_leader=gap_ahead_of(state, params, slot, slots),
         assumed_oncoming_gap=assumed_oncoming_gap(
-            p.at_slots(who), coming.believed_gap[who], coming.sight_distance[who]
+            vehicles.at_slots(slots), coming.believed_gap[slots], coming.sight_distance[slots]
         ),
-        oncoming_closing_speed=coming.closing_speed[who],
-        is_certain=coming.is_certain[who],
-        line_is_solid=line_is_solid(state, given, p, who, given.constants.line_lookahead),
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(given.constants, p, slot),
+        oncoming_closing_speed=coming.closing_speed[slots],
+        is_certain=coming.is_certain[slots],
+        line_is_solid=line_is_solid(state, params, slots, params.constants.line_lookahead),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, slot),
     )
 
 
 def accepts_oncoming_gap(
-    given: StepParameters,
+    params: StepParameters,
     own: VehicleParameters,
     speed: F32,
     impatience: F32,
@@ -212,58 +219,64 @@ def accepts_oncoming_gap(
     spares less, but not less than a part of what it spared at first.
 
     Args:
-        given: All inputs.
+        params: Parameters of the batch.
         own: Parameters of the drivers.
         speed: Their own [m/s].
         impatience: What waiting has left of their demands, 1 at first [1].
         ahead: What they know of the other lane.
     """
-    c, leader = given.constants, ahead.leader_speed
+    constants, leader = params.constants, ahead.leader_speed
     bodies = ahead.leader_length + _TWO * own.half_length
     returns = own.return_time_gap * impatience * ahead.tall_vehicle_gap_factor * leader
     way = ahead.leader_gap + bodies + returns
-    top = passing_speed(own, c.passing_speed_surplus, leader)
-    gaining = time_to_pass(c, own, way, speed, speed - leader, leader)
+    top = passing_speed(own, constants.passing_speed_surplus, leader)
+    gaining = time_to_pass(constants, own, way, speed, speed - leader, leader)
     need = own.passing_time_factor * (gaining + own.lane_change_duration)
     closing = ahead.oncoming_closing_speed + _HALF * maximum(top - speed, _ZERO)
-    spare = own.time_reserve_share * maximum(impatience, c.min_time_reserve_share)
+    spare = own.time_reserve_share * maximum(impatience, constants.min_time_reserve_share)
     enough = ahead.assumed_oncoming_gap > need * (np.float32(1.0) + spare) * closing
-    least = _TWO * own.half_length + c.min_return_gap + returns
-    room = ahead.gap_ahead_of_leader > least + c.return_time_gap_share * own.time_gap * leader
+    least = _TWO * own.half_length + constants.min_return_gap + returns
+    room = (
+        ahead.gap_ahead_of_leader > least + constants.return_time_gap_share * own.time_gap * leader
+    )
     return enough & ahead.is_certain & room & ~(ahead.line_is_solid & (own.heeds_solid_lines > 0))
 
 
-def gap_ahead_of(state: State, p: VehicleParameters, slot: F32, who: SlotSelection) -> F32:
+def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSelection) -> F32:
     """Gap that drivers find between the vehicle in a slot and the one ahead of it [m]."""
+    vehicles = params.vehicles
     place = value_at_slot(state.s, slot)
-    front = place + value_at_slot(p.half_length, slot)
+    front = place + value_at_slot(vehicles.half_length, slot)
     room = np.full_like(front, _FAR)
-    numbers = np.arange(len(state.s), dtype=np.float32)[:, None][who]
+    numbers = np.arange(len(state.s), dtype=np.float32)[:, None][slots]
     for j in range(len(state.s)):
-        beyond = (p.valid[j] > 0) & (p.travel_sign[j] == p.travel_sign[who]) & (state.s[j] > place)
+        beyond = (
+            (vehicles.valid[j] > 0)
+            & (vehicles.travel_sign[j] == vehicles.travel_sign[slots])
+            & (state.s[j] > place)
+        )
         beyond = beyond & (slot != np.float32(j)) & (numbers != np.float32(j))
-        room = np.where(beyond, minimum(room, (state.s[j] - p.half_length[j]) - front), room)
+        room = np.where(beyond, minimum(room, (state.s[j] - vehicles.half_length[j]) - front), room)
     return room
 
 
 def line_is_solid(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    who: SlotSelection,
+    params: StepParameters,
+    slots: SlotSelection,
     ahead: F32 | np.float32,
 ) -> Mask:
     """Whether the line is not to be crossed where drivers are, or at a way ahead of them.
 
     Args:
         state: State at a decision.
-        given: All inputs.
-        p: Vehicle parameters.
-        who: The drivers.
+        params: Parameters of the batch.
+        slots: The drivers.
         ahead: The way [m].
     """
-    stations, along, against = given.road.solid_line
-    here, direction = road_position(state, given, p)[0][who], p.travel_sign[who]
+    vehicles = params.vehicles
+    stations, along, against = params.road.solid_line
+    here, direction = road_position(state, params)[0][slots], vehicles.travel_sign[slots]
     solid = np.zeros(here.shape, bool)
     for place in (here, here + direction * ahead):
         knot = np.searchsorted(stations, place, side="right") - 1

@@ -3,6 +3,7 @@
 Vehicles head anywhere, so the wind has other axes for each.
 """
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,7 @@ from overtaking.core.arrays import F32
 from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.sim.reference import road_conditions, vehicle_dynamics
 from overtaking.sim.reference.state import State
-from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
 
 WHEEL_RATE = np.float32(6.0)
@@ -42,72 +42,66 @@ class PedalControls:
     wheel_angle: F32
 
 
-def update_weather(
-    state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    decision: int,
-) -> None:
+def update_weather(state: State, params: StepParameters, decision_index: int) -> None:
     """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
-    turned = _wind_in_vehicle_axes(state, q)
-    road_conditions.update_random_processes(state, given, p, turned, decision)
-    road_conditions.update_friction(state, given, p, turned)
-    road_conditions.update_wind(state, given, p, turned)
+    params = dataclasses.replace(params, local_simulations=_wind_in_vehicle_axes(state, params))
+    road_conditions.update_random_processes(state, params, decision_index)
+    road_conditions.update_friction(state, params)
+    road_conditions.update_wind(state, params)
 
 
-def drive(
-    state: State, c: ModelConstants, p: VehicleParameters, controls: PedalControls, steps: int
-) -> None:
+def drive(state: State, params: StepParameters, controls: PedalControls, steps: int) -> None:
     """Move every vehicle by some steps; contacts are not looked for."""
+    constants = params.constants
     for _ in range(steps):
-        speed = maximum(state.vx + np.float32(0.5) * c.step * state.a_lon, np.float32(0.0))
-        _apply_throttle_and_brake(state, c, p, controls, speed)
-        angle = _turn_wheels(state, c, p, controls.wheel_angle, speed)
-        vehicle_dynamics.advance_motion(state, c, p, angle, c.step)
+        speed = maximum(state.vx + np.float32(0.5) * constants.step * state.a_lon, np.float32(0.0))
+        _apply_throttle_and_brake(state, params, controls, speed)
+        angle = _turn_wheels(state, params, controls.wheel_angle, speed)
+        vehicle_dynamics.advance_motion(state, params, angle, constants.step)
 
 
-def _wind_in_vehicle_axes(state: State, q: SimulationParameters) -> SimulationParameters:
+def _wind_in_vehicle_axes(state: State, params: StepParameters) -> SimulationParameters:
     """The weather with the wind in the axes of each vehicle."""
+    simulations = params.simulations
     sine, cosine = sincos(state.psi)
-    return q._replace(
-        wind_along=q.wind_along * cosine + q.wind_across * sine,
-        wind_across=q.wind_across * cosine - q.wind_along * sine,
+    return simulations._replace(
+        wind_along=simulations.wind_along * cosine + simulations.wind_across * sine,
+        wind_across=simulations.wind_across * cosine - simulations.wind_along * sine,
     )
 
 
 def _apply_throttle_and_brake(
-    state: State, c: ModelConstants, p: VehicleParameters, controls: PedalControls, speed: F32
+    state: State, params: StepParameters, controls: PedalControls, speed: F32
 ) -> None:
     """From pedals, at a speed, to the acceleration that the dynamics are asked for.
 
     They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
     pedals lets the vehicle coast.
     """
+    vehicles, constants = params.vehicles, params.constants
     air = speed - state.tail_wind
-    resistance = p.drag * air * np.abs(air) + p.rolling
-    engine = minimum(p.launch_force, p.power / maximum(speed, c.slip_speed))
-    force = controls.throttle * engine - controls.brake * p.max_brake_force - resistance
-    state.accel = force * p.inverse_mass
+    resistance = vehicles.drag * air * np.abs(air) + vehicles.rolling
+    engine = minimum(vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed))
+    force = controls.throttle * engine - controls.brake * vehicles.max_brake_force - resistance
+    state.accel = force * vehicles.inverse_mass
 
 
-def _turn_wheels(
-    state: State, c: ModelConstants, p: VehicleParameters, angle: F32, speed: F32
-) -> F32:
+def _turn_wheels(state: State, params: StepParameters, angle: F32, speed: F32) -> F32:
     """Turn front wheels towards the wanted angle, or lean into the curve it stands for.
 
     Returns:
         Wheel angle, or lean, in the middle of the step.
     """
+    vehicles, constants = params.vehicles, params.constants
     half = np.float32(0.5)
-    most = WHEEL_RATE * c.step
+    most = WHEEL_RATE * constants.step
     turn = clamp(angle - state.wheel, -most, most)
     sine, cosine = sincos(angle)
-    curve = speed * speed * sine / (cosine * p.wheelbase)
-    grip = c.gravity * half * (state.mu_fast + state.mu_slow)
+    curve = speed * speed * sine / (cosine * vehicles.wheelbase)
+    grip = constants.gravity * half * (state.mu_fast + state.mu_slow)
     lean = clamp(curve, -grip, grip) - state.wheel
-    lean = lean * (c.step / (c.two_wheeler_lag + half * c.step))
-    moved = np.where(p.two_wheeler > 0, lean, turn)
+    lean = lean * (constants.step / (constants.two_wheeler_lag + half * constants.step))
+    moved = np.where(vehicles.two_wheeler > 0, lean, turn)
     before = state.wheel
     state.wheel = before + moved
     return before + half * moved

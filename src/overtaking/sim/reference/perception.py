@@ -18,9 +18,7 @@ from overtaking.sim.reference.state import (
     value_at_slot,
 )
 from overtaking.world import road_surface
-from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
-from overtaking.world.weather_parameters import SimulationParameters
+from overtaking.world.step_parameters import StepParameters
 
 # The engine has these numbers too.
 _NEAREST_GAP = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
@@ -43,16 +41,14 @@ _MIN_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is 
 MIN_SIGHT_LINE = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 
-def record_history(state: State, decision: int) -> None:
+def record_history(state: State, decision_index: int) -> None:
     """Write down where everybody is now, to be seen after a reaction time."""
     along, _ = road_velocity(state)
-    state.history_s[decision % HISTORY_LENGTH] = state.s
-    state.history_v[decision % HISTORY_LENGTH] = along
+    state.history_s[decision_index % HISTORY_LENGTH] = state.s
+    state.history_v[decision_index % HISTORY_LENGTH] = along
 
 
-def checks_mirrors_now(
-    state: State, given: StepParameters, p: VehicleParameters, decision: int
-) -> Mask:
+def checks_mirrors_now(state: State, params: StepParameters, decision_index: int) -> Mask:
     """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
 
     Everybody does at an interval, one vehicle after the other, but not at once at the start; once
@@ -61,70 +57,81 @@ def checks_mirrors_now(
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
     """
-    c, slots = given.constants, np.arange(state.s.shape[0])[:, None]
-    interval = int(c.glance_interval)
-    regular = (decision + slots * int(c.glance_stagger)) % interval == 0
-    regular = regular & (decision >= interval)
-    early = state.path_time < c.abort_until * state.path_duration
-    regular = regular | (early & (decision % int(c.glance_moving) == 0))
-    signalled = state.wanted_time >= p.indicator_lead_time
-    who = (
-        slice(None) if given.road.has_oncoming_traffic else EGO_SLOT
-    )  # Who overtakes as the ego does.
-    signalled[who] = state.signalled[who] > p.indicator_lead_time[who]
-    looks = regular | ((state.wanted != 0) & signalled)
+    vehicles = params.vehicles
+    constants, all_slots = params.constants, np.arange(state.s.shape[0])[:, None]
+    interval = int(constants.glance_interval)
+    regular = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
+    regular = regular & (decision_index >= interval)
+    early = state.path_time < constants.abort_until * state.path_duration
+    regular = regular | (early & (decision_index % int(constants.glance_moving) == 0))
+    signalled = state.wanted_time >= vehicles.indicator_lead_time
+    # These drivers overtake by gap acceptance; the others change lanes by MOBIL.
+    slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
+    signalled[slots] = state.signalled[slots] > vehicles.indicator_lead_time[slots]
+    checks_mirrors = regular | ((state.wanted != 0) & signalled)
     # Who is in the lane of others looks all the time.
-    return looks | ((state.lane >= np.float32(1.0)) & given.road.has_oncoming_traffic)
+    return checks_mirrors | ((state.lane >= np.float32(1.0)) & params.road.has_oncoming_traffic)
 
 
 def draw_shoulder_check(
-    state: State, given: StepParameters, p: VehicleParameters, drawn: Mask, decision: int
+    state: State, params: StepParameters, drawn: Mask, decision_index: int
 ) -> None:
     """Draw whether the masked drivers look over the shoulder before their next lane change."""
+    vehicles = params.vehicles
     if not drawn.any():
         return
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
     word = uniform_from_word(
-        philox_words(given.seed, given.scenario_index[None, :], slots, decision)[0]
+        philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)[0]
     )
-    checks = np.where(word < p.checks_blind_spot, np.float32(1.0), np.float32(0.0))
+    checks = np.where(word < vehicles.checks_blind_spot, np.float32(1.0), np.float32(0.0))
     state.checks = np.where(drawn, checks, state.checks)
 
 
 def extinction_ahead(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
 ) -> tuple[F32, F32]:
     """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
-    c = given.constants
-    air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
-    path = value_of_lane(given.road.film_path, state.lane, given.road.num_lanes)
-    water = road_surface.lane_film(q.min_wet_film, q.film_rain_factor, path, q.texture_depth)
-    lead = near.slot[LEADER]
-    speed = value_at_slot(state.vx, lead) / c.spray_speed
-    wetness = minimum(water / c.spray_film, np.float32(1.0))
-    spray = c.spray_coefficient * wetness * (speed * speed) * value_at_slot(p.spray, lead)
-    close = (lead >= 0) & (near.gap[LEADER] < c.spray_reach)
+    vehicles, simulations = params.vehicles, params.simulations
+    constants = params.constants
+    air = simulations.fog_extinction + simulations.rain_extinction * (
+        np.float32(1.0) + state.vx / constants.rain_speed
+    )
+    path = value_of_lane(params.road.film_path, state.lane, params.road.num_lanes)
+    water = road_surface.lane_film(
+        simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
+    )
+    lead = neighbours.slot[LEADER]
+    speed = value_at_slot(state.vx, lead) / constants.spray_speed
+    wetness = minimum(water / constants.spray_film, np.float32(1.0))
+    spray = (
+        constants.spray_coefficient
+        * wetness
+        * (speed * speed)
+        * value_at_slot(vehicles.spray, lead)
+    )
+    close = (lead >= 0) & (neighbours.gap[LEADER] < constants.spray_reach)
     return air, np.where(close, spray, np.float32(0.0))
 
 
-def is_occluded(p: VehicleParameters, near: Neighbours, role: int) -> Mask:
+def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
     """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
-    lead, other = near.slot[LEADER], near.slot[role]
-    reach = maximum(near.distance[LEADER] - near.half_length[LEADER], MIN_SIGHT_LINE)
-    distance = near.distance[role]
-    crossing = near.lateral_distance[role] * (reach / maximum(distance, MIN_SIGHT_LINE))
-    offset = np.abs(crossing - near.lateral_distance[LEADER])
-    blocked = (distance > reach) & (offset < value_at_slot(p.half_width, lead)) & (other != lead)
-    return (lead >= 0) & (value_at_slot(p.blocks_view, lead) > 0) & blocked
+    vehicles = params.vehicles
+    lead, other = neighbours.slot[LEADER], neighbours.slot[role]
+    reach = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    distance = neighbours.distance[role]
+    crossing = neighbours.lateral_distance[role] * (reach / maximum(distance, MIN_SIGHT_LINE))
+    offset = np.abs(crossing - neighbours.lateral_distance[LEADER])
+    blocked = (
+        (distance > reach) & (offset < value_at_slot(vehicles.half_width, lead)) & (other != lead)
+    )
+    return (lead >= 0) & (value_at_slot(vehicles.blocks_view, lead) > 0) & blocked
 
 
 def sight_range_ratio(
-    c: ModelConstants,
-    q: SimulationParameters,
+    params: StepParameters,
     gap: F32,
     shines: tuple[F32, F32],
     depths: tuple[F32, F32],
@@ -138,41 +145,43 @@ def sight_range_ratio(
     well.
 
     Args:
-        c: Constants of the model.
-        q: Simulation parameters.
+        params: Parameters of the batch.
         gap: The gap [m].
         shines: Logarithm of the contrast, and one over the intensity of the lamps [1/cd].
         depths: What `optical_depth` returned.
         is_front: Whether it is seen ahead, not in the mirrors.
     """
+    simulations, constants = params.simulations, params.constants
     air, spray = depths
     contrast, lamp = shines
     distance = clamp(gap, _NEAREST_GAP, _FARTHEST_GAP)
-    depth, sensitivity = air * distance, q.log_contrast_sensitivity_behind
+    depth, sensitivity = air * distance, simulations.log_contrast_sensitivity_behind
     if is_front:
-        depth = depth + spray * minimum(distance, c.spray_reach)
-        sensitivity = q.log_contrast_sensitivity_ahead
+        depth = depth + spray * minimum(distance, constants.spray_reach)
+        sensitivity = simulations.log_contrast_sensitivity_ahead
     by_contrast = depth / maximum(contrast + sensitivity, _MIN_LOG_CONTRAST)
-    by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
+    by_contrast = maximum(by_contrast, distance * simulations.inverse_lit_range)
     by_lamp = np.sqrt(
-        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _MAX_OPTICAL_DEPTH))
+        distance
+        * distance
+        * (simulations.lamp_threshold * lamp)
+        * exp(minimum(depth, _MAX_OPTICAL_DEPTH))
     )
     return minimum(by_contrast, by_lamp)
 
 
-def _inverse_rear_lamp(state: State, c: ModelConstants, p: VehicleParameters, slot: F32) -> F32:
+def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
     """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
-    lamp = value_at_slot(p.inverse_tail_lamp, slot)
-    braking = value_at_slot(state.accel, slot) < -c.stop_lamp_decel
-    return np.where(braking, minimum(lamp, c.inverse_stop_lamp), lamp)
+    vehicles, constants = params.vehicles, params.constants
+    lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
+    braking = value_at_slot(state.accel, slot) < -constants.stop_lamp_decel
+    return np.where(braking, minimum(lamp, constants.inverse_stop_lamp), lamp)
 
 
 def detect(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
     role: int,
     depths: tuple[F32, F32],
     before: tuple[F32, F32],
@@ -183,49 +192,55 @@ def detect(
     Who was in view at the last look `before`, in whatever role, is not lost by passing or by a
     change of lanes. The masks `watches` say who keeps an eye on the role, and who looks there now.
     """
-    c = given.constants
-    slot, gap = near.slot[role], near.gap[role]
+    vehicles, simulations = params.vehicles, params.simulations
+    constants = params.constants
+    slot, gap = neighbours.slot[role], neighbours.gap[role]
     is_front = role % 2 == 0
     lamp = (
-        _inverse_rear_lamp(state, c, p, slot)
+        _inverse_rear_lamp(state, params, slot)
         if is_front
-        else value_at_slot(p.inverse_head_lamp, slot)
+        else value_at_slot(vehicles.inverse_head_lamp, slot)
     )
     effort = sight_range_ratio(
-        c, q, gap, (value_at_slot(p.log_contrast, slot), lamp), depths, is_front=is_front
+        params, gap, (value_at_slot(vehicles.log_contrast, slot), lamp), depths, is_front=is_front
     )
-    reach = p.attention_range if is_front else c.mirror_range
+    reach = vehicles.attention_range if is_front else constants.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
     if is_front:
-        visible = visible & ~is_occluded(p, near, role)
+        visible = visible & ~is_occluded(params, neighbours, role)
     # Who comes as near as this is noticed without a look over the shoulder.
-    aside = np.abs(near.lateral_distance[role]) - (p.half_width + value_at_slot(p.half_width, slot))
-    hides = gap < (np.float32(0.0) if is_front else c.blind_spot)
-    visible = visible & ~(hides & (aside > c.alongside) & (state.checks == 0))
+    aside = np.abs(neighbours.lateral_distance[role]) - (
+        vehicles.half_width + value_at_slot(vehicles.half_width, slot)
+    )
+    hides = gap < (np.float32(0.0) if is_front else constants.blind_spot)
+    visible = visible & ~(hides & (aside > constants.alongside) & (state.checks == 0))
     steadily, now = watches
-    more = np.where(steadily, c.decision, c.glance_time)
+    more = np.where(steadily, constants.decision, constants.glance_time)
     longer = np.zeros_like(gap)
     for known, time in zip(*before, strict=True):
         longer = np.where(slot == known, maximum(longer, time), longer)
-    longer = np.where(before[0][role] == NEVER_LOOKED, c.initial_time_in_view, longer + more)
+    longer = np.where(
+        before[0][role] == NEVER_LOOKED, constants.initial_time_in_view, longer + more
+    )
     longer = np.where(visible, longer, np.float32(0.0))
     state.seen_time[role] = np.where(now, longer, state.seen_time[role])
     state.seen_id[role] = np.where(now, slot, state.seen_id[role])
-    needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
+    needed = simulations.detection_time * (
+        np.float32(1.0) + constants.detection_growth * (effort * effort * effort)
+    )
     return now & visible & (state.seen_time[role] >= needed)
 
 
 def recall_motion(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
     """Where the vehicles in `slot` were at decisions `then`, and how fast [m, m/s]."""
-    row, who = then.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
+    row, slots = then.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
     column = np.arange(state.s.shape[1])
-    return state.history_s[row, who, column], state.history_v[row, who, column]
+    return state.history_s[row, slots, column], state.history_v[row, slots, column]
 
 
 def sense_looming(
     state: State,
-    c: ModelConstants,
-    q: SimulationParameters,
+    params: StepParameters,
     gap: F32,
     closing: F32,
     width: F32,
@@ -234,8 +249,7 @@ def sense_looming(
 
     Args:
         state: State at a decision.
-        c: Constants of the model.
-        q: Simulation parameters.
+        params: Parameters of the batch.
         gap: The gap [m].
         closing: Speed of approach [m/s].
         width: What is seen to grow [m].
@@ -247,26 +261,25 @@ def sense_looming(
     Source:
         Lee 1976 (time to contact from optical expansion).
     """
+    simulations, constants = params.simulations, params.constants
     one = np.float32(1.0)
     distance = maximum(gap, _NEAREST_GAP)
     expansion = width * np.abs(closing) / (distance * distance)
-    excess = expansion - c.looming_threshold
-    span = maximum(c.looming_growth * c.looming_threshold, _MIN_LOOMING)
+    excess = expansion - constants.looming_threshold
+    span = maximum(constants.looming_growth * constants.looming_threshold, _MIN_LOOMING)
     clear = clamp(excess / span, np.float32(0.0), one)
-    fading = maximum(closing * c.error_fade_time, _NEAREST_GAP)
+    fading = maximum(closing * constants.error_fade_time, _NEAREST_GAP)
     share = minimum(distance / fading, one)
-    sensed = closing * (one + share * (q.speed_error * state.speed_error))
+    sensed = closing * (one + share * (simulations.speed_error * state.speed_error))
     return excess > 0, clear, share, sensed
 
 
 def form_beliefs(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    near: Neighbours,
-    decision: int,
-    looks: Mask,
+    params: StepParameters,
+    neighbours: Neighbours,
+    decision_index: int,
+    checks_mirrors: Mask,
 ) -> Beliefs:
     """What each driver believes about the six neighbours.
 
@@ -279,35 +292,38 @@ def form_beliefs(
     little at first. The misjudgement fades as contact comes near, since expansion alone tells the
     time that is left (`sense`).
     """
-    c = given.constants
-    depths = extinction_ahead(state, given, p, q, near)
+    vehicles, simulations = params.vehicles, params.simulations
+    constants = params.constants
+    depths = extinction_ahead(state, params, neighbours)
     own_speed, _ = road_velocity(state)
-    judged = exp(q.distance_error * state.distance_error)
+    judged = exp(simulations.distance_error * state.distance_error)
     before = state.seen_id.copy(), state.seen_time.copy()
     changing = state.path_time < state.path_duration
     detected, gaps, closings, accels = [], [], [], []
     for role in range(6):
-        slot = near.slot[role]
+        slot = neighbours.slot[role]
         steadily = (role == LEADER) | (changing & (role % 2 == 0))
-        watches = steadily, looks | steadily
-        noticed = detect(state, given, p, q, near, role, depths, before, watches)
+        watches = steadily, checks_mirrors | steadily
+        noticed = detect(state, params, neighbours, role, depths, before, watches)
         ticks = np.where(
-            _is_imminent(state, c, near, role), p.urgent_reaction_delay, p.reaction_delay
+            _is_imminent(state, params, neighbours, role),
+            vehicles.urgent_reaction_delay,
+            vehicles.reaction_delay,
         )
-        then = maximum(np.float32(decision) - ticks, np.float32(0.0))
-        elapsed = (np.float32(decision) - then) * c.decision
+        then = maximum(np.float32(decision_index) - ticks, np.float32(0.0))
+        elapsed = (np.float32(decision_index) - then) * constants.decision
         place, speed = recall_motion(state, then, slot)
         place = place + speed * elapsed
-        ahead = nearest_image(given, place - state.s if role % 2 == 0 else state.s - place)
-        gap = ahead - (near.half_length[role] + p.half_length)
+        ahead = nearest_image(params, place - state.s if role % 2 == 0 else state.s - place)
+        gap = ahead - (neighbours.half_length[role] + vehicles.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        width = value_at_slot(p.looming_width, slot)
-        looms, clear, share, sensed = sense_looming(state, c, q, gap, closing, width)
+        width = value_at_slot(vehicles.looming_width, slot)
+        looms, clear, share, sensed = sense_looming(state, params, gap, closing, width)
         error = (judged - np.float32(1.0)) * share
         detected.append(noticed)
-        gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
+        gaps.append(np.where(noticed, gap + gap * error, constants.unseen_gap))
         closings.append(np.where(noticed, clear * sensed, np.float32(0.0)))
-        accels.append(_believed_braking(state, c, near, role, then, noticed, looms))
+        accels.append(_believed_braking(state, params, neighbours, role, then, noticed, looms))
     return Beliefs(
         is_detected=np.stack(detected),
         gap=np.stack(gaps),
@@ -316,20 +332,21 @@ def form_beliefs(
     )
 
 
-def _is_imminent(state: State, c: ModelConstants, near: Neighbours, role: int) -> Mask:
+def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
     """Whether the leader, who alone is watched all the time, comes near very soon.
 
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
-    closing = state.vx - value_at_slot(state.vx, near.slot[LEADER])
-    return (role == LEADER) & (near.gap[LEADER] < c.urgent_time * closing)
+    constants = params.constants
+    closing = state.vx - value_at_slot(state.vx, neighbours.slot[LEADER])
+    return (role == LEADER) & (neighbours.gap[LEADER] < constants.urgent_time * closing)
 
 
 def _believed_braking(
     state: State,
-    c: ModelConstants,
-    near: Neighbours,
+    params: StepParameters,
+    neighbours: Neighbours,
     role: int,
     then: F32,
     noticed: Mask,
@@ -339,12 +356,15 @@ def _believed_braking(
 
     Stop lamps say that there is braking, not how much; that is seen once the leader looms.
     """
+    constants = params.constants
     if role % 2 == 1:
         return np.zeros_like(then)
-    before = maximum(then - c.brake_memory, np.float32(0.0))
-    _, late = recall_motion(state, then, near.slot[role])
-    _, early = recall_motion(state, before, near.slot[role])
-    change = minimum((late - early) / (c.brake_memory * c.decision), np.float32(0.0))
-    lamps = (change < -c.stop_lamp_decel) & ~looming
-    seen = np.where(lamps, minimum(change, -c.lamp_decel), change)
+    before = maximum(then - constants.brake_memory, np.float32(0.0))
+    _, late = recall_motion(state, then, neighbours.slot[role])
+    _, early = recall_motion(state, before, neighbours.slot[role])
+    change = minimum(
+        (late - early) / (constants.brake_memory * constants.decision), np.float32(0.0)
+    )
+    lamps = (change < -constants.stop_lamp_decel) & ~looming
+    seen = np.where(lamps, minimum(change, -constants.lamp_decel), change)
     return np.where(noticed, seen, np.float32(0.0))

@@ -31,7 +31,7 @@ from overtaking.sim.reference.state import (
     value_at_slot,
 )
 from overtaking.world.constants import STEP_MS
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 MAX_PERCEPTS = 4
 """Decisions of the ego that are written down for a simulation."""
@@ -85,22 +85,22 @@ def _empty_states(shape: tuple[int, int, int]) -> States:
 
 
 def _recorded_belief(
-    state: State, near: Neighbours, believed: Beliefs, role: int
+    state: State, neighbours: Neighbours, beliefs: Beliefs, role: int
 ) -> dict[str, NDArray[Any]]:
     """What the ego believes of the neighbour in `role`, and the truth, by field of `Percepts`."""
-    slot = near.slot[role, EGO_SLOT]
+    slot = neighbours.slot[role, EGO_SLOT]
     nobody = slot < 0
     speed, _ = road_velocity(state)
     own, other = speed[EGO_SLOT], value_at_slot(speed, slot)
     closing = own - other if role % 2 == 0 else other - own
-    true_gap = to_recorded_integers(near.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT)
+    true_gap = to_recorded_integers(neighbours.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT)
     zero = np.int32(0)
     return {
         "slot": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
-        "is_detected": believed.is_detected[role, EGO_SLOT],
-        "gap": to_recorded_integers(believed.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT),
+        "is_detected": beliefs.is_detected[role, EGO_SLOT],
+        "gap": to_recorded_integers(beliefs.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT),
         "closing_speed": to_recorded_integers(
-            believed.closing_speed[role, EGO_SLOT], _INTEGERS_PER_UNIT
+            beliefs.closing_speed[role, EGO_SLOT], _INTEGERS_PER_UNIT
         ),
         "true_gap": np.where(nobody, zero, true_gap),
         "true_closing_speed": np.where(
@@ -155,40 +155,44 @@ class Recorder:
         self.scenario, self.given = scenario, given
         self.hash = np.stack([np.full(n, word, np.uint32) for word in _HASH_START])
 
-    def record_frame(self, state: State, p: VehicleParameters, active: Mask, number: int) -> None:
+    def record_frame(
+        self, state: State, params: StepParameters, is_running: Mask, number: int
+    ) -> None:
         """Write down one frame of the simulations that still run."""
-        filled = p.valid > 0
+        vehicles = params.vehicles
+        filled = vehicles.valid > 0
         values = {
             name: np.where(filled, value, np.int32(0))
-            for name, value in self._state_words(state, p).items()
+            for name, value in self._state_words(state, params).items()
         }
         for name, recorded in values.items():
             rows = getattr(self.states, name)
-            rows[active, :, number] = recorded.T[active].astype(rows.dtype)
+            rows[is_running, :, number] = recorded.T[is_running].astype(rows.dtype)
         stage = state.stage[EGO_SLOT].astype(np.int32)
         partner = np.where(
             state.contact_partner[EGO_SLOT] < 0,
             np.int32(NO_VEHICLE),
             state.contact_partner[EGO_SLOT].astype(np.int32),
         )
-        self.stage[active, number] = stage[active]
-        self.collided_with[active, number] = partner[active]
-        self.num_frames[active] = number + 1
-        for i in range(len(p.valid)):
+        self.stage[is_running, number] = stage[is_running]
+        self.collided_with[is_running, number] = partner[is_running]
+        self.num_frames[is_running] = number + 1
+        for i in range(len(vehicles.valid)):
             words = [recorded[i] for recorded in values.values()]
             for k in range(0, len(words), 4):
-                self._mix(words[k : k + 4], active & (p.valid[i] > 0))
+                self._mix(words[k : k + 4], is_running & (vehicles.valid[i] > 0))
         zero = np.zeros_like(stage)
-        self._mix([stage, partner, zero + np.int32(number), zero], active)
+        self._mix([stage, partner, zero + np.int32(number), zero], is_running)
 
-    def _state_words(self, state: State, p: VehicleParameters) -> dict[str, NDArray[np.int32]]:
+    def _state_words(self, state: State, params: StepParameters) -> dict[str, NDArray[np.int32]]:
+        vehicles = params.vehicles
         road, side = self.given.road, self.given.road.overtaking_sign
-        s, from_slow = road_position(state, self.given, p)
+        s, from_slow = road_position(state, params)
         d = side * from_slow
         lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
         for k in range(road.num_own_lanes + 1):
             lane = np.where(from_slow >= road.boundaries[k], np.int32(k), lane)
-        turned = np.where(p.travel_sign < 0, _HALF_TURN, np.float32(0.0))
+        turned = np.where(vehicles.travel_sign < 0, _HALF_TURN, np.float32(0.0))
         return {
             "x": to_recorded_integers(
                 road.x0 + s * road.cosine - d * road.sine, _INTEGERS_PER_UNIT
@@ -207,7 +211,7 @@ class Recorder:
                 _INT16_LIMIT,
             ),
             "wheel_angle": to_recorded_integers(
-                side * np.where(p.two_wheeler > 0, np.float32(0.0), state.wheel),
+                side * np.where(vehicles.two_wheeler > 0, np.float32(0.0), state.wheel),
                 _INTEGERS_PER_RADIAN,
                 _INT16_LIMIT,
             ),
@@ -215,16 +219,17 @@ class Recorder:
             "accel_lat": to_recorded_integers(side * state.a_lat, _INTEGERS_PER_UNIT, _INT16_LIMIT),
             "yaw_rate": to_recorded_integers(side * state.r, _INTEGERS_PER_RADIAN, _INT16_LIMIT),
             "lane": lane,
-            "lights": self._lights(state, p),
+            "lights": self._lights(state, params),
         }
 
-    def _lights(self, state: State, p: VehicleParameters) -> NDArray[np.int32]:
+    def _lights(self, state: State, params: StepParameters) -> NDArray[np.int32]:
+        vehicles = params.vehicles
         towards_left = self.given.road.overtaking_sign * state.indicator
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
         braking = (state.accel < -self.given.constants.stop_lamp_decel) | (state.crashed > 0)
         return (
-            p.initial_lights.astype(np.int32)
+            vehicles.initial_lights.astype(np.int32)
             + left
             + right
             + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
@@ -234,8 +239,8 @@ class Recorder:
     def record_percepts(
         self,
         state: State,
-        near: Neighbours,
-        believed: Beliefs,
+        neighbours: Neighbours,
+        beliefs: Beliefs,
         mask: Mask,
         kind: ManoeuvreKind,
         roles: tuple[int, int, int],
@@ -258,7 +263,7 @@ class Recorder:
             if role == ONCOMING_ROLE and oncoming is not None:
                 told = _recorded_oncoming_belief(state, oncoming)
             else:
-                told = _recorded_belief(state, near, believed, role)
+                told = _recorded_belief(state, neighbours, beliefs, role)
             for name, numbers in told.items():
                 array = getattr(b, name)
                 array[rows, at, vehicle] = numbers[rows].astype(array.dtype)

@@ -46,7 +46,6 @@ from overtaking.world.step_parameters import (
     VehicleParameters,
     step_parameters,
 )
-from overtaking.world.weather_parameters import SimulationParameters
 
 
 class SteppedObservation(NamedTuple):
@@ -69,20 +68,19 @@ class ReferenceStepper:
     """The reference, decision by decision.
 
     Args:
-        given: Parameters of a batch.
+        params: Parameters of a batch.
         kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
             decides.
-        is_true: Whether the truth is observed, not what the ego believes.
+        observes_truth: Whether the truth is observed, not what the ego believes.
     """
 
-    def __init__(self, given: StepParameters, kind: str | None, *, is_true: bool) -> None:
+    def __init__(self, params: StepParameters, kind: str | None, *, observes_truth: bool) -> None:
         """Stand before the first decision."""
-        self._given, self._kind, self._is_true = given, kind, is_true
-        self._p, self._q = given.vehicles, given.simulations
-        self._here = self._p
-        self._stride = SUBSTEPS if given.steps_per_frame % SUBSTEPS == 0 else 1
-        self._state, self._step = initial_state(given), 0
-        self._ran = np.ones(given.scenario_index.shape, np.bool_)
+        self._params, self._kind, self._is_true = params, kind, observes_truth
+        self._local_params = params
+        self._stride = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
+        self._state, self._step = initial_state(params), 0
+        self._ran = np.ones(params.scenario_index.shape, np.bool_)
 
     def observe_start(self) -> SteppedObservation:
         """The observations at the start."""
@@ -96,11 +94,11 @@ class ReferenceStepper:
             values: Steps of each number of the action, shape (simulation, `MAX_ACTION_PARTS`).
             decisions: Number of decisions, at least 1.
         """
-        orders = None if self._kind is None else action_from_integers(self._kind, values)
+        action = None if self._kind is None else action_from_integers(self._kind, values)
         num_decisions = np.zeros(self._ran.shape, np.uint32)
         table = np.zeros((len(self._ran), OBSERVATION_SIZE), np.float32)
         for _ in range(decisions):
-            self._act(orders)
+            self._act(action)
             num_decisions += self._ran
             observed, is_running = self._observe()
             # A simulation that has ended keeps the observation of its last decision.
@@ -112,23 +110,24 @@ class ReferenceStepper:
         """Observed numbers of all egos, ended simulations included, and which simulations run."""
         is_running = np.float32(self._step) <= self._state.end_step
         self._perceive()
-        state, given, p = self._state, self._given, self._here
-        decision = self._step // SUBSTEPS
         table = observation_table(
-            state, given, p, self._q, self._moment, decision=decision, is_true=self._is_true
+            self._state,
+            self._local_params,
+            self._context,
+            decision_index=self._step // SUBSTEPS,
+            observes_truth=self._is_true,
         )
         return table, is_running
 
     def _perceive(self) -> None:
-        state, given, q = self._state, self._given, self._q
-        self._here = with_local_speeds(state, given, self._p, q)
-        self._moment = perceive(state, given, self._here, q, self._step)
+        self._local_params = with_local_speeds(self._state, self._params)
+        self._context = perceive(self._state, self._local_params, self._step)
 
-    def _act(self, orders: EgoAction | None) -> None:
-        state, given, p, q = self._state, self._given, self._here, self._q
-        pairs = act(state, given, p, q, self._moment, None, self._step, orders)
+    def _act(self, action: EgoAction | None) -> None:
+        state, params = self._state, self._local_params
+        pairs = act(state, params, self._context, None, self._step, action)
         for k in range(0, SUBSTEPS, self._stride):
-            advance(state, given, p, q, pairs, self._step + k, self._stride, orders)
+            advance(state, params, pairs, self._step + k, self._stride, action)
         self._step += SUBSTEPS
 
 
@@ -146,8 +145,8 @@ def simulate(scenario: Scenario) -> Trajectories:
 
 def run(
     scenario: Scenario,
-    given: StepParameters,
-    later: Sequence[ParameterSwitch] = (),
+    params: StepParameters,
+    switches: Sequence[ParameterSwitch] = (),
     *,
     actions: Actions | None = None,
 ) -> Trajectories:
@@ -155,33 +154,32 @@ def run(
 
     Args:
         scenario: A batch of scenarios.
-        given: Its parameters.
-        later: Parameters that take over at later steps, in their order.
+        params: Parameters of the batch.
+        switches: Parameters that take over at later steps, in their order.
         actions: What another driver did with the ego; None for the model's own.
     """
-    state = initial_state(given)
-    recorder = Recorder(scenario, given)
-    p, q = given.vehicles, given.simulations
+    state = initial_state(params)
+    recorder = Recorder(scenario, params)
     pairs: collisions.Pairs = {}
-    orders: EgoAction | None = None
+    action: EgoAction | None = None
     # Frames at other times than decisions want a state at every step.
-    stride = SUBSTEPS if given.steps_per_frame % SUBSTEPS == 0 else 1
+    steps_at_once = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
-        for then in (one for at, one in later if at == step):
-            displace_vehicles(state, p, then.vehicles)
+        for then in (one for at, one in switches if at == step):
+            displace_vehicles(state, params.vehicles, then.vehicles)
             if then.judgement_errors is not None:
                 state.distance_error[EGO_SLOT], state.speed_error[EGO_SLOT] = then.judgement_errors
-            given, p, q = then, then.vehicles, then.simulations
+            params = then
         if step % SUBSTEPS == 0:
-            orders = action_at(actions, step // SUBSTEPS)
-            pairs = decide(state, given, p, q, recorder, step, orders)
-        if step % given.steps_per_frame == 0:
+            action = action_at(actions, step // SUBSTEPS)
+            pairs = decide(state, params, recorder, step, action)
+        if step % params.steps_per_frame == 0:
             recorder.record_frame(
-                state, p, np.float32(step) <= state.end_step, step // given.steps_per_frame
+                state, params, np.float32(step) <= state.end_step, step // params.steps_per_frame
             )
-        advance(state, given, p, q, pairs, step, stride, orders)
-        step += stride
+        advance(state, params, pairs, step, steps_at_once, action)
+        step += steps_at_once
     return dataclasses.replace(recorder.finish(state), actions=actions)
 
 
@@ -197,95 +195,97 @@ def displace_vehicles(state: State, before: VehicleParameters, after: VehiclePar
 
 def decide(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
+    params: StepParameters,
     recorder: Recorder | None,
     step: int,
-    orders: EgoAction | None = None,
+    action: EgoAction | None = None,
 ) -> collisions.Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
-    p = road_conditions.with_local_speeds(state, given, p, q)
-    moment = perceive(state, given, p, q, step)
-    return act(state, given, p, q, moment, recorder, step, orders)
+    params = with_local_speeds(state, params)
+    context = perceive(state, params, step)
+    return act(state, params, context, recorder, step, action)
 
 
-def perceive(
-    state: State, given: StepParameters, p: VehicleParameters, q: SimulationParameters, step: int
-) -> DecisionContext:
+def perceive(state: State, params: StepParameters, step: int) -> DecisionContext:
     """What happens 20 times a second before anyone decides: weather, perception."""
-    c = given.constants
-    decision = step // SUBSTEPS
-    road = given.road
-    state.since_change = state.since_change + c.decision
-    state.wanted_time = state.wanted_time + c.decision
-    state.stage_time = state.stage_time + c.decision
-    collisions.wreck_off_road_vehicles(state, c, p, road.boundaries[[0, road.num_lanes]], step)
-    perception.record_history(state, decision)
-    road_conditions.update_random_processes(state, given, p, q, decision)
-    road_conditions.update_road_course(state, given, p, q)
+    vehicles = params.vehicles
+    constants = params.constants
+    decision_index = step // SUBSTEPS
+    road = params.road
+    state.since_change = state.since_change + constants.decision
+    state.wanted_time = state.wanted_time + constants.decision
+    state.stage_time = state.stage_time + constants.decision
+    collisions.wreck_off_road_vehicles(state, params, step)
+    perception.record_history(state, decision_index)
+    road_conditions.update_random_processes(state, params, decision_index)
+    road_conditions.update_road_course(state, params)
     if step == 0 and road.varies_along_road:
-        steering.settle_into_bend(state, c, p)
-    road_conditions.update_friction(state, given, p, q)
-    road_conditions.update_wind(state, given, p, q)
-    steering.update_wind_trim(state, c, p, step)
-    road_conditions.apply_study_push(state, p, q, decision)
-    near = find_neighbours(state, given, p)
+        steering.settle_into_bend(state, params)
+    road_conditions.update_friction(state, params)
+    road_conditions.update_wind(state, params)
+    steering.update_wind_trim(state, params, step)
+    road_conditions.apply_study_push(state, params, decision_index)
+    neighbours = find_neighbours(state, params)
     if step == 0:
-        perception.draw_shoulder_check(state, given, p, p.valid > 0, decision)
-    looks = perception.checks_mirrors_now(state, given, p, decision)
-    met = (
-        observe_oncoming(state, given, p, q, near, decision) if road.has_oncoming_traffic else None
+        perception.draw_shoulder_check(state, params, vehicles.valid > 0, decision_index)
+    checks_mirrors = perception.checks_mirrors_now(state, params, decision_index)
+    oncoming = (
+        observe_oncoming(state, params, neighbours, decision_index)
+        if road.has_oncoming_traffic
+        else None
     )
-    believed = perception.form_beliefs(state, given, p, q, near, decision, looks)
-    waits = lane_change.gives_way(state, given, state.wanted, lane_change.lane_claims(state))
+    beliefs = perception.form_beliefs(state, params, neighbours, decision_index, checks_mirrors)
+    waits = lane_change.gives_way(state, params, state.wanted, lane_change.lane_claims(state))
     return DecisionContext(
-        neighbours=near, beliefs=believed, checks_mirrors=looks, gives_way=waits, oncoming=met
+        neighbours=neighbours,
+        beliefs=beliefs,
+        checks_mirrors=checks_mirrors,
+        gives_way=waits,
+        oncoming=oncoming,
     )
 
 
 def act(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
-    moment: DecisionContext,
+    params: StepParameters,
+    context: DecisionContext,
     recorder: Recorder | None,
     step: int,
-    orders: EgoAction | None,
+    action: EgoAction | None,
 ) -> collisions.Pairs:
-    """What everybody decides; what the ego does, where another driver has it, `orders` say."""
-    near, believed, met = moment.neighbours, moment.beliefs, moment.oncoming
-    leader = acceleration.accel_behind_leader(state, given, p, near, believed, met)
-    if met is not None:
-        leader = minimum(leader, accel_for_oncoming(state, given, p, met))
-        leader = minimum(leader, accel_limit_while_passing(state, given, p, q, moment))
-    old_leader = acceleration.accel_behind_old_leader(state, given, p, near, believed, met)
-    acceleration.apply_pedals(state, given, p, *with_requested_accel(orders, leader, old_leader))
-    if met is None:
+    """What everybody decides; what the ego does, where another driver has it, `action` say."""
+    neighbours, beliefs, oncoming = context.neighbours, context.beliefs, context.oncoming
+    leader = acceleration.accel_behind_leader(state, params, neighbours, beliefs, oncoming)
+    if oncoming is not None:
+        leader = minimum(leader, accel_for_oncoming(state, params, oncoming))
+        leader = minimum(leader, accel_limit_while_passing(state, params, context))
+    old_leader = acceleration.accel_behind_old_leader(state, params, neighbours, beliefs, oncoming)
+    acceleration.apply_pedals(state, params, *with_requested_accel(action, leader, old_leader))
+    if oncoming is None:
         lane_change.change_lanes_by_mobil(
-            state, given, p, believed, leader, moment.checks_mirrors, step // SUBSTEPS
+            state, params, beliefs, leader, context.checks_mirrors, step // SUBSTEPS
         )
     else:
-        overtake.decide_others(state, given, p, q, moment, step)
-    overtake.decide_ego(state, given, p, q, moment, recorder, step, orders)
-    return collisions.pairs_that_may_touch(state, given.constants, given.road, p)
+        overtake.decide_others(state, params, context, step)
+    overtake.decide_ego(state, params, context, recorder, step, action)
+    return collisions.pairs_that_may_touch(state, params)
 
 
 def advance(
     state: State,
-    given: StepParameters,
-    p: VehicleParameters,
-    q: SimulationParameters,
+    params: StepParameters,
     pairs: collisions.Pairs,
     step: int,
-    stride: int,
-    orders: EgoAction | None = None,
+    steps_at_once: int,
+    action: EgoAction | None = None,
 ) -> None:
-    """Steer, move, collide: one step of 10 ms, or `stride` of them at once."""
-    c = given.constants
-    length = c.step if stride == 1 else c.decision
+    """Steer, move, collide: one step of 10 ms, or `steps_at_once` of them at once."""
+    simulations = params.simulations
+    constants = params.constants
+    step_length = constants.step if steps_at_once == 1 else constants.decision
     before = (state.s, state.d)
-    angle = steering.steer(state, c, p, q.max_lateral_accel, length, ordered_wheel_angle(orders))
-    vehicle_dynamics.advance_motion(state, c, p, angle, length)
-    collisions.resolve_contacts(state, c, given.road, p, pairs, before, step, length)
+    angle = steering.steer(
+        state, params, simulations.max_lateral_accel, step_length, ordered_wheel_angle(action)
+    )
+    vehicle_dynamics.advance_motion(state, params, angle, step_length)
+    collisions.resolve_contacts(state, params, pairs, before, step, step_length)

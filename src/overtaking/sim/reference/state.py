@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import sincos
 from overtaking.model.trajectories import Stage
-from overtaking.world.step_parameters import StepParameters, VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 HISTORY_LENGTH = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""
@@ -170,18 +170,18 @@ class State:
     history_v: F32
 
 
-def initial_state(given: StepParameters) -> State:
+def initial_state(params: StepParameters) -> State:
     """The state at the first frame: all vehicles drive straight in lane at constant speed."""
-    p, q = given.vehicles, given.simulations
-    zero = np.zeros_like(p.start_s)
-    ego = np.zeros_like(q.last_step)
+    vehicles, simulations = params.vehicles, params.simulations
+    zero = np.zeros_like(vehicles.start_s)
+    ego = np.zeros_like(simulations.last_step)
     path = np.zeros((6, *zero.shape), np.float32)
-    path[0] = p.start_d
+    path[0] = vehicles.start_d
     return State(
-        s=p.start_s.copy(),
-        d=p.start_d.copy(),
+        s=vehicles.start_s.copy(),
+        d=vehicles.start_d.copy(),
         psi=zero.copy(),
-        vx=p.start_speed.copy(),
+        vx=vehicles.start_speed.copy(),
         vy=zero.copy(),
         r=zero.copy(),
         wheel=zero.copy(),
@@ -194,7 +194,7 @@ def initial_state(given: StepParameters) -> State:
         path=path,
         path_time=zero + 1.0,
         path_duration=zero + 1.0,
-        lane=p.start_lane.copy(),
+        lane=vehicles.start_lane.copy(),
         since_change=zero + _LONG_AGO,
         indicator=zero.copy(),
         wanted=zero.copy(),
@@ -221,7 +221,7 @@ def initial_state(given: StepParameters) -> State:
         signalled=zero.copy(),
         stage_time=zero.copy(),
         attempted=ego.copy(),
-        end_step=q.last_step.copy(),
+        end_step=simulations.last_step.copy(),
         num_percepts=ego.copy(),
         oncoming_id=np.full((2, *zero.shape), NEVER_LOOKED),
         oncoming_time=np.zeros((2, *zero.shape), np.float32),
@@ -252,21 +252,21 @@ def value_at_slot(values: F32, slot: F32) -> F32:
     return values[index, np.arange(values.shape[1])]
 
 
-def position_seen_by_each(
-    state: State, given: StepParameters, p: VehicleParameters, j: int
-) -> tuple[F32, F32]:
+def position_seen_by_each(state: State, params: StepParameters, j: int) -> tuple[F32, F32]:
     """Where vehicle `j` is in the frame of each vehicle, (vehicle, simulation) [m].
 
     Everybody has a frame of its own direction: that of oncoming vehicles is turned by half a turn.
     """
-    road, turned = given.road, p.travel_sign[j] != p.travel_sign
+    vehicles = params.vehicles
+    road, turned = params.road, vehicles.travel_sign[j] != vehicles.travel_sign
     along = np.where(turned, road.length - state.s[j], state.s[j])
     return along, np.where(turned, road.edge_sum - state.d[j], state.d[j])
 
 
-def road_position(state: State, given: StepParameters, p: VehicleParameters) -> tuple[F32, F32]:
+def road_position(state: State, params: StepParameters) -> tuple[F32, F32]:
     """Where each vehicle is in the frame of the road [m]."""
-    road, turned = given.road, p.travel_sign < 0
+    vehicles = params.vehicles
+    road, turned = params.road, vehicles.travel_sign < 0
     along = np.where(turned, road.length - state.s, state.s)
     return along, np.where(turned, road.edge_sum - state.d, state.d)
 
@@ -284,16 +284,16 @@ def is_overtaking(state: State) -> Mask:
     return away & (state.crashed == 0)
 
 
-def is_before_return(state: State, who: SlotSelection) -> Mask:
+def is_before_return(state: State, slots: SlotSelection) -> Mask:
     """Whether drivers are on their way past another."""
-    return is_in_stage(state, who, Stage.PULL_OUT) | is_in_stage(state, who, Stage.PASS)
+    return is_in_stage(state, slots, Stage.PULL_OUT) | is_in_stage(state, slots, Stage.PASS)
 
 
-def is_in_stage(state: State, who: SlotSelection, stage: Stage) -> Mask:
+def is_in_stage(state: State, slots: SlotSelection, stage: Stage) -> Mask:
     """Whether drivers are sound and in a stage."""
-    return (state.crashed[who] == 0) & (state.stage[who] == np.float32(stage))
+    return (state.crashed[slots] == 0) & (state.stage[slots] == np.float32(stage))
 
 
-def has_finished_lane_change(state: State, who: SlotSelection) -> Mask:
+def has_finished_lane_change(state: State, slots: SlotSelection) -> Mask:
     """Whether the last lane change is over."""
-    return state.path_time[who] >= state.path_duration[who]
+    return state.path_time[slots] >= state.path_duration[slots]

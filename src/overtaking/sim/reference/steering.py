@@ -6,8 +6,7 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import State
-from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import VehicleParameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 _NOW = np.float32(0.0)
 
@@ -60,26 +59,27 @@ def path_accel(state: State, ahead: F32 | np.float32 = _NOW) -> F32:
     )
 
 
-def wind_trim(p: VehicleParameters, force: F32, moment: F32) -> F32:
+def wind_trim(vehicle: VehicleParameters, force: F32, context: F32) -> F32:
     """Wheel angle, or lean, that holds a straight course in a side wind [rad or m/s^2].
 
     The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
     delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K.
     """
-    pushed = force * p.inverse_mass
-    angle = p.understeer * pushed + moment * p.moment_angle
-    return -np.where(p.two_wheeler > 0, pushed, angle)
+    pushed = force * vehicle.inverse_mass
+    angle = vehicle.understeer * pushed + context * vehicle.moment_angle
+    return -np.where(vehicle.two_wheeler > 0, pushed, angle)
 
 
-def update_wind_trim(state: State, c: ModelConstants, p: VehicleParameters, step: int) -> None:
+def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
     """Answer the side wind after a lag; at the first frame it is held already."""
-    target = wind_trim(p, state.wind_force, state.wind_moment)
+    vehicles, constants = params.vehicles, params.constants
+    target = wind_trim(vehicles, state.wind_force, state.wind_moment)
     if step == 0:
         state.trim = target
-    state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
+    state.trim = state.trim + (target - state.trim) * (constants.decision / constants.wind_lag)
 
 
-def settle_into_bend(state: State, c: ModelConstants, p: VehicleParameters) -> None:
+def settle_into_bend(state: State, params: StepParameters) -> None:
     """Drive steadily along the bend at the first frame, as who came into it before.
 
     The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
@@ -87,23 +87,23 @@ def settle_into_bend(state: State, c: ModelConstants, p: VehicleParameters) -> N
     Source:
         Steady-state cornering of the single-track model (Gillespie 1992, chapter 6).
     """
-    rides, v = p.two_wheeler > 0, state.vx
+    vehicles, constants = params.vehicles, params.constants
+    rides, v = vehicles.two_wheeler > 0, state.vx
     rate = state.curve * v
     accel = rate * v
-    slips = p.cg_rear * rate - v * (accel / (c.gravity * p.rear_stiffness))
-    angle = state.curve * (p.wheelbase + p.understeer * (v * v))
+    slips = vehicles.cg_rear * rate - v * (accel / (constants.gravity * vehicles.rear_stiffness))
+    angle = state.curve * (vehicles.wheelbase + vehicles.understeer * (v * v))
     state.wheel = np.where(rides, accel, angle)
     state.vy = np.where(rides, _NOW, slips)
-    state.psi = -atan(state.vy / maximum(v, c.slip_speed))
+    state.psi = -atan(state.vy / maximum(v, constants.slip_speed))
     state.r, state.a_lat = rate, accel
 
 
 def steer(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     side_accel: F32,
-    length: np.float32,
+    step_length: np.float32,
     wheel: F32 | None = None,
 ) -> F32:
     """Turn the front wheels, or lean, towards the path for one step.
@@ -113,32 +113,34 @@ def steer(
 
     Args:
         state: State; its accelerations are those of the last step.
-        c: Constants.
-        p: Parameters.
+        params: Parameters of the batch.
         side_accel: Largest lateral acceleration that drivers ask for [m/s^2].
-        length: Length of the step [s].
+        step_length: Length of the step [s].
         wheel: Angle of the ego's front wheels that another driver asks for, (simulation,) [rad].
 
     Returns:
         Wheel angle, or lean, in the middle of the step.
     """
-    half = np.float32(0.5) * length
-    angle, lean = _requested_steering(state, c, p, side_accel, half)
+    vehicles, constants = params.vehicles, params.constants
+    half = np.float32(0.5) * step_length
+    angle, lean = _requested_steering(state, params, side_accel, half)
     if wheel is not None:
-        angle[EGO_SLOT] = clamp(wheel, -c.steering_limit, c.steering_limit)
-    most = c.steering_rate * length
-    turn = clamp((angle - state.wheel) * (length / (c.steering_lag + half)), -most, most)
-    lean = (lean - state.wheel) * (length / (c.two_wheeler_lag + half))
-    moved = np.where(p.two_wheeler > 0, lean, turn)
+        angle[EGO_SLOT] = clamp(wheel, -constants.steering_limit, constants.steering_limit)
+    most = constants.steering_rate * step_length
+    turn = clamp(
+        (angle - state.wheel) * (step_length / (constants.steering_lag + half)), -most, most
+    )
+    lean = (lean - state.wheel) * (step_length / (constants.two_wheeler_lag + half))
+    moved = np.where(vehicles.two_wheeler > 0, lean, turn)
     before = state.wheel
     is_sound = state.crashed == 0
     state.wheel = np.where(is_sound, before + moved, np.float32(0.0))
-    state.path_time = state.path_time + length
+    state.path_time = state.path_time + step_length
     return np.where(is_sound, before + np.float32(0.5) * moved, np.float32(0.0))
 
 
 def _requested_steering(
-    state: State, c: ModelConstants, p: VehicleParameters, side_accel: F32, ahead: np.float32
+    state: State, params: StepParameters, side_accel: F32, ahead: np.float32
 ) -> tuple[F32, F32]:
     """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s].
 
@@ -148,9 +150,10 @@ def _requested_steering(
     Source:
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
+    vehicles, constants = params.vehicles, params.constants
     place, speed = path_position(state, ahead)
-    turns_late = c.steering_lag + p.side_lag * state.vx
-    late = np.where(p.two_wheeler > 0, c.two_wheeler_lag, turns_late)
+    turns_late = constants.steering_lag + vehicles.side_lag * state.vx
+    late = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, turns_late)
     accel = path_accel(state, ahead + late)
     sine, cosine = sincos(state.psi)
     sideways = state.vx * sine + state.vy * cosine
@@ -159,14 +162,28 @@ def _requested_steering(
     vx = state.vx + ahead * state.a_lon
     vy = state.vy + ahead * (state.a_lat - state.vx * state.r)
     r = state.r + ahead * state.yaw_accel
-    wanted = accel + c.velocity_gain * (speed - sideways)
-    wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - d)
+    wanted = accel + constants.velocity_gain * (speed - sideways)
+    wanted = wanted + constants.position_gain * (
+        place + constants.lane_deviation * state.wander - d
+    )
     wanted = clamp(wanted, -side_accel, side_accel) + state.curve_ahead * (vx * vx)
-    inverse_speed = np.float32(1.0) / maximum(vx, c.slip_speed)
-    felt = wanted + c.yaw_gain * (wanted - vx * r)
-    angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim
+    inverse_speed = np.float32(1.0) / maximum(vx, constants.slip_speed)
+    felt = wanted + constants.yaw_gain * (wanted - vx * r)
+    angle = (
+        felt * (vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer)
+        + state.trim
+    )
     # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
-    slip = (vy + p.cg_front * r) * inverse_speed
-    reach = c.slip_share * np.float32(0.5) * (state.mu_fast + state.mu_slow) / p.front_stiffness
-    angle = clamp(clamp(angle, slip - reach, slip + reach), -c.steering_limit, c.steering_limit)
+    slip = (vy + vehicles.cg_front * r) * inverse_speed
+    reach = (
+        constants.slip_share
+        * np.float32(0.5)
+        * (state.mu_fast + state.mu_slow)
+        / vehicles.front_stiffness
+    )
+    angle = clamp(
+        clamp(angle, slip - reach, slip + reach),
+        -constants.steering_limit,
+        constants.steering_limit,
+    )
     return angle, wanted + state.trim

@@ -12,8 +12,7 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.sim.reference.state import State
-from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import VehicleParameters
+from overtaking.world.step_parameters import StepParameters
 
 _ONE = np.float32(1.0)
 
@@ -86,24 +85,22 @@ def fiala_force(stiffness: F32, across: F32, along: F32, limit: F32) -> tuple[F3
 
 
 def requested_force(
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     accel: F32,
     resistance: F32,
     speed: F32,
     inverse_speed: F32,
 ) -> F32:
     """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
-    wanted = p.mass * accel + resistance
-    engine = minimum(p.launch_force, p.power * inverse_speed)
-    left = (p.max_speed + c.governor_band - speed) * (_ONE / c.governor_band)
+    vehicles, constants = params.vehicles, params.constants
+    wanted = vehicles.mass * accel + resistance
+    engine = minimum(vehicles.launch_force, vehicles.power * inverse_speed)
+    left = (vehicles.max_speed + constants.governor_band - speed) * (_ONE / constants.governor_band)
     throttle = clamp(left, _ZERO, _ONE)
-    return maximum(minimum(wanted, engine * throttle), -p.max_brake_force)
+    return maximum(minimum(wanted, engine * throttle), -vehicles.max_brake_force)
 
 
-def axle_forces(
-    c: ModelConstants, p: VehicleParameters, state: State, force: F32, load: F32
-) -> Axle:
+def axle_forces(params: StepParameters, state: State, force: F32, load: F32) -> Axle:
     """Forces of one axle under a load [N] that is asked for a longitudinal force [N].
 
     Each side transmits what its own friction allows, which turns the vehicle on split friction. Of
@@ -111,9 +108,10 @@ def axle_forces(
     driven wheels that use all of it would have none left to keep the vehicle on its course.
 
     """
+    vehicles, constants = params.vehicles, params.constants
     half_load = _HALF * load
-    controlled = (force > 0) & (p.two_wheeler == 0)
-    share = np.where(controlled, c.traction_share, c.abs_share)
+    controlled = (force > 0) & (vehicles.two_wheeler == 0)
+    share = np.where(controlled, constants.traction_share, constants.abs_share)
     bound_fast = share * state.mu_fast * half_load
     bound_slow = share * state.mu_slow * half_load
     fast = clamp(_HALF * force, -bound_fast, bound_fast)
@@ -127,38 +125,38 @@ def axle_forces(
 
 
 def advance_motion(
-    state: State, c: ModelConstants, p: VehicleParameters, angle: F32, length: np.float32
+    state: State, params: StepParameters, angle: F32, step_length: np.float32
 ) -> None:
     """Advance every vehicle by one step: new velocity first, then the position by the trapezoid.
 
     Args:
         state: State; its acceleration is that of the last step.
-        c: Constants.
-        p: Parameters.
+        params: Parameters of the batch.
         angle: Front wheel angle, or lean of a two-wheeler, in the middle of the step.
-        length: Length of the step [s].
+        step_length: Length of the step [s].
     """
+    vehicles, constants = params.vehicles, params.constants
     wrecked = state.crashed > 0
-    speed = maximum(state.vx + _HALF * length * state.a_lon, _ZERO)
-    inverse_speed = _ONE / maximum(speed, c.slip_speed)
+    speed = maximum(state.vx + _HALF * step_length * state.a_lon, _ZERO)
+    inverse_speed = _ONE / maximum(speed, constants.slip_speed)
     air = speed - state.tail_wind
-    held_back = p.drag * air * np.abs(air) + p.rolling
-    resistance = held_back + c.gravity * p.mass * state.slope
-    force = requested_force(c, p, state.accel, resistance, speed, inverse_speed)
-    front, rear = _axles(state, c, p, force, held_back, angle)
+    held_back = vehicles.drag * air * np.abs(air) + vehicles.rolling
+    resistance = held_back + constants.gravity * vehicles.mass * state.slope
+    force = requested_force(params, state.accel, resistance, speed, inverse_speed)
+    front, rear = _axles(state, params, force, held_back, angle)
     drives = _single_track_step(
-        state, c, p, (front, rear), resistance, (speed, inverse_speed), angle, length
+        state, params, (front, rear), resistance, (speed, inverse_speed), angle, step_length
     )
-    straight = (front.force_lon + rear.force_lon - resistance) * p.inverse_mass
-    leans = _leaning_step(state, c, p, straight, inverse_speed, angle, length)
-    motion = _select(p.two_wheeler > 0, leans, drives)
+    straight = (front.force_lon + rear.force_lon - resistance) * vehicles.inverse_mass
+    leans = _leaning_step(state, params, straight, inverse_speed, angle, step_length)
+    motion = _select(vehicles.two_wheeler > 0, leans, drives)
     motion.vx = maximum(motion.vx, _ZERO)
-    _stop_when_creeping(state, c, motion)
-    _update_position(state, c, p, motion, wrecked, length)
+    _stop_when_creeping(state, params, motion)
+    _update_position(state, params, motion, wrecked, step_length)
 
 
 def _axles(
-    state: State, c: ModelConstants, p: VehicleParameters, force: F32, resistance: F32, angle: F32
+    state: State, params: StepParameters, force: F32, resistance: F32, angle: F32
 ) -> tuple[Axle, Axle]:
     """Loads and forces of the front and the rear axle.
 
@@ -169,49 +167,53 @@ def _axles(
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
     """
-    rides = p.two_wheeler > 0
-    weight = _front_load_share(c, p, state.a_lon)
-    share = np.where(force < 0, weight, p.front_drive)
-    limit = np.where((force > 0) & ~rides, c.traction_share, c.abs_share) * _max_friction_accel(
-        state, c
-    )
-    asked = force * p.inverse_mass
+    vehicles, constants = params.vehicles, params.constants
+    rides = vehicles.two_wheeler > 0
+    weight = _front_load_share(params, state.a_lon)
+    share = np.where(force < 0, weight, vehicles.front_drive)
+    limit = np.where(
+        (force > 0) & ~rides, constants.traction_share, constants.abs_share
+    ) * _max_friction_accel(state, params)
+    asked = force * vehicles.inverse_mass
     front, rear = limit * weight, limit * (_ONE - weight)
     asked = clamp(share * asked, -front, front) + clamp((_ONE - share) * asked, -rear, rear)
     held = np.where(rides, _ZERO, state.a_lat * weight * angle)
-    weight = _front_load_share(c, p, asked - resistance * p.inverse_mass - held)
+    weight = _front_load_share(params, asked - resistance * vehicles.inverse_mass - held)
     # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
-    share = np.where(force < 0, weight, p.front_drive)
-    whole = c.gravity * p.mass
+    share = np.where(force < 0, weight, vehicles.front_drive)
+    whole = constants.gravity * vehicles.mass
     return (
-        axle_forces(c, p, state, share * force, whole * weight),
-        axle_forces(c, p, state, (_ONE - share) * force, whole * (_ONE - weight)),
+        axle_forces(params, state, share * force, whole * weight),
+        axle_forces(params, state, (_ONE - share) * force, whole * (_ONE - weight)),
     )
 
 
-def _front_load_share(c: ModelConstants, p: VehicleParameters, accel: F32) -> F32:
+def _front_load_share(params: StepParameters, accel: F32) -> F32:
     """Share of the load on the front axle at an acceleration, 0 to 1.
 
     It is never negative: an axle can leave the road, but not pull at it.
     """
-    lifted = accel * p.cg_height * (_ONE / c.gravity)
-    return p.inverse_wheelbase * (p.cg_rear - clamp(lifted, -p.cg_front, p.cg_rear))
+    vehicles, constants = params.vehicles, params.constants
+    lifted = accel * vehicles.cg_height * (_ONE / constants.gravity)
+    return vehicles.inverse_wheelbase * (
+        vehicles.cg_rear - clamp(lifted, -vehicles.cg_front, vehicles.cg_rear)
+    )
 
 
-def _max_friction_accel(state: State, c: ModelConstants) -> F32:
+def _max_friction_accel(state: State, params: StepParameters) -> F32:
     """Largest acceleration that friction allows [m/s^2]."""
-    return c.gravity * _HALF * (state.mu_fast + state.mu_slow)
+    constants = params.constants
+    return constants.gravity * _HALF * (state.mu_fast + state.mu_slow)
 
 
 def _single_track_step(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     axles: tuple[Axle, Axle],
     resistance: F32,
     speeds: tuple[F32, F32],
     angle: F32,
-    length: np.float32,
+    step_length: np.float32,
 ) -> MotionStep:
     """A step of the single-track model; side speed and yaw rate by the linearised equations.
 
@@ -219,53 +221,52 @@ def _single_track_step(
         Hairer and Wanner, Solving Ordinary Differential Equations II (1996), section IV.7: the
         Rosenbrock method of one stage with gamma = 1/2.
     """
+    vehicles = params.vehicles
     (front, rear), (speed, inverse_speed) = axles, speeds
-    half = _HALF * length
+    half = _HALF * step_length
     sine, cosine = sincos(angle)
-    u = (state.vy + p.cg_front * state.r) * inverse_speed
+    u = (state.vy + vehicles.cg_front * state.r) * inverse_speed
     front_y, front_k = fiala_force(
-        p.front_stiffness * front.load,
+        vehicles.front_stiffness * front.load,
         u * cosine - sine,
         cosine + u * sine,
         front.max_lateral_force,
     )
-    u = (state.vy - p.cg_rear * state.r) * inverse_speed
+    u = (state.vy - vehicles.cg_rear * state.r) * inverse_speed
     rear_y, rear_k = fiala_force(
-        p.rear_stiffness * rear.load, u, np.ones_like(u), rear.max_lateral_force
+        vehicles.rear_stiffness * rear.load, u, np.ones_like(u), rear.max_lateral_force
     )
     front_k, rear_k = front_k * inverse_speed, rear_k * inverse_speed
     side = front_y * cosine + front.force_lon * sine
-    moment = p.half_track * (front.force_difference + rear.force_difference)
-    across = (side + rear_y + state.wind_force) * p.inverse_mass - speed * state.r
-    moment = moment + _stability_control(state, c, p, speed, angle)
-    turn = p.cg_front * side - p.cg_rear * rear_y + state.wind_moment + moment
-    turn = turn * p.inverse_inertia
-    ahead, behind = p.cg_front * (front_k * cosine), p.cg_rear * rear_k
-    by_mass, by_inertia = half * p.inverse_mass, half * p.inverse_inertia
+    context = vehicles.half_track * (front.force_difference + rear.force_difference)
+    across = (side + rear_y + state.wind_force) * vehicles.inverse_mass - speed * state.r
+    context = context + _stability_control(state, params, speed, angle)
+    turn = vehicles.cg_front * side - vehicles.cg_rear * rear_y + state.wind_moment + context
+    turn = turn * vehicles.inverse_inertia
+    ahead, behind = vehicles.cg_front * (front_k * cosine), vehicles.cg_rear * rear_k
+    by_mass, by_inertia = half * vehicles.inverse_mass, half * vehicles.inverse_inertia
     a11 = _ONE + by_mass * (front_k * cosine + rear_k)
     a12 = by_mass * (ahead - behind) + half * speed
     a21 = by_inertia * (ahead - behind)
-    a22 = _ONE + by_inertia * (p.cg_front * ahead + p.cg_rear * behind)
-    share = length / (a11 * a22 - a12 * a21)
+    a22 = _ONE + by_inertia * (vehicles.cg_front * ahead + vehicles.cg_rear * behind)
+    share = step_length / (a11 * a22 - a12 * a21)
     more_vy = share * (a22 * across - a12 * turn)
     more_r = share * (a11 * turn - a21 * across)
     r = state.r + _HALF * more_r
-    middle_y = front_y - front_k * (_HALF * (more_vy + p.cg_front * more_r))
+    middle_y = front_y - front_k * (_HALF * (more_vy + vehicles.cg_front * more_r))
     along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance
-    a_lon = along * p.inverse_mass
+    a_lon = along * vehicles.inverse_mass
     return MotionStep(
         accel_lon=a_lon,
-        accel_lat=more_vy * (_ONE / length) + speed * r,
-        vx=state.vx + length * (a_lon + (state.vy + _HALF * more_vy) * r),
+        accel_lat=more_vy * (_ONE / step_length) + speed * r,
+        vx=state.vx + step_length * (a_lon + (state.vy + _HALF * more_vy) * r),
         vy=state.vy + more_vy,
         yaw_rate=state.r + more_r,
         mean_yaw_rate=r,
     )
 
 
-def _stability_control(
-    state: State, c: ModelConstants, p: VehicleParameters, speed: F32, angle: F32
-) -> F32:
+def _stability_control(state: State, params: StepParameters, speed: F32, angle: F32) -> F32:
     """Yaw moment of stability control, which brakes single wheels [N m].
 
     It answers a yaw rate that is off, by more than a threshold, from what the wheel angle asks for
@@ -275,31 +276,32 @@ def _stability_control(
     Source:
         van Zanten, Erhardt and Pfaff 1995 (control of the yaw rate by the single-track model).
     """
-    grip = _max_friction_accel(state, c)
-    reach = grip / maximum(speed, c.slip_speed)
-    asked = speed * angle / (p.wheelbase + p.understeer * (speed * speed))
+    vehicles, constants = params.vehicles, params.constants
+    grip = _max_friction_accel(state, params)
+    reach = grip / maximum(speed, constants.slip_speed)
+    asked = speed * angle / (vehicles.wheelbase + vehicles.understeer * (speed * speed))
     off = state.r - clamp(asked, -reach, reach)
-    off = off - clamp(off, -c.stability_threshold, c.stability_threshold)
-    most = np.float32(0.25) * grip * p.mass * p.half_track
-    return clamp(-off * (_ONE / c.stability_time) / p.inverse_inertia, -most, most)
+    off = off - clamp(off, -constants.stability_threshold, constants.stability_threshold)
+    most = np.float32(0.25) * grip * vehicles.mass * vehicles.half_track
+    return clamp(-off * (_ONE / constants.stability_time) / vehicles.inverse_inertia, -most, most)
 
 
 def _leaning_step(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     a_lon: F32,
     inverse_speed: F32,
     angle: F32,
-    length: np.float32,
+    step_length: np.float32,
 ) -> MotionStep:
     """A step of a point mass that leans as far as its driver and the wind ask, and grip allows.
 
     It turns at once as it leans, so its yaw rate is that of the middle of the step.
     """
-    grip = _max_friction_accel(state, c)
-    lean = clamp(angle + state.wind_force * p.inverse_mass, -grip, grip)
-    vx = state.vx + length * a_lon
+    vehicles = params.vehicles
+    grip = _max_friction_accel(state, params)
+    lean = clamp(angle + state.wind_force * vehicles.inverse_mass, -grip, grip)
+    vx = state.vx + step_length * a_lon
     r = lean * inverse_speed
     return MotionStep(
         accel_lon=a_lon, accel_lat=lean, vx=vx, vy=np.zeros_like(vx), yaw_rate=r, mean_yaw_rate=r
@@ -313,9 +315,10 @@ def _select(mask: np.ndarray, a: MotionStep, b: MotionStep) -> MotionStep:
     )
 
 
-def _stop_when_creeping(state: State, c: ModelConstants, motion: MotionStep) -> None:
+def _stop_when_creeping(state: State, params: StepParameters, motion: MotionStep) -> None:
     """Stop who hardly moves and is not asked to accelerate."""
-    creeps = (motion.vx < c.standstill) & (np.abs(motion.vy) < c.standstill)
+    constants = params.constants
+    creeps = (motion.vx < constants.standstill) & (np.abs(motion.vy) < constants.standstill)
     stands = creeps & (state.accel <= 0)
     for name in ("vx", "vy", "yaw_rate"):
         setattr(motion, name, np.where(stands, _ZERO, getattr(motion, name)))
@@ -324,11 +327,10 @@ def _stop_when_creeping(state: State, c: ModelConstants, motion: MotionStep) -> 
 
 def _update_position(
     state: State,
-    c: ModelConstants,
-    p: VehicleParameters,
+    params: StepParameters,
     motion: MotionStep,
     wrecked: np.ndarray,
-    length: np.float32,
+    step_length: np.float32,
 ) -> None:
     """New place with the mean of the old and the new velocity.
 
@@ -339,20 +341,28 @@ def _update_position(
         The equations of motion along a curve, in the frame of its tangent: Rajamani, Vehicle
         Dynamics and Control (2012), section 2.7.
     """
-    half = _HALF * length
+    vehicles, constants = params.vehicles, params.constants
+    half = _HALF * step_length
     sine, cosine = sincos(state.psi)
     along = state.vx * cosine - state.vy * sine
     across = state.vx * sine + state.vy * cosine
-    friction = c.sliding_ratio * _max_friction_accel(state, c)
+    friction = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
-    lost = minimum(friction * length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
-    spin = friction * p.mass * p.inverse_inertia * _HALF * p.wheelbase * length
+    lost = minimum(friction * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
+    spin = (
+        friction
+        * vehicles.mass
+        * vehicles.inverse_inertia
+        * _HALF
+        * vehicles.wheelbase
+        * step_length
+    )
     r = np.where(wrecked, state.r - clamp(state.r, -spin, spin), motion.yaw_rate)
-    state.a_lon = np.where(wrecked, -(lost * (_ONE / length)) * state.vx, motion.accel_lon)
-    state.a_lat = np.where(wrecked, -(lost * (_ONE / length)) * state.vy, motion.accel_lat)
+    state.a_lon = np.where(wrecked, -(lost * (_ONE / step_length)) * state.vx, motion.accel_lon)
+    state.a_lat = np.where(wrecked, -(lost * (_ONE / step_length)) * state.vy, motion.accel_lat)
     mean_r = np.where(wrecked, _HALF * (state.r + r), motion.mean_yaw_rate)
-    turned = length * (state.curve * (along + half * state.a_lon))
-    state.psi = state.psi + length * mean_r - turned
+    turned = step_length * (state.curve * (along + half * state.a_lon))
+    state.psi = state.psi + step_length * mean_r - turned
     aside, ahead = sincos(turned)
     sine, cosine = sincos(state.psi)
     kept = _ONE - lost
@@ -366,5 +376,5 @@ def _update_position(
     state.d = state.d + half * (across + new_across)
     state.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
     state.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)
-    state.yaw_accel = (r - state.r) * (_ONE / length)
+    state.yaw_accel = (r - state.r) * (_ONE / step_length)
     state.r = r

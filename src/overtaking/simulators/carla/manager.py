@@ -125,9 +125,8 @@ class _Drive:
     def _notice(self, frame: int, step: int) -> None:
         """Write down contacts; the ego's ends the simulation soon."""
         contacts, state = self._stage.contacts(frame), self._state
-        c = self._given.constants
         state.end_step[:] = np.float32(self._end)
-        note_contacts(state, self._p, c, contacts, step, faster=SLOWER)
+        note_contacts(state, self._given, contacts, step, faster=SLOWER)
         self._end = int(state.end_step[0])
         if state.crashed[EGO_SLOT, 0] > 0:
             self._watch.crash()
@@ -136,7 +135,7 @@ class _Drive:
         state = self._state
         state.stage[EGO_SLOT] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
-        self._recorder.record_frame(state, self._p, active, step // self._given.steps_per_frame)
+        self._recorder.record_frame(state, self._given, active, step // self._given.steps_per_frame)
 
     def _follow_stage(self, step: int) -> None:
         """See what the ego is doing, and ask for the next lane change where it is time."""

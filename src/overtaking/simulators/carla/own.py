@@ -30,7 +30,6 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.step_parameters import (
     SIMULATION_FIELDS,
     StepParameters,
-    VehicleParameters,
     step_parameters,
 )
 
@@ -95,11 +94,11 @@ class _Drive:
             reading = self._stage.tick()
             take_over(state, reading, self._stage.scenario)
             contacts = self._stage.contacts(reading.frame)
-            note_contacts(state, self._p, given.constants, contacts, step - SUBSTEPS)
-            decide(state, given, self._p, self._q, self._recorder, step)
+            note_contacts(state, given, contacts, step - SUBSTEPS)
+            decide(state, given, self._recorder, step)
             if step % given.steps_per_frame == 0:
                 active = np.float32(step) <= state.end_step
-                self._recorder.record_frame(state, self._p, active, step // given.steps_per_frame)
+                self._recorder.record_frame(state, given, active, step // given.steps_per_frame)
             self._act(step)
             if float(state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 state.end_step[:] = np.float32(step)
@@ -109,12 +108,13 @@ class _Drive:
 
     def _act(self, step: int) -> None:
         """Set pedals, steering and lamps of every vehicle."""
-        state, p, stage = self._state, self._p, self._stage
+        state, stage = self._state, self._stage
         number = step // self._given.steps_per_frame
         # A two-wheeler leans with the lag of the vehicle, which is the server's: within a tick.
         c = self._given.constants.replace(step=TICK, two_wheeler_lag=0.5 * TICK)
         state.trim = self._trim(c)
-        steering.steer(state, c, p, self._q.max_lateral_accel, c.step)
+        params = dataclasses.replace(self._given, constants=c)
+        steering.steer(state, params, self._q.max_lateral_accel, c.step)
         forces = self._forces()
         batch: list[Any] = []
         for slot, actor in stage.actors.items():
@@ -233,8 +233,7 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
 
 def note_contacts(
     state: State,
-    p: VehicleParameters,
-    c: ModelConstants,
+    params: StepParameters,
     contacts: list[Contact],
     step: int,
     faster: float = 1.0,
@@ -244,18 +243,20 @@ def note_contacts(
     The speed of approach is what the impulse took away, m dv = J on either side, so that
     no velocity before the contact is needed: J (1/m1 + 1/m2) / (1 + e).
     """
+    vehicles, constants = params.vehicles, params.constants
     sound = state.crashed[EGO_SLOT].copy() == 0
     for one in contacts:
         if one.other < 0 or state.contact_partner[one.own, 0] >= 0:
             continue
         size = faster * math.hypot(*one.impulse)
-        softness = float(p.inverse_mass[one.own, 0] + p.inverse_mass[one.other, 0])
+        softness = float(vehicles.inverse_mass[one.own, 0] + vehicles.inverse_mass[one.other, 0])
         state.contact_partner[one.own, 0] = np.float32(one.other)
-        state.contact_time[one.own, 0] = np.float32(step) * c.step
+        state.contact_time[one.own, 0] = np.float32(step) * constants.step
         state.contact_impulse[one.own, 0] = np.float32(size)
-        state.contact_speed[one.own, 0] = np.float32(size * softness / (1.0 + float(c.restitution)))
+        rebound = 1.0 + float(constants.restitution)
+        state.contact_speed[one.own, 0] = np.float32(size * softness / rebound)
         state.crashed[one.own, 0] = np.float32(1.0)
-    collisions.end_after_ego_accident(state, c, sound & (state.crashed[EGO_SLOT] > 0), step)
+    collisions.end_after_ego_accident(state, params, sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 def still(given: StepParameters) -> StepParameters:

@@ -447,9 +447,11 @@ class Fleet:
         )
         in_simulation = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
-            c = mover.constants
+            params = dataclasses.replace(
+                self._given, constants=mover.constants, local_vehicles=bodies.fields
+            )
             collisions.resolve_contacts(
-                bodies.state, c, self._given.road, bodies.fields, in_simulation, places, 0, c.step
+                bodies.state, params, in_simulation, places, 0, mover.constants.step
             )
             for name in _PUSHED:
                 getattr(state, name)[:] = getattr(bodies.state, name)[:count]
