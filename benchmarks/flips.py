@@ -67,10 +67,10 @@ EQUIVALENT = {
     "leader.as_ref().filter(|_| role != «LEAD),": (
         "a leader hides neither itself nor anybody behind: both are asked again"
     ),
-    "let still = settled & state.wanted[i]«.simd_eq(0.0) & state.indicator[i].simd_eq(0.0);": (
+    "let still = settled & state.lane_choice.wanted_side[i]«.simd_eq(0.0) & state.controls.indicator[i].simd_eq(0.0);": (
         "who wants a lane change has signalled for a moment; so it is never still, and looks again"
     ),
-    "let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i]«.simd_eq(0.0);": (
+    "let still = settled & state.lane_choice.wanted_side[i].simd_eq(0.0) & state.controls.indicator[i]«.simd_eq(0.0);": (
         "the indicator goes off with the signal, so no driver is ever still, and each looks again"
     ),
     "let home = (low, splat(w.simd, road.boundaries[1] «- c.corridor_margin));": (
@@ -82,7 +82,7 @@ EQUIVALENT = {
     "traffic.turned[j].on_road &= slot«.simd_ne(j as i32 as f32);": (
         "told to another driver of the ego, who answers outside; nothing of it is recorded"
     ),
-    "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (
+    "let at_home = state.lane_choice.lane[i]«.simd_eq(0.0).all_true();": (
         "who is outside its lane overtakes and gives way to no other; others look at more"
     ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +18,7 @@ from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import OrientedBox, swept_overlap
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters, step_parameters
 
@@ -167,17 +168,17 @@ def crash(
     """
     world = scenario([Vehicle(kind=kind) for kind in kinds], road=wide_road(), num_slots=2)
     given_ = step_parameters(world)
-    state = initial_state(given_)
+    state = State.at_start(given_)
     p = given_.vehicles
     for i in range(2):
-        state.psi[i] = heading[i]
-        state.vx[i], state.vy[i], state.r[i] = motion[i]
-    state.s[0], state.d[0] = 100.0, -5.0
-    state.s[1], state.d[1] = 100.0 + place[0], -5.0 + place[1]
+        state.motion.heading[i] = heading[i]
+        state.motion.vx[i], state.motion.vy[i], state.motion.yaw_rate[i] = motion[i]
+    state.motion.s[0], state.motion.d[0] = 100.0, -5.0
+    state.motion.s[1], state.motion.d[1] = 100.0 + place[0], -5.0 + place[1]
     velocity = [road_velocity(state, i) for i in range(2)]
     before = (
-        np.stack([state.s[i] - np.float32(STEP * velocity[i][0]) for i in range(2)]),
-        np.stack([state.d[i] - np.float32(STEP * velocity[i][1]) for i in range(2)]),
+        np.stack([state.motion.s[i] - np.float32(STEP * velocity[i][0]) for i in range(2)]),
+        np.stack([state.motion.d[i] - np.float32(STEP * velocity[i][1]) for i in range(2)]),
     )
     old = copied(state)
     near = {(0, 1): np.array([True])}
@@ -189,12 +190,15 @@ def crash(
 
 
 def copied(state: State) -> State:
-    return State(**{name: np.copy(getattr(state, name)) for name in State.__slots__})
+    return copy.deepcopy(state)
 
 
 def road_velocity(state: State, i: int) -> tuple[float, float]:
-    cosine, sine = math.cos(float(state.psi[i, 0])), math.sin(float(state.psi[i, 0]))
-    vx, vy = float(state.vx[i, 0]), float(state.vy[i, 0])
+    cosine, sine = (
+        math.cos(float(state.motion.heading[i, 0])),
+        math.sin(float(state.motion.heading[i, 0])),
+    )
+    vx, vy = float(state.motion.vx[i, 0]), float(state.motion.vy[i, 0])
     return vx * cosine - vy * sine, vx * sine + vy * cosine
 
 
@@ -204,8 +208,8 @@ def momentum(state: State, p: VehicleParameters) -> np.ndarray:
     for i in range(2):
         mass, inertia = 1.0 / float(p.inverse_mass[i, 0]), 1.0 / float(p.inverse_inertia[i, 0])
         along, across = road_velocity(state, i)
-        s, d = float(state.s[i, 0]) - 100.0, float(state.d[i, 0]) + 5.0
-        spin = mass * (s * across - d * along) + inertia * float(state.r[i, 0])
+        s, d = float(state.motion.s[i, 0]) - 100.0, float(state.motion.d[i, 0]) + 5.0
+        spin = mass * (s * across - d * along) + inertia * float(state.motion.yaw_rate[i, 0])
         total += (mass * along, mass * across, spin)
     return total
 
@@ -214,8 +218,8 @@ def energy(state: State, p: VehicleParameters) -> float:
     total = 0.0
     for i in range(2):
         mass, inertia = 1.0 / float(p.inverse_mass[i, 0]), 1.0 / float(p.inverse_inertia[i, 0])
-        speed = math.hypot(float(state.vx[i, 0]), float(state.vy[i, 0]))
-        total += 0.5 * mass * speed**2 + 0.5 * inertia * float(state.r[i, 0]) ** 2
+        speed = math.hypot(float(state.motion.vx[i, 0]), float(state.motion.vy[i, 0]))
+        total += 0.5 * mass * speed**2 + 0.5 * inertia * float(state.motion.yaw_rate[i, 0]) ** 2
     return total
 
 
@@ -225,7 +229,7 @@ def approach(ran: Crash, state: State) -> float:
     for i, lever, sign in ((0, hit.lever_a, 1.0), (1, hit.lever_b, -1.0)):
         ahead, aside = road_velocity(state, i)
         own = ahead * float(hit.normal_s[0]) + aside * float(hit.normal_d[0])
-        closing += sign * (own + float(state.r[i, 0]) * float(lever[0]))
+        closing += sign * (own + float(state.motion.yaw_rate[i, 0]) * float(lever[0]))
     return closing
 
 
@@ -261,8 +265,8 @@ def test_an_impact_keeps_momentum_and_spin_and_never_makes_energy(kinds, place, 
     assert abs(lost[2]) <= 5e-6 * size
     before, after = energy(ran.before, ran.p), energy(ran.after, ran.p)
     assert after <= before * (1.0 + 1e-5) + 1.0
-    touched = bool(ran.after.crashed[0, 0])
-    assert touched == bool(ran.after.crashed[1, 0])
+    touched = bool(ran.after.motion.is_wreck[0, 0])
+    assert touched == bool(ran.after.motion.is_wreck[1, 0])
     if not touched:
         assert after == before
 
@@ -279,9 +283,12 @@ def test_after_an_impact_the_contact_opens_at_a_tenth_of_the_speed(kinds, aside,
     still = (0.0, 0.0)
     motion = ((speeds[0], *still), (speeds[1], *still))
     ran = crash(kinds, place=(gap, aside), motion=motion, heading=heading)
-    if not ran.after.crashed[0, 0]:
+    if not ran.after.motion.is_wreck[0, 0]:
         return
-    impulse, closing = float(ran.after.contact_impulse[0, 0]), float(ran.after.contact_speed[0, 0])
+    impulse, closing = (
+        float(ran.after.first_contact.impulse[0, 0]),
+        float(ran.after.first_contact.closing_speed[0, 0]),
+    )
     assert closing > 0.0
     # The work of the impulse is closing (1 - e) / 2 of it, whatever the geometry.
     work = energy(ran.before, ran.p) - energy(ran.after, ran.p)
@@ -303,14 +310,14 @@ def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: st
         common - RESTITUTION * 10.0 * m2 / (m1 + m2),
         common + RESTITUTION * 10.0 * m1 / (m1 + m2),
     ]
-    np.testing.assert_allclose(ran.after.vx[:, 0], expected, rtol=1e-5)
-    assert (ran.after.vy == 0.0).all()
-    assert (ran.after.r == 0.0).all()
+    np.testing.assert_allclose(ran.after.motion.vx[:, 0], expected, rtol=1e-5)
+    assert (ran.after.motion.vy == 0.0).all()
+    assert (ran.after.motion.yaw_rate == 0.0).all()
     impulse = (1.0 + RESTITUTION) * 10.0 * m1 * m2 / (m1 + m2)
-    assert float(ran.after.contact_impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
-    assert float(ran.after.contact_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
+    assert float(ran.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
+    assert float(ran.after.first_contact.closing_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
     # They come 0.1 m closer in the step, the eighth, and overlap by 0.02 m at its end.
-    assert float(ran.after.contact_time[0, 0]) == pytest.approx(0.078, abs=1e-4)
+    assert float(ran.after.first_contact.time[0, 0]) == pytest.approx(0.078, abs=1e-4)
 
 
 def test_an_off_centre_rear_end_turns_both_the_way_that_mechanics_says():
@@ -318,20 +325,20 @@ def test_an_off_centre_rear_end_turns_both_the_way_that_mechanics_says():
     ran = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
     # The struck car is hit on its right rear: pushed forwards there, it turns to the left. The
     # striking one is held on its left front and turns to the left as well.
-    assert float(ran.after.r[1, 0]) > 0.1
-    assert float(ran.after.r[0, 0]) > 0.1
+    assert float(ran.after.motion.yaw_rate[1, 0]) > 0.1
+    assert float(ran.after.motion.yaw_rate[0, 0]) > 0.1
     # Contact in the middle of the overlap, 0.5 m from each axis: softness by the textbook.
     m, inertia = body_of("M")["mass"], body_of("M")["yaw_inertia"]
     impulse = 1.1 * 10.0 / (2.0 / m + 2.0 * 0.5**2 / inertia)
-    assert float(ran.after.contact_impulse[0, 0]) == pytest.approx(impulse, rel=1e-3)
-    np.testing.assert_allclose(ran.after.r[:, 0], 0.5 * impulse / inertia, rtol=1e-3)
+    assert float(ran.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-3)
+    np.testing.assert_allclose(ran.after.motion.yaw_rate[:, 0], 0.5 * impulse / inertia, rtol=1e-3)
 
 
 def test_vehicles_that_slide_along_each_other_lose_no_speed():
     width = body_of("M")["width"]
     ran = crash(("M", "M"), place=(0.5, width - 0.01), motion=((30.0, 0.3, 0.0), (25.0, -0.3, 0.0)))
-    assert bool(ran.after.crashed[0, 0])
-    np.testing.assert_allclose(ran.after.vx[:, 0], [30.0, 25.0], atol=1e-5)
+    assert bool(ran.after.motion.is_wreck[0, 0])
+    np.testing.assert_allclose(ran.after.motion.vx[:, 0], [30.0, 25.0], atol=1e-5)
 
 
 def test_the_time_of_a_collision_is_that_of_the_kinematics():

@@ -16,7 +16,7 @@ from overtaking.sim import engine
 from overtaking.sim.reference import collisions, steering, vehicle_dynamics
 from overtaking.sim.reference.recorder import Recorder
 from overtaking.sim.reference.simulation import advance, decide
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import SUBSTEPS
 from overtaking.world.step_parameters import step_parameters
 
@@ -55,7 +55,7 @@ class World:
         self.p = self.given.vehicles
         self.q = self.given.simulations
         self.recorder = Recorder(scenario, self.given)
-        self.state = initial_state(self.given)
+        self.state = State.at_start(self.given)
         self.step = 0
 
     def decide(self) -> collisions.Pairs:
@@ -73,7 +73,7 @@ class World:
         given = replace(self.given, constants=self.given.constants.replace(step=FINE))
         state.end_step[:] = 1e9
         for k in range(50):
-            before = (state.s, state.d)
+            before = (state.motion.s, state.motion.d)
             angle = steering.steer(state, given, self.q.max_lateral_accel, FINE)
             vehicle_dynamics.advance_motion(state, given, angle, FINE)
             collisions.resolve_contacts(state, given, pairs, before, 10 * self.step + k, FINE)
@@ -82,8 +82,8 @@ class World:
 
 def first_contact(state: State) -> float:
     """When somebody first touched somebody [s]."""
-    hit = state.contact_partner >= 0
-    return float(state.contact_time[hit].min()) if hit.any() else float("inf")
+    hit = state.first_contact.partner >= 0
+    return float(state.first_contact.time[hit].min()) if hit.any() else float("inf")
 
 
 @pytest.mark.parametrize("order", range(12))

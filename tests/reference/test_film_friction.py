@@ -219,10 +219,13 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
     cars = [Vehicle(s=3.0 * k, speed=30.0, body={"tyre_wear": 0.3}) for k in range(200)]
     b = bench(*cars, friction=None, sky={"puddles": 90.0})
     b.decide()
-    d, s = float(b.state.d[0, 0]), b.state.s[0]
+    d, s = float(b.state.motion.d[0, 0]), b.state.motion.s[0]
     number = lambda name: getattr(b.q, name)  # noqa: E731
     width = 0.5 * 6.0  # Two wheel paths to each lane of 6 m.
-    for side, grip in ((0.5, b.state.mu_fast[0]), (-0.5, b.state.mu_slow[0])):
+    for side, grip in (
+        (0.5, b.state.friction_and_wind.mu_left[0]),
+        (-0.5, b.state.friction_and_wind.mu_right[0]),
+    ):
         path = math.floor((d + side * 1.55 + 48.0) / width)
         phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_threshold")
         depth = road_surface.puddle_depth_share(model_constants(), s, np.float32(path), *phases)
@@ -230,15 +233,15 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
         water = 0.2 + 2.0 * 0.8 * depth
         expected = [handbook(30.0, float(h), 0.3) for h in water]
         np.testing.assert_allclose(grip, expected, atol=3e-6)
-    assert (b.state.mu_fast != b.state.mu_slow).any()
+    assert (b.state.friction_and_wind.mu_left != b.state.friction_and_wind.mu_right).any()
 
 
 def test_a_puddle_under_one_side_turns_a_braking_car_towards_the_dry_side():
     b = bench(Vehicle(speed=30.0))
-    b.state.mu_fast = b.state.mu_fast * np.float32(0.3)
+    b.state.friction_and_wind.mu_left = b.state.friction_and_wind.mu_left * np.float32(0.3)
     ran = b.drive(0.3, lambda test, _: test.hold(accel=-6.0))
     # The left wheels, those towards the fast side, hold less, so the right ones turn it there, with
     # a moment of half the track times the difference of the brake forces, growing over 0.3 s.
-    assert ran["r"][-1, 0] < -0.1
+    assert ran["yaw_rate"][-1, 0] < -0.1
     table = numbers_of("friction.toml").table
     assert table.floor == FLOOR

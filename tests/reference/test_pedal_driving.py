@@ -13,7 +13,7 @@ from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.sim.pedal_driving import EnginePedalDriving, ReferencePedalDriving, pedal_driving
 from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, PedalControls
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.simulators.carla_server.bodies import Nature, body_of, scenario_of
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
@@ -35,17 +35,17 @@ def given_for(count: int, weather: str) -> StepParameters:
 
 def scattered(given: StepParameters, chance: np.random.Generator) -> State:
     """Vehicles here and there, heading anywhere, some at rest and one of them a wreck."""
-    state = initial_state(given)
-    shape = state.s.shape
+    state = State.at_start(given)
+    shape = state.motion.s.shape
 
     def drawn(low: float, high: float) -> np.ndarray:
         return chance.uniform(low, high, shape).astype(np.float32)
 
-    state.s, state.d = drawn(0.0, 300.0), drawn(-20.0, 4.0)
-    state.psi, state.r = drawn(-4.0, 4.0), drawn(-0.3, 0.3)
-    state.vx, state.vy = drawn(0.0, 45.0), drawn(-1.0, 1.0)
-    state.vx[1::5] = state.vy[1::5] = state.r[1::5] = 0.0
-    state.wheel, state.gust = drawn(-0.1, 0.1), drawn(-2.0, 2.0)
+    state.motion.s, state.motion.d = drawn(0.0, 300.0), drawn(-20.0, 4.0)
+    state.motion.heading, state.motion.yaw_rate = drawn(-4.0, 4.0), drawn(-0.3, 0.3)
+    state.motion.vx, state.motion.vy = drawn(0.0, 45.0), drawn(-1.0, 1.0)
+    state.motion.vx[1::5] = state.motion.vy[1::5] = state.motion.yaw_rate[1::5] = 0.0
+    state.controls.wheel_angle, state.noise.gust = drawn(-0.1, 0.1), drawn(-2.0, 2.0)
     return state
 
 
@@ -70,13 +70,13 @@ def test_engine_and_reference_drive_the_same_way(level: str, count: int, weather
         for by, state in ((engine, ours), (reference, theirs)):
             by.weather(state, decision)
             by.drive(state, wanted, STEPS)
-        for name in TABLE_FIELDS:
-            one, other = getattr(ours, name), getattr(theirs, name)
+        for group, name in TABLE_FIELDS:
+            one, other = (getattr(getattr(each, group), name) for each in (ours, theirs))
             assert other.dtype == np.float32, name
             assert one.tobytes() == np.ascontiguousarray(other).tobytes(), (decision, name)
     # There was something to agree about.
-    assert np.abs(ours.wind_force).max() > 0.0
-    assert np.abs(ours.s - scattered(given, np.random.default_rng(7)).s).max() > 1.0
+    assert np.abs(ours.friction_and_wind.wind_force).max() > 0.0
+    assert np.abs(ours.motion.s - scattered(given, np.random.default_rng(7)).motion.s).max() > 1.0
 
 
 def test_engine_and_reference_know_the_same_fields():
@@ -92,7 +92,7 @@ def test_more_vehicles_than_the_engine_has_slots_for_are_left_to_the_reference()
 
 def test_the_engine_refuses_tables_of_another_length():
     given = given_for(2, "ClearNoon")
-    state, by = initial_state(given), EnginePedalDriving(given)
+    state, by = State.at_start(given), EnginePedalDriving(given)
     short = np.zeros((1, 1), np.float32)
     with pytest.raises(ValueError, match="controls"):
         by.drive(state, PedalControls(short, short, short), 1)

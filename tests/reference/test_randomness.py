@@ -15,11 +15,11 @@ from scipy.stats import kurtosis, skew
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.reference import road_conditions
-from overtaking.sim.reference.state import initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 DECISION = 0.05
-NAMES = ("gust", "distance_error", "speed_error", "wander")
+NAMES = ("gust", "distance_error", "speed_error", "lane_wander")
 SPEED, WIND = 25.0, 15.0
 
 AIR_SPEED = math.hypot(SPEED, WIND)
@@ -56,12 +56,12 @@ def started(index: list[int], seed: int = 5) -> StepParameters:
 @pytest.fixture(scope="module")
 def runs() -> Runs:
     given = started(list(range(SIMULATIONS)))
-    state = initial_state(given)
+    state = State.at_start(given)
     kept = {}
     for decision in range(LATER[-1] + 1):
         road_conditions.update_random_processes(state, given, decision)
         if decision in LATER:
-            kept[decision] = {name: getattr(state, name).copy() for name in NAMES}
+            kept[decision] = {name: getattr(state.noise, name).copy() for name in NAMES}
     return Runs(values=kept)
 
 
@@ -119,12 +119,12 @@ def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
 
 def test_a_simulation_has_the_same_gusts_in_any_batch():
     alone, together = started([77]), started([3, 77, 500])
-    states = [initial_state(given) for given in (alone, together)]
+    states = [State.at_start(given) for given in (alone, together)]
     for decision in range(30):
         for state, given in zip(states, (alone, together), strict=True):
             road_conditions.update_random_processes(state, given, decision)
     for name in NAMES:
-        one, three = (getattr(state, name) for state in states)
+        one, three = (getattr(state.noise, name) for state in states)
         np.testing.assert_array_equal(one[:, 0], three[:, 1])
         assert (one[:, 0] != three[:, 0]).all()
 
@@ -133,7 +133,7 @@ def test_another_seed_gives_other_gusts():
     states = []
     for seed in (5, 6):
         given = started([1], seed)
-        state = initial_state(given)
+        state = State.at_start(given)
         road_conditions.update_random_processes(state, given, 0)
         states.append(state)
-    assert (states[0].gust != states[1].gust).all()
+    assert (states[0].noise.gust != states[1].noise.gust).all()

@@ -103,10 +103,10 @@ def test_a_side_wind_moves_vehicles_as_far_as_an_earlier_study_found(
 @pytest.mark.parametrize("kind", ["S", "T"])
 def test_the_error_shrinks_with_the_step_at_second_order(kind: str):
     label = "wheel 0.02 sin, 0.5 Hz"
-    wanted = drives.truth(kind, label, 100)["psi"]
+    wanted = drives.truth(kind, label, 100)["heading"]
     away = []
     for step, every in ((0.05, 1), (0.025, 2)):
-        psi = drives.driven(kind, drives.OPEN[label], 100, step)["psi"]
+        psi = drives.driven(kind, drives.OPEN[label], 100, step)["heading"]
         away.append(np.abs(psi[::every] - wanted).max())
     assert away[0] / away[1] == pytest.approx(4.0, rel=0.15)
 
@@ -153,7 +153,7 @@ def test_at_small_slip_the_model_is_that_of_commonroad(number: int, accel: float
     for row, k in enumerate((10, 20, 40)):
         assert ours["vx"][k, 0] == pytest.approx(v[row], rel=1e-3)
         slip = math.atan2(ours["vy"][k, 0], ours["vx"][k, 0])
-        assert ours["r"][k, 0] == pytest.approx(r[row], rel=same)
-        assert ours["psi"][k, 0] == pytest.approx(psi[row], rel=same + 0.01)
+        assert ours["yaw_rate"][k, 0] == pytest.approx(r[row], rel=same)
+        assert ours["heading"][k, 0] == pytest.approx(psi[row], rel=same + 0.01)
         assert slip == pytest.approx(beta[row], rel=same + 0.01, abs=1e-5)
         assert ours["d"][k, 0] - ours["d"][0, 0] == pytest.approx(y[row], rel=same + 0.02)

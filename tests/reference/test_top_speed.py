@@ -70,7 +70,7 @@ def test_full_throttle_gives_the_published_accelerations(kind: str, expected: tu
     vehicles = [Vehicle(kind=kind, speed=v, body={"max_speed": 300.0}) for v in SPEEDS]
     ran = bench(*vehicles, friction=STICKY).drive(0.05, floor_it)
     # The table is rounded to 0.1, and to 0.05 where it gives two digits.
-    np.testing.assert_allclose(ran["a_lon"][-1], expected, atol=0.06)
+    np.testing.assert_allclose(ran["accel_lon"][-1], expected, atol=0.06)
 
 
 def test_off_the_line_the_launch_limit_holds():
@@ -79,7 +79,7 @@ def test_off_the_line_the_launch_limit_holds():
     expected = [
         body["launch_accel"] - body["rolling_resistance"] * GRAVITY for body in map(body_of, kinds)
     ]
-    np.testing.assert_allclose(ran.drive(0.05, floor_it)["a_lon"][-1], expected, rtol=0.01)
+    np.testing.assert_allclose(ran.drive(0.05, floor_it)["accel_lon"][-1], expected, rtol=0.01)
 
 
 @pytest.mark.parametrize("front", [0.0, 1.0])
@@ -88,7 +88,7 @@ def test_driven_wheels_pull_no_harder_than_traction_control_and_their_load_allow
     friction, speed = 0.2, 5.0
     strong = {"launch_accel": 9.0, "power": 1e7, "front_drive_share": front}
     vehicles = [Vehicle(kind=kind, speed=speed, body=strong) for kind in FOUR_WHEELERS]
-    accel = bench(*vehicles, friction=friction).drive(0.3, floor_it)["a_lon"][-1]
+    accel = bench(*vehicles, friction=friction).drive(0.3, floor_it)["accel_lon"][-1]
     for kind, reached in zip(FOUR_WHEELERS, accel, strict=True):
         body = body_of(kind)
         behind = body["wheelbase"] - body["cg_to_front"]

@@ -12,7 +12,7 @@ from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide
 
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import road_conditions
-from overtaking.sim.reference.state import initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import step_parameters
 
@@ -27,7 +27,7 @@ def blown(
     vehicle = Vehicle(kind=kind, speed=speed_kmh * KMH, body=body)
     b = bench(vehicle, sky={"wind": peak * percent, "wind_direction": ACROSS})
     b.decide()
-    return float(b.state.wind_force[0, 0] * b.p.inverse_mass[0, 0])
+    return float(b.state.friction_and_wind.wind_force[0, 0] * b.p.inverse_mass[0, 0])
 
 
 # At 30, 60 and 100 % mean wind, then at 1.45 times that; rounded to two digits.
@@ -64,8 +64,8 @@ def test_force_and_moment_are_those_of_the_equations_in_float64(kind: str, perce
     b.decide()
     force, moment = side_wind(body_of(kind), speed, 0.2 * percent)
     # Float32 and our own arc tangent: a few units in the sixth digit.
-    assert float(b.state.wind_force[0, 0]) == pytest.approx(force, rel=2e-5)
-    assert float(b.state.wind_moment[0, 0]) == pytest.approx(moment, rel=5e-5)
+    assert float(b.state.friction_and_wind.wind_force[0, 0]) == pytest.approx(force, rel=2e-5)
+    assert float(b.state.friction_and_wind.wind_moment[0, 0]) == pytest.approx(moment, rel=5e-5)
 
 
 @pytest.mark.parametrize("simulator", [engine, reference], ids=["engine", "reference"])
@@ -90,7 +90,7 @@ def test_a_head_wind_brakes_and_does_not_push_aside():
     still = bench(Vehicle(speed=30.0)).drive(1.0)
     headwind = bench(Vehicle(speed=30.0), sky={"wind": 100.0, "wind_direction": math.pi})
     ran = headwind.drive(1.0)
-    assert abs(float(headwind.state.wind_force[0, 0])) < 1e-3 * 1400.0
+    assert abs(float(headwind.state.friction_and_wind.wind_force[0, 0])) < 1e-3 * 1400.0
     # Nobody answers it here: the pedal holds the speed through the air, so only the power limits.
     body = body_of("M")
     drag = 0.5 * 1.2 * body["drag_area"] * 50.0**2 + body["rolling_resistance"] * 1400.0 * 9.81
@@ -107,7 +107,7 @@ def test_drag_is_that_of_the_air_not_of_the_road(direction: float):
         sky={"wind": 100.0, "wind_direction": direction},
         friction=2.0,
     )
-    accel = float(b.drive(0.05, lambda test, _: test.hold(accel=50.0))["a_lon"][-1, 0])
+    accel = float(b.drive(0.05, lambda test, _: test.hold(accel=50.0))["accel_lon"][-1, 0])
     body = body_of("M")
     air = speed - wind * math.cos(direction)
     drag = 0.5 * 1.2 * body["drag_area"] * air * abs(air)
@@ -123,7 +123,7 @@ def test_wind_from_either_side_pushes_equally_hard():
     ]
     for b in pushed:
         b.decide()
-    left, right = (float(b.state.wind_force[0, 0]) for b in pushed)
+    left, right = (float(b.state.friction_and_wind.wind_force[0, 0]) for b in pushed)
     assert left > 0.0
     assert left == -right
 
@@ -135,8 +135,8 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
         [Vehicle()], road=wide_road(), weather={"wind": 80.0, "wind_direction": ACROSS}
     )
     given = step_parameters(world)
-    state = initial_state(given)
-    state.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
+    state = State.at_start(given)
+    state.motion.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
     q = given.simulations
     return (
         places,
@@ -176,9 +176,9 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
         [car, lorry], road=wide_road(), weather={"wind": 60.0, "wind_direction": wind_direction}
     )
     given = step_parameters(world, EnabledEffects(gusts=False))
-    state = initial_state(given)
+    state = State.at_start(given)
     road_conditions.update_wind(state, given)
-    return float(state.wind_force[0, 0])
+    return float(state.friction_and_wind.wind_force[0, 0])
 
 
 @pytest.mark.ci

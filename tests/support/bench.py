@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.sim.reference import road_conditions, steering, vehicle_dynamics
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import StepParameters, VehicleParameters, step_parameters
 
@@ -27,7 +27,7 @@ LANE = 7
 DECISION = 0.05
 """Between two decisions, and so the longest step [s]."""
 
-RECORDED = ("s", "d", "psi", "vx", "vy", "r", "a_lon", "a_lat")
+RECORDED = ("s", "d", "heading", "vx", "vy", "yaw_rate", "accel_lon", "accel_lat")
 
 Action = Callable[["Bench", float], None]
 
@@ -69,15 +69,15 @@ class Bench:
         step = float(self.c.step)
         count = round(duration / step)
         decision = round(DECISION / step)
-        rows = {name: [getattr(self.state, name)[0].copy()] for name in RECORDED}
+        rows = {name: [getattr(self.state.motion, name)[0].copy()] for name in RECORDED}
         for k in range(count):
             if k % decision == 0:
                 self.decide()
             if action is not None:
                 action(self, (k + 0.5) * step)
-            self.move(self.state.wheel)
+            self.move(self.state.controls.wheel_angle)
             for name, values in rows.items():
-                values.append(getattr(self.state, name)[0].copy())
+                values.append(getattr(self.state.motion, name)[0].copy())
         history = {name: np.array(values, np.float64) for name, values in rows.items()}
         return history | {"t": np.arange(count + 1) * step}
 
@@ -92,13 +92,13 @@ class Bench:
     def drive_one(self, wheel: F64) -> dict[str, float]:
         """Advance the first simulation, and whatever else is there, by one step."""
         self.move(wheel)
-        return {name: float(getattr(self.state, name)[0, 0]) for name in RECORDED}
+        return {name: float(getattr(self.state.motion, name)[0, 0]) for name in RECORDED}
 
     def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
         """Put the wheels, one angle or one for each simulation, and the pedals somewhere."""
-        zero = np.zeros_like(self.state.s)
-        self.state.wheel = zero + np.asarray(wheel, np.float32)
-        self.state.accel = zero + np.asarray(accel, np.float32)
+        zero = np.zeros_like(self.state.motion.s)
+        self.state.controls.wheel_angle = zero + np.asarray(wheel, np.float32)
+        self.state.controls.requested_accel = zero + np.asarray(accel, np.float32)
 
     def decide(self) -> None:
         """What the world does to the vehicles at a decision."""
@@ -131,10 +131,12 @@ def bench(
     given = step_parameters(world, EnabledEffects(gusts=False, wake=False))
     # Stability control has a test of its own.
     constants = given.constants.replace(step=step, stability_threshold=1e9)
-    state = initial_state(given)
+    state = State.at_start(given)
     if friction is not None:
-        state.mu_fast = state.s * np.float32(0.0) + np.asarray(friction, np.float32)
-        state.mu_slow = state.mu_fast.copy()
+        state.friction_and_wind.mu_left = state.motion.s * np.float32(0.0) + np.asarray(
+            friction, np.float32
+        )
+        state.friction_and_wind.mu_right = state.friction_and_wind.mu_left.copy()
     return Bench(
         given=replace(given, constants=constants),
         state=state,

@@ -51,25 +51,25 @@ class Case:
 
 OPEN = {
     "wheel held at 0.01": Case(
-        drive=Drive(wheel=lambda _: 0.01), names="d psi r s", speeds=(100, 50, 15)
+        drive=Drive(wheel=lambda _: 0.01), names="d heading yaw_rate s", speeds=(100, 50, 15)
     ),
     "wheel held at 0.02": Case(
-        drive=Drive(wheel=lambda _: 0.02), names="d psi r s", speeds=(100, 50, 15)
+        drive=Drive(wheel=lambda _: 0.02), names="d heading yaw_rate s", speeds=(100, 50, 15)
     ),
     "wheel 0.02 sin, 0.5 Hz": Case(
         drive=Drive(wheel=lambda t: 0.02 * math.sin(math.pi * t)),
-        names="d psi r",
+        names="d heading yaw_rate",
         speeds=(100, 50, 15),
         swings=True,
     ),
     "braking in a turn, friction 0.9": Case(
         drive=Drive(wheel=lambda _: 0.012, accel=lambda _: -3.5),
-        names="d psi r s vx",
+        names="d heading yaw_rate s vx",
         speeds=(100, 50),
     ),
     "braking in a turn, friction 0.5": Case(
         drive=Drive(wheel=lambda _: 0.012, accel=lambda _: -3.5, friction=0.5),
-        names="d psi r s vx",
+        names="d heading yaw_rate s vx",
         speeds=(100, 50),
     ),
     "full braking, friction 0.3": Case(
@@ -77,11 +77,11 @@ OPEN = {
     ),
     "sliding, friction 0.35": Case(
         drive=Drive(wheel=lambda t: min(0.2 * t, 0.06), friction=0.35),
-        names="d psi r",
+        names="d heading yaw_rate",
         speeds=(100, 50, 15),
     ),
     "sudden side wind of 20 m/s": Case(
-        drive=Drive(wind=20.0), names="d psi r", speeds=(100, 50, 15), sky=CROSS_WIND
+        drive=Drive(wind=20.0), names="d heading yaw_rate", speeds=(100, 50, 15), sky=CROSS_WIND
     ),
     "full throttle from rest": Case(drive=Drive(accel=lambda _: 9.0), names="s vx", speeds=(0,)),
     "full throttle from rest, friction 0.3": Case(
@@ -89,7 +89,7 @@ OPEN = {
     ),
     "full throttle in a turn": Case(
         drive=Drive(wheel=lambda _: 0.03, accel=lambda _: 9.0),
-        names="d psi r s vx",
+        names="d heading yaw_rate s vx",
         speeds=(36, 15),
     ),
 }
@@ -164,7 +164,7 @@ CLOSED = {
 }
 """Drives with a driver."""
 
-KEPT = ("d", "psi", "r")
+KEPT = ("d", "heading", "yaw_rate")
 
 LOOPED = tuple(
     (label, kind, kmh)
@@ -189,17 +189,19 @@ def looped(step: float) -> np.ndarray:
         friction=friction.tolist(),
         step=step,
     )
-    state, zero = test.state, np.zeros_like(test.state.s)
+    state, zero = test.state, np.zeros_like(test.state.motion.s)
     changes = zero == 0
-    steering.start_path(state, changes, state.d + np.float32(3.5), zero + of_each("duration"))
+    steering.start_path(
+        state, changes, state.motion.d + np.float32(3.5), zero + of_each("duration")
+    )
     most = np.minimum(np.float32(4.0), np.float32(0.7 * 9.81) * friction)
-    state.accel = zero + of_each("accel")
+    state.controls.requested_accel = zero + of_each("accel")
     rows = []
     decision = round(DECISION / step)
     at_decisions = replace(test.given, constants=test.c.replace(decision=DECISION))
     for k in range(round(LONG / step)):
         if k % decision == 0:
-            rows.append([getattr(state, name)[0].copy() for name in KEPT])
+            rows.append([getattr(state.motion, name)[0].copy() for name in KEPT])
             blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
             steering.update_wind_trim(state, at_decisions, k)
         test.move(test.steer(np.full_like(test.q.max_lateral_accel, most)))
@@ -208,13 +210,13 @@ def looped(step: float) -> np.ndarray:
 
 def blow(test: Bench, wind: np.ndarray) -> None:
     """Let side winds push from here on, by the formulas of the model."""
-    speed = np.maximum(test.state.vx, np.float32(1.0))
+    speed = np.maximum(test.state.motion.vx, np.float32(1.0))
     angle = np.arctan2(wind, speed)
     pressure = speed * speed + wind * wind
     lift = np.sin(np.minimum(np.float32(1.2) * angle, np.float32(0.5 * math.pi)))
-    test.state.wind_force = test.p.side_wind * pressure * lift
+    test.state.friction_and_wind.wind_force = test.p.side_wind * pressure * lift
     arm = test.p.wind_centre * np.cos(angle) + test.p.wind_arm
-    test.state.wind_moment = test.state.wind_force * arm
+    test.state.friction_and_wind.wind_moment = test.state.friction_and_wind.wind_force * arm
 
 
 @cache

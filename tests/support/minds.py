@@ -9,7 +9,7 @@ import numpy as np
 
 from overtaking.sim.reference import perception
 from overtaking.sim.reference.neighbour_search import find_neighbours
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import StepParameters, VehicleParameters, step_parameters
 
@@ -52,7 +52,7 @@ class Moment:
     def look(self) -> Beliefs:
         """One decision's worth of everybody looking around."""
         perception.record_history(self.state, self.decision)
-        looks = np.ones(self.state.s.shape, np.bool_)
+        looks = np.ones(self.state.motion.s.shape, np.bool_)
         believed = perception.form_beliefs(
             self.state, self.given, self.neighbours(), self.decision, looks
         )
@@ -62,7 +62,7 @@ class Moment:
     def pass_time(self, decisions: int = 1) -> None:
         """Everybody drives on straight at the same speed."""
         step = np.float32(0.05 * decisions)
-        self.state.s = self.state.s + step * self.state.vx
+        self.state.motion.s = self.state.motion.s + step * self.state.motion.vx
 
 
 def moment(
@@ -75,6 +75,6 @@ def moment(
     """Put vehicles on a road; the first of each list is the ego."""
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
     given = step_parameters(world, effects)
-    state, p = initial_state(given), given.vehicles
+    state, p = State.at_start(given), given.vehicles
     perception.draw_shoulder_check(state, given, p.valid > 0, 0)
     return Moment(given=given, state=state, p=p, q=given.simulations)

@@ -149,4 +149,4 @@ def integrated(
         max_step=0.05,
     )
     assert result.success
-    return dict(zip(("s", "d", "psi", "vx", "vy", "r"), result.y, strict=True))
+    return dict(zip(("s", "d", "heading", "vx", "vy", "yaw_rate"), result.y, strict=True))

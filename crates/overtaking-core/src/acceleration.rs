@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::car_following::acc_accel;
 use crate::math::vectors::{
-    M, V, at_least, at_slot, choose, clamp, clamp_to, max, min, put, splat,
+    F32, Mask, assign_where, at_least, at_slot, clamp, clamp_to, max, min, select, splat,
 };
 use crate::neighbour_search::{Neighbours, lane_borders};
 use crate::oncoming::{OncomingTraffic, is_overtaking};
@@ -18,8 +18,8 @@ use crate::steering::start_path;
 const NO_ACCEL_LIMIT: f32 = 1e9;
 
 #[inline(always)]
-fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
-    state.stage[i].simd_eq(stage::PULL_OUT) | state.stage[i].simd_eq(stage::PASS)
+fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
+    state.overtake.stage[i].simd_eq(stage::PULL_OUT) | state.overtake.stage[i].simd_eq(stage::PASS)
 }
 
 #[inline(always)]
@@ -27,25 +27,25 @@ fn current_desired_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    passed: M<S>,
-) -> V<S> {
+    passed: Mask<S>,
+) -> F32<S> {
     let vehicle = &params.vehicles[i];
     let mut desired = state.desired_speed(params, i);
     if params.road.directions.has_oncoming_traffic {
-        desired = choose(passed, desired * vehicle.speed_factor_when_passed, desired);
+        desired = select(passed, desired * vehicle.speed_factor_when_passed, desired);
         let passing = is_before_return(state, i);
         if passing.any_true() {
-            desired = choose(passing, current_passing_speed(state, params, i), desired);
+            desired = select(passing, current_passing_speed(state, params, i), desired);
         }
     } else if i == EGO_SLOT {
-        desired = choose(
+        desired = select(
             is_before_return(state, i),
             state.passing_speed(params, i),
             desired,
         );
     }
     if params.road.varies_along_road() {
-        return min(desired, state.bend_speed[i]);
+        return min(desired, state.road.bend_speed[i]);
     }
     desired
 }
@@ -57,14 +57,14 @@ fn kept_time_gap<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     near: &Neighbours<S>,
-) -> V<S> {
+) -> F32<S> {
     let own = params.vehicles[i].time_gap;
     if params.road.can_overtake(i) {
-        let follows = state.stage[i].simd_eq(stage::FOLLOW);
-        let about_to = state.signalled[i].simd_gt(0.0) & follows;
-        let kept = choose(about_to, params.constants.signalling_time_gap * own, own);
+        let follows = state.overtake.stage[i].simd_eq(stage::FOLLOW);
+        let about_to = state.overtake.time_indicating[i].simd_gt(0.0) & follows;
+        let kept = select(about_to, params.constants.signalling_time_gap * own, own);
         if params.road.directions.has_oncoming_traffic {
-            choose(
+            select(
                 follows,
                 kept * tall_vehicle_gap_factor(params, near.slot[LEADER]),
                 kept,
@@ -84,8 +84,8 @@ pub fn accel_behind_leader<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     (near, believed): (&Neighbours<S>, &Beliefs<S>),
-    passed: M<S>,
-) -> V<S> {
+    passed: Mask<S>,
+) -> F32<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let desired = current_desired_speed(state, params, i, passed);
     let kept = kept_time_gap(state, params, i, near);
@@ -93,7 +93,7 @@ pub fn accel_behind_leader<S: Simd, const N: usize>(
     let wanted = acc_accel(
         constants,
         vehicle,
-        state.vx[i],
+        state.motion.vx[i],
         desired,
         gap,
         closing,
@@ -103,16 +103,20 @@ pub fn accel_behind_leader<S: Simd, const N: usize>(
     let eased = state.limit_accel(params, i, wanted);
     if params.road.can_overtake(i) {
         let passing = is_before_return(state, i);
-        let wanted = choose(passing, wanted, eased);
+        let wanted = select(passing, wanted, eased);
         let eager = passing & wanted.simd_gt(0.0);
         let usual = splat(params.simd, params.constants.accelerate_gain);
         let gain = if params.road.directions.has_oncoming_traffic {
             let hurried = splat(params.simd, params.constants.urgent_accel_factor);
-            choose(state.hurries[i].simd_gt(0.0), hurried, usual)
+            select(
+                state.overtake.must_return_urgently[i].simd_gt(0.0),
+                hurried,
+                usual,
+            )
         } else {
             usual
         };
-        wanted * choose(eager, gain, splat(params.simd, 1.0))
+        wanted * select(eager, gain, splat(params.simd, 1.0))
     } else {
         eased
     }
@@ -126,36 +130,36 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
     i: usize,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
-    passed: M<S>,
-) -> V<S> {
+    passed: Mask<S>,
+) -> F32<S> {
     let (constants, vehicle, n) = (
         params.constants,
         &params.vehicles[i],
         params.num_slots_in_use,
     );
     let free = splat(params.simd, NO_ACCEL_LIMIT);
-    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    let changing = state.path.elapsed[i].simd_lt(state.path.duration[i]);
     if !changing.any_true() {
         return free;
     }
-    let to_fast = (0.5 * (near.lane_right_edge + near.lane_left_edge)).simd_gt(state.d[i]);
-    let slot = choose(to_fast, near.slot[RIGHT_LEADER], near.slot[LEFT_LEADER]);
-    let gap = choose(
+    let to_fast = (0.5 * (near.lane_right_edge + near.lane_left_edge)).simd_gt(state.motion.d[i]);
+    let slot = select(to_fast, near.slot[RIGHT_LEADER], near.slot[LEFT_LEADER]);
+    let gap = select(
         to_fast,
         believed.gap[RIGHT_LEADER],
         believed.gap[LEFT_LEADER],
     );
-    let closing = choose(
+    let closing = select(
         to_fast,
         believed.closing_speed[RIGHT_LEADER],
         believed.closing_speed[LEFT_LEADER],
     );
-    let accel = choose(
+    let accel = select(
         to_fast,
         believed.accel[RIGHT_LEADER],
         believed.accel[LEFT_LEADER],
     );
-    let aside = choose(
+    let aside = select(
         to_fast,
         near.lateral_distance[RIGHT_LEADER],
         near.lateral_distance[LEFT_LEADER],
@@ -167,7 +171,7 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
             + constants.footprint_margin,
     );
     let left = at_least(
-        constants.lane_cleared_share * state.path_duration[i] - state.path_time[i],
+        constants.lane_cleared_share * state.path.duration[i] - state.path.elapsed[i],
         0.0,
     );
     let needed = braking_until_clear(
@@ -183,26 +187,26 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
     let kept = acc_accel(
         constants,
         vehicle,
-        state.vx[i],
+        state.motion.vx[i],
         current_desired_speed(state, params, i, passed),
         gap,
         closing,
         vehicle.time_gap,
         accel,
     );
-    choose(matters, max(kept, -needed), free)
+    select(matters, max(kept, -needed), free)
 }
 
 #[inline(always)]
 fn braking_until_clear<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    room: V<S>,
-    closing: V<S>,
-    time: V<S>,
-) -> V<S> {
+    room: F32<S>,
+    closing: F32<S>,
+    time: F32<S>,
+) -> F32<S> {
     let room = at_least(room, params.constants.min_effective_gap);
     let way = closing * time;
-    choose(
+    select(
         way.simd_lt(2.0 * room),
         2.0 * (way - room) / (time * time),
         closing * closing / (2.0 * room),
@@ -216,9 +220,9 @@ pub fn requested_accel<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     (near, believed): (&Neighbours<S>, &Beliefs<S>),
-    passed: M<S>,
-    leader: V<S>,
-) -> V<S> {
+    passed: Mask<S>,
+    leader: F32<S>,
+) -> F32<S> {
     min(
         leader,
         accel_behind_old_leader(state, params, i, near, believed, passed),
@@ -231,22 +235,23 @@ pub fn apply_pedals<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    wanted: V<S>,
+    wanted: F32<S>,
 ) {
     let constants = params.constants;
     let wanted = max(
         wanted,
         -(params.vehicles[i].max_brake_force * params.vehicles[i].inverse_mass),
     );
-    let up = choose(
-        state.accel[i].simd_lt(0.0),
+    let up = select(
+        state.controls.requested_accel[i].simd_lt(0.0),
         splat(params.simd, constants.jerk_release),
         splat(params.simd, constants.jerk_up),
     ) * constants.decision;
     let down = at_least(-wanted / constants.brake_ramp, constants.jerk_down) * constants.decision;
-    let changed = state.accel[i] + clamp(wanted - state.accel[i], -down, up);
-    state.accel[i] = choose(
-        state.crashed[i].simd_gt(0.0),
+    let changed = state.controls.requested_accel[i]
+        + clamp(wanted - state.controls.requested_accel[i], -down, up);
+    state.controls.requested_accel[i] = select(
+        state.motion.is_wreck[i].simd_gt(0.0),
         splat(params.simd, 0.0),
         changed,
     );
@@ -262,26 +267,26 @@ pub fn accel_for_oncoming<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     met: &OncomingTraffic<S>,
-) -> V<S> {
+) -> F32<S> {
     let constants = params.constants;
     let splat = |value: f32| splat(params.simd, value);
     let out = is_overtaking(state, i);
-    let meets = met.meets_in_own_lane & state.crashed[i].simd_eq(0.0) & !out;
+    let meets = met.meets_in_own_lane & state.motion.is_wreck[i].simd_eq(0.0) & !out;
     let time = met.time_to_meeting;
     let lifts = meets & time.simd_lt(constants.oncoming_flash_time);
     let brakes = meets & time.simd_lt(constants.oncoming_brake_time);
-    state.flashes[i] = choose(lifts, splat(1.0), splat(0.0));
+    state.controls.flashes_high_beam[i] = select(lifts, splat(1.0), splat(0.0));
     let halved = 2.0 * at_least(time, MIN_MEETING_TIME);
     let braking = clamp_to(
-        state.vx[i] / halved,
+        state.motion.vx[i] / halved,
         constants.oncoming_min_decel,
         constants.oncoming_max_decel,
     );
     shift_to_edge(state, params, i, brakes, met.is_being_passed, out);
-    choose(
+    select(
         brakes,
         -braking,
-        choose(
+        select(
             lifts,
             splat(-constants.oncoming_lift_decel),
             splat(NO_ACCEL_LIMIT),
@@ -296,26 +301,27 @@ fn shift_to_edge<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    brakes: M<S>,
-    passed: M<S>,
-    out: M<S>,
+    brakes: Mask<S>,
+    passed: Mask<S>,
+    out: Mask<S>,
 ) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let splat = |value: f32| splat(params.simd, value);
-    let room = choose(passed, vehicle.edge_shift_when_passed, splat(0.0));
-    let wanted = choose(brakes, splat(constants.edge_shift), room);
-    let arrived = state.path_time[i].simd_ge(state.path_duration[i]);
-    let moved = wanted.simd_gt(state.aside[i]) | (arrived & wanted.simd_lt(state.aside[i]));
-    let moved = moved & state.crashed[i].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !out;
+    let room = select(passed, vehicle.edge_shift_when_passed, splat(0.0));
+    let wanted = select(brakes, splat(constants.edge_shift), room);
+    let arrived = state.path.elapsed[i].simd_ge(state.path.duration[i]);
+    let moved = wanted.simd_gt(state.lane_choice.edge_shift[i])
+        | (arrived & wanted.simd_lt(state.lane_choice.edge_shift[i]));
+    let moved = moved & state.motion.is_wreck[i].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !out;
     if moved.any_true() {
-        let (low, high) = lane_borders(params, state.lane[i], 0.0);
-        let duration = choose(
+        let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
+        let duration = select(
             brakes,
             splat(constants.edge_shift_duration),
             splat(2.0 * constants.edge_shift_duration),
         );
         start_path(state, i, moved, 0.5 * (low + high) - wanted, duration);
-        put(&mut state.aside[i], moved, wanted);
+        assign_where(&mut state.lane_choice.edge_shift[i], moved, wanted);
     }
-    put(&mut state.aside[i], out, splat(0.0));
+    assign_where(&mut state.lane_choice.edge_shift[i], out, splat(0.0));
 }

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::{exp, log};
-use crate::math::vectors::{V, at_least, at_most, choose, clamp_to, min, splat};
+use crate::math::vectors::{F32, at_least, at_most, clamp_to, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 
 /// Keeps the quotient finite behind a standing leader [m^2/s^2].
@@ -19,10 +19,10 @@ const MIN_GAP_RATIO: f32 = 1e-6;
 #[inline(always)]
 fn desired_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
-    speed: V<S>,
-    closing: V<S>,
-    time_gap: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    closing: F32<S>,
+    time_gap: F32<S>,
+) -> F32<S> {
     let dynamic = speed * time_gap + speed * closing * vehicle.idm_interaction;
     vehicle.min_gap + at_least(dynamic, 0.0)
 }
@@ -33,13 +33,13 @@ fn desired_gap<S: Simd>(
 pub fn acc_accel<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    speed: V<S>,
-    desired: V<S>,
-    gap: V<S>,
-    closing: V<S>,
-    time_gap: V<S>,
-    leader_accel: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    desired: F32<S>,
+    gap: F32<S>,
+    closing: F32<S>,
+    time_gap: F32<S>,
+    leader_accel: F32<S>,
+) -> F32<S> {
     speed.simd.vectorize(
         #[inline(always)]
         || {
@@ -57,7 +57,7 @@ pub fn acc_accel<S: Simd>(
                 0.0,
                 1.0,
             );
-            choose(brakes, min(cool, heed * needed), cool)
+            select(brakes, min(cool, heed * needed), cool)
         },
     )
 }
@@ -66,11 +66,11 @@ pub fn acc_accel<S: Simd>(
 #[inline(always)]
 pub fn cah_accel<S: Simd>(
     constants: &ModelConstants,
-    speed: V<S>,
-    gap: V<S>,
-    closing: V<S>,
-    leader_accel: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    gap: F32<S>,
+    closing: F32<S>,
+    leader_accel: F32<S>,
+) -> F32<S> {
     let room = 2.0 * at_least(gap, constants.min_effective_gap);
     let leader_speed = at_least(speed - closing, 0.0);
     let approach = at_least(closing, 0.0);
@@ -78,7 +78,7 @@ pub fn cah_accel<S: Simd>(
     let way = leader_speed * leader_speed - room * leader_accel;
     let stopping = speed * speed * leader_accel / at_least(way, MIN_STOPPING_TERM);
     let stops_first = (leader_speed * closing).simd_lt(-(room * leader_accel));
-    choose(stops_first, stopping, moving)
+    select(stops_first, stopping, moving)
 }
 
 /// A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
@@ -86,9 +86,9 @@ pub fn cah_accel<S: Simd>(
 fn blend_iidm_with_cah<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    wanted: V<S>,
-    needed: V<S>,
-) -> V<S> {
+    wanted: F32<S>,
+    needed: F32<S>,
+) -> F32<S> {
     let enough = wanted.simd_ge(needed);
     if enough.all_true() {
         return wanted;
@@ -98,7 +98,7 @@ fn blend_iidm_with_cah<S: Simd>(
     let softened = needed + vehicle.decel * ((e - 1.0) / (e + 1.0));
     let alarmed = at_least(wanted, -constants.gravity);
     let calm = (1.0 - constants.coolness) * alarmed + constants.coolness * softened;
-    choose(enough, wanted, calm)
+    select(enough, wanted, calm)
 }
 
 /// Acceleration of the improved intelligent driver model [m/s^2].
@@ -106,12 +106,12 @@ fn blend_iidm_with_cah<S: Simd>(
 fn iidm_accel<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    speed: V<S>,
-    desired: V<S>,
-    gap: V<S>,
-    closing: V<S>,
-    time_gap: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    desired: F32<S>,
+    gap: F32<S>,
+    closing: F32<S>,
+    time_gap: F32<S>,
+) -> F32<S> {
     let one = splat(speed.simd, 1.0);
     let z =
         desired_gap(vehicle, speed, closing, time_gap) / at_least(gap, constants.min_effective_gap);
@@ -124,15 +124,15 @@ fn iidm_accel<S: Simd>(
         MAX_EXPONENT,
     );
     let blended = free_below * (one - exp(steepness * log(clamp_to(z, MIN_GAP_RATIO, 1.0))));
-    let below = choose(z.simd_ge(one), interacting, blended);
+    let below = select(z.simd_ge(one), interacting, blended);
     let within = ratio.simd_le(one);
     if within.all_true() {
         return below;
     }
     let over = exp(-vehicle.overspeed_exponent * log(at_least(ratio, 1.0)));
     let free_above = -vehicle.decel * (one - over);
-    let above = choose(z.simd_ge(one), free_above + interacting, free_above);
-    choose(within, below, above)
+    let above = select(z.simd_ge(one), free_above + interacting, free_above);
+    select(within, below, above)
 }
 
 /// Acceleration, never positive, of someone following at the speed that they want [m/s^2].
@@ -140,11 +140,11 @@ fn iidm_accel<S: Simd>(
 pub fn imposed_accel<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    speed: V<S>,
-    gap: V<S>,
-    closing: V<S>,
-    time_gap: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    gap: F32<S>,
+    closing: F32<S>,
+    time_gap: F32<S>,
+) -> F32<S> {
     let z =
         desired_gap(vehicle, speed, closing, time_gap) / at_least(gap, constants.min_effective_gap);
     at_most(vehicle.accel * (1.0 - z * z), 0.0)

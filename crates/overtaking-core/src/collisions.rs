@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::sincos;
-use crate::math::vectors::{M, V, choose, clamp, clamp_to, max, min, put, splat};
+use crate::math::vectors::{F32, Mask, assign_where, clamp, clamp_to, max, min, select, splat};
 use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, PerVehicle, State, in_opposite_frame, stage};
 
@@ -17,20 +17,20 @@ const NEVER: f32 = 1e9;
 const ROUNDING_MARGIN: f32 = 0.05;
 
 /// Which pairs may touch before the next decision: lower slot, higher slot, in which simulations.
-pub type Pairs<S> = Vec<(usize, usize, M<S>)>;
+pub type Pairs<S> = Vec<(usize, usize, Mask<S>)>;
 
 /// A vector along and across the road.
-type Vector<S> = (V<S>, V<S>);
+type Vector<S> = (F32<S>, F32<S>);
 
 /// One vehicle of each simulation as an oriented box.
 #[derive(Clone, Copy)]
 struct OrientedBox<S: Simd> {
-    s: V<S>,
-    d: V<S>,
-    sine: V<S>,
-    cosine: V<S>,
-    half_length: V<S>,
-    half_width: V<S>,
+    s: F32<S>,
+    d: F32<S>,
+    sine: F32<S>,
+    cosine: F32<S>,
+    half_length: F32<S>,
+    half_width: F32<S>,
 }
 
 /// Which pairs may touch before the next decision.
@@ -45,10 +45,10 @@ pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
     for i in 0..params.num_slots_in_use {
         for j in i + 1..params.num_slots_in_use {
             let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
-            let along = (s - state.s[i])
+            let along = (s - state.motion.s[i])
                 .abs()
                 .simd_lt(vehicles[i].half_length + vehicles[j].half_length + constants.near_gap);
-            let aside = (d - state.d[i])
+            let aside = (d - state.motion.d[i])
                 .abs()
                 .simd_lt(vehicles[i].half_width + vehicles[j].half_width + constants.near_side);
             let near =
@@ -69,12 +69,12 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
 ) {
     let (constants, road) = (params.constants, params.road);
     for i in 0..params.num_slots_in_use {
-        let beyond = state.d[i].simd_lt(road.boundaries[0] - constants.edge_margin)
-            | state.d[i].simd_gt(road.boundaries[road.num_lanes] + constants.edge_margin);
-        let lost = (beyond | state.psi[i].abs().simd_gt(constants.spin_angle))
+        let beyond = state.motion.d[i].simd_lt(road.boundaries[0] - constants.edge_margin)
+            | state.motion.d[i].simd_gt(road.boundaries[road.num_lanes] + constants.edge_margin);
+        let lost = (beyond | state.motion.heading[i].abs().simd_gt(constants.spin_angle))
             & params.vehicles[i].valid.simd_gt(0.0)
-            & state.crashed[i].simd_eq(0.0);
-        put(&mut state.crashed[i], lost, splat(params.simd, 1.0));
+            & state.motion.is_wreck[i].simd_eq(0.0);
+        assign_where(&mut state.motion.is_wreck[i], lost, splat(params.simd, 1.0));
         if i == EGO_SLOT {
             end_after_ego_accident(state, params, lost, step);
         }
@@ -86,12 +86,12 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
 fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    crashed: M<S>,
+    crashed: Mask<S>,
     step: u32,
 ) {
     let constants = params.constants;
-    put(
-        &mut state.stage[EGO_SLOT],
+    assign_where(
+        &mut state.overtake.stage[EGO_SLOT],
         crashed,
         splat(params.simd, stage::CRASHED),
     );
@@ -100,7 +100,7 @@ fn end_after_ego_accident<S: Simd, const N: usize>(
         step as f32 + (constants.after_collision / constants.step).round_ties_even(),
     );
     let sooner = min(state.end_step, after);
-    put(&mut state.end_step, crashed, sooner);
+    assign_where(&mut state.end_step, crashed, sooner);
 }
 
 /// Exchange momentum in every near pair that touched during the last step.
@@ -108,19 +108,19 @@ fn end_after_ego_accident<S: Simd, const N: usize>(
 pub fn resolve_contacts<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    pairs: &[(usize, usize, M<S>)],
+    pairs: &[(usize, usize, Mask<S>)],
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
     stride: &StepLength,
 ) {
-    let was_sound = state.crashed[EGO_SLOT].simd_eq(0.0);
+    let was_sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
     for (i, j, near) in pairs.iter().copied() {
         params.simd.vectorize(
             #[inline(always)]
             || resolve_pair(state, params, near, before, (step, stride), (i, j)),
         );
     }
-    let hit = was_sound & state.crashed[EGO_SLOT].simd_gt(0.0);
+    let hit = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
     end_after_ego_accident(state, params, hit, step);
 }
 
@@ -128,7 +128,7 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
 fn resolve_pair<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    near: M<S>,
+    near: Mask<S>,
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     (step, stride): (u32, &StepLength),
     (i, j): (usize, usize),
@@ -192,7 +192,7 @@ fn resolve_pair<S: Simd, const N: usize>(
         + lever_a * lever_a * vehicles[i].inverse_inertia
         + lever_b * lever_b * vehicles[j].inverse_inertia;
     let zero = splat(params.simd, 0.0);
-    let impulse = choose(
+    let impulse = select(
         hit,
         (1.0 + constants.restitution) * approach / softness,
         zero,
@@ -219,21 +219,23 @@ fn resolve_pair<S: Simd, const N: usize>(
         (hit, left),
     );
     for (own, other) in [(i, j), (j, i)] {
-        let sooner =
-            state.contact_partner[own].simd_lt(0.0) | instant.simd_lt(state.contact_time[own]);
+        let sooner = state.first_contact.partner[own].simd_lt(0.0)
+            | instant.simd_lt(state.first_contact.time[own]);
         let first = hit & sooner;
         let slot = splat(params.simd, other as f32);
-        state.contact_partner[own] = choose(first, slot, state.contact_partner[own]);
-        state.contact_time[own] = choose(first, instant, state.contact_time[own]);
-        state.contact_impulse[own] = choose(first, impulse, state.contact_impulse[own]);
-        state.contact_speed[own] = choose(first, approach, state.contact_speed[own]);
-        state.crashed[own] = choose(hit, splat(params.simd, 1.0), state.crashed[own]);
+        state.first_contact.partner[own] = select(first, slot, state.first_contact.partner[own]);
+        state.first_contact.time[own] = select(first, instant, state.first_contact.time[own]);
+        state.first_contact.impulse[own] = select(first, impulse, state.first_contact.impulse[own]);
+        state.first_contact.closing_speed[own] =
+            select(first, approach, state.first_contact.closing_speed[own]);
+        state.motion.is_wreck[own] =
+            select(hit, splat(params.simd, 1.0), state.motion.is_wreck[own]);
     }
 }
 
 /// How vehicle `j` is seen from vehicle `i`: 1, or -1 where its axes point the other way; none on a road of
 /// one direction.
-type PairFrame<S> = Option<V<S>>;
+type PairFrame<S> = Option<F32<S>>;
 
 #[inline(always)]
 fn pair_frame<S: Simd, const N: usize>(
@@ -253,8 +255,8 @@ fn pair_frame<S: Simd, const N: usize>(
 fn in_first_frame<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     turn: PairFrame<S>,
-    s: V<S>,
-    d: V<S>,
+    s: F32<S>,
+    d: F32<S>,
 ) -> Vector<S> {
     turn.map_or((s, d), |turn| {
         in_opposite_frame(params, turn.simd_lt(0.0), s, d)
@@ -263,7 +265,7 @@ fn in_first_frame<S: Simd, const N: usize>(
 
 /// Whether boxes overlap at some time of the step.
 #[inline(always)]
-fn is_within_step<S: Simd>(enter: V<S>, leave: V<S>) -> M<S> {
+fn is_within_step<S: Simd>(enter: F32<S>, leave: F32<S>) -> Mask<S> {
     enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0)
 }
 
@@ -275,10 +277,10 @@ fn stay_clear<S: Simd>(
     b: &OrientedBox<S>,
     then: Vector<S>,
     now: Vector<S>,
-) -> M<S> {
+) -> Mask<S> {
     let (along_a, across_a) = extent(a);
     let (along_b, across_b) = extent(b);
-    let apart = |then: V<S>, now: V<S>, reach: V<S>| {
+    let apart = |then: F32<S>, now: F32<S>, reach: F32<S>| {
         (then.simd_gt(reach) & now.simd_gt(reach)) | (then.simd_lt(-reach) & now.simd_lt(-reach))
     };
     apart(then.0, now.0, along_a + along_b + ROUNDING_MARGIN)
@@ -302,12 +304,12 @@ fn oriented_box<S: Simd, const N: usize>(
     i: usize,
     turn: PairFrame<S>,
 ) -> OrientedBox<S> {
-    let (sine, cosine) = (state.sine[i], state.cosine[i]);
+    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
     let (half_length, half_width) = (
         params.vehicles[i].half_length,
         params.vehicles[i].half_width,
     );
-    let (s, d) = in_first_frame(params, turn, state.s[i], state.d[i]);
+    let (s, d) = in_first_frame(params, turn, state.motion.s[i], state.motion.d[i]);
     OrientedBox {
         s,
         d,
@@ -325,12 +327,12 @@ fn box_at<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
-    (share, left): (V<S>, V<S>),
+    (share, left): (F32<S>, F32<S>),
     turn: PairFrame<S>,
 ) -> OrientedBox<S> {
-    let (sine, cosine) = sincos(state.psi[i] - left * state.r[i]);
-    let s = state.s[i] - share * (state.s[i] - before.0[i]);
-    let d = state.d[i] - share * (state.d[i] - before.1[i]);
+    let (sine, cosine) = sincos(state.motion.heading[i] - left * state.motion.yaw_rate[i]);
+    let s = state.motion.s[i] - share * (state.motion.s[i] - before.0[i]);
+    let d = state.motion.d[i] - share * (state.motion.d[i] - before.1[i]);
     let (s, d) = in_first_frame(params, turn, s, d);
     OrientedBox {
         s,
@@ -349,7 +351,7 @@ fn swept_overlap<S: Simd>(
     b: &OrientedBox<S>,
     then: Vector<S>,
     now: Vector<S>,
-) -> (V<S>, V<S>, V<S>, V<S>) {
+) -> (F32<S>, F32<S>, F32<S>, F32<S>) {
     let simd = a.s.simd;
     let turn_cosine = (a.cosine * b.cosine + a.sine * b.sine).abs();
     let turn_sine = (a.sine * b.cosine - a.cosine * b.sine).abs();
@@ -370,14 +372,14 @@ fn swept_overlap<S: Simd>(
     for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
         let start = then.0 * axis_s + then.1 * axis_d;
         let change = now.0 * axis_s + now.1 * axis_d - start;
-        let change = choose(change.abs().simd_lt(TINY), splat(simd, TINY), change);
+        let change = select(change.abs().simd_lt(TINY), splat(simd, TINY), change);
         let (one, two) = ((-limit - start) / change, (limit - start) / change);
         let (begin, end) = (min(one, two), max(one, two));
         let later = begin.simd_gt(enter);
         let facing = start + change * clamp_to(begin, 0.0, 1.0);
-        let sign = choose(facing.simd_lt(0.0), splat(simd, -1.0), splat(simd, 1.0));
-        along = choose(later, sign * axis_s, along);
-        across = choose(later, sign * axis_d, across);
+        let sign = select(facing.simd_lt(0.0), splat(simd, -1.0), splat(simd, 1.0));
+        along = select(later, sign * axis_s, along);
+        across = select(later, sign * axis_d, across);
         enter = max(begin, enter);
         leave = min(end, leave);
     }
@@ -397,7 +399,7 @@ fn contact_arms<S: Simd>(a: &OrientedBox<S>, b: &OrientedBox<S>) -> (Vector<S>, 
 }
 
 #[inline(always)]
-fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: V<S>, aside: V<S>) -> Vector<S> {
+fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: F32<S>, aside: F32<S>) -> Vector<S> {
     let (sine, cosine) = (box_.sine, box_.cosine);
     let along = clamp(
         ahead * cosine + aside * sine,
@@ -423,11 +425,14 @@ fn point_velocity<S: Simd, const N: usize>(
     arm: Vector<S>,
     turn: PairFrame<S>,
 ) -> Vector<S> {
-    let (sine, cosine) = (state.sine[i], state.cosine[i]);
-    let along = state.vx[i] * cosine - state.vy[i] * sine;
-    let across = state.vx[i] * sine + state.vy[i] * cosine;
+    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
+    let along = state.motion.vx[i] * cosine - state.motion.vy[i] * sine;
+    let across = state.motion.vx[i] * sine + state.motion.vy[i] * cosine;
     let (along, across) = turn.map_or((along, across), |turn| (turn * along, turn * across));
-    (along - state.r[i] * arm.1, across + state.r[i] * arm.0)
+    (
+        along - state.motion.yaw_rate[i] * arm.1,
+        across + state.motion.yaw_rate[i] * arm.0,
+    )
 }
 
 /// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
@@ -436,22 +441,22 @@ fn apply_impulse<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    impulse: V<S>,
+    impulse: F32<S>,
     normal: Vector<S>,
-    lever: V<S>,
-    (hit, left): (M<S>, V<S>),
+    lever: F32<S>,
+    (hit, left): (Mask<S>, F32<S>),
 ) {
     let zero = splat(params.simd, 0.0);
     let change = impulse * params.vehicles[i].inverse_mass;
     let (along, across) = point_velocity(state, i, (zero, zero), None);
     let (along, across) = (along + change * normal.0, across + change * normal.1);
     let spin = impulse * lever * params.vehicles[i].inverse_inertia;
-    state.s[i] += left * (change * normal.0);
-    state.d[i] += left * (change * normal.1);
-    state.psi[i] += left * spin;
-    state.r[i] += spin;
-    let (sine, cosine) = sincos(state.psi[i]);
-    state.vx[i] = choose(hit, along * cosine + across * sine, state.vx[i]);
-    state.vy[i] = choose(hit, across * cosine - along * sine, state.vy[i]);
-    (state.sine[i], state.cosine[i]) = (sine, cosine);
+    state.motion.s[i] += left * (change * normal.0);
+    state.motion.d[i] += left * (change * normal.1);
+    state.motion.heading[i] += left * spin;
+    state.motion.yaw_rate[i] += spin;
+    let (sine, cosine) = sincos(state.motion.heading[i]);
+    state.motion.vx[i] = select(hit, along * cosine + across * sine, state.motion.vx[i]);
+    state.motion.vy[i] = select(hit, across * cosine - along * sine, state.motion.vy[i]);
+    (state.motion.sin_heading[i], state.motion.cos_heading[i]) = (sine, cosine);
 }

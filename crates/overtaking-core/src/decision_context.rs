@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::math::vectors::{M, splat};
+use crate::math::vectors::{Mask, splat};
 use crate::neighbour_search::{Neighbours, VisibleBody};
 use crate::oncoming::OncomingSearch;
 use crate::oncoming::OncomingTraffic;
@@ -16,12 +16,12 @@ pub struct DecisionContext<S: Simd, const N: usize> {
     pub bodies: [VisibleBody<S>; N],
     pub neighbours: [Neighbours<S>; N],
     pub beliefs: [Beliefs<S>; N],
-    pub checks_mirrors: [M<S>; N],
+    pub checks_mirrors: [Mask<S>; N],
     /// Whom they meet, and what they look for; unused on roads of one direction.
     pub oncoming: [OncomingTraffic<S>; N],
     pub oncoming_search: OncomingSearch<S, N>,
     /// Whether the ego would let somebody first who signals for the same place.
-    pub gives_way: M<S>,
+    pub gives_way: Mask<S>,
     /// Positions along and across the road before a step, if anybody is near anybody.
     pub step_start: (PerVehicle<S, N>, PerVehicle<S, N>),
 }
@@ -48,8 +48,8 @@ pub struct DriverContext<'a, S: Simd> {
     pub neighbours: &'a Neighbours<S>,
     pub beliefs: &'a Beliefs<S>,
     pub oncoming: &'a OncomingTraffic<S>,
-    pub checks_mirrors: M<S>,
-    pub gives_way: M<S>,
+    pub checks_mirrors: Mask<S>,
+    pub gives_way: Mask<S>,
 }
 
 impl<S: Simd, const N: usize> DecisionContext<S, N> {
@@ -78,7 +78,7 @@ impl<S: Simd, const N: usize> DecisionContext<S, N> {
 }
 
 /// In no simulation.
-fn never<S: Simd>(simd: S) -> M<S> {
+fn never<S: Simd>(simd: S) -> Mask<S> {
     let zero = splat(simd, 0.0);
     zero.simd_lt(zero)
 }

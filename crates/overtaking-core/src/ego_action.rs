@@ -7,7 +7,7 @@ use crate::gap_acceptance::{
     Intent, can_cancel_pull_out, can_cancel_return, has_finished_lane_change, has_passed_target,
     is_in_stage, update_indicator,
 };
-use crate::math::vectors::{LANES, M, V, choose, splat};
+use crate::math::vectors::{F32, Mask, SIMD_LANES, select, splat};
 use crate::names::ego_move;
 use crate::params::Params;
 use crate::pass_continuation::can_abort_pass;
@@ -67,7 +67,7 @@ impl ActionLog<'_> {
     pub(crate) fn action_at<S: Simd>(
         &self,
         simd: S,
-        simulations: &[usize; LANES],
+        simulations: &[usize; SIMD_LANES],
         decision: usize,
     ) -> EgoAction<S> {
         let at = decision.min(self.decisions - 1);
@@ -76,7 +76,7 @@ impl ActionLog<'_> {
             let steps = simulations.map(|one| {
                 self.values[(one * self.decisions + at) * MAX_ACTION_PARTS + part] as f32
             });
-            V::simd_from(simd, steps) / scales[part]
+            F32::simd_from(simd, steps) / scales[part]
         });
         EgoAction {
             kind: self.kind,
@@ -89,25 +89,25 @@ impl ActionLog<'_> {
 #[derive(Clone, Copy)]
 pub struct EgoAction<S: Simd> {
     kind: ActionKind,
-    values: [V<S>; MAX_ACTION_PARTS],
+    values: [F32<S>; MAX_ACTION_PARTS],
 }
 
 impl<S: Simd> EgoAction<S> {
     /// The acceleration that is asked for, unless the ego keeps its own pedals.
     #[inline(always)]
-    pub fn requested_accel(&self) -> Option<V<S>> {
+    pub fn requested_accel(&self) -> Option<F32<S>> {
         (self.kind != ActionKind::Decision).then_some(self.values[0])
     }
 
     /// The angle of the front wheels that is asked for, unless the ego steers.
     #[inline(always)]
-    pub fn wheel_angle(&self) -> Option<V<S>> {
+    pub fn wheel_angle(&self) -> Option<F32<S>> {
         self.kind.steers_wheels().then_some(self.values[1])
     }
 
     /// Its `Move`, if it has one.
     #[inline(always)]
-    fn move_code(&self) -> Option<V<S>> {
+    fn move_code(&self) -> Option<F32<S>> {
         match self.kind {
             ActionKind::Decision => Some(self.values[0]),
             ActionKind::AccelMove => Some(self.values[1]),
@@ -121,20 +121,21 @@ impl<S: Simd> EgoAction<S> {
 pub fn can_pull_out<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
-) -> M<S> {
+) -> Mask<S> {
     let settled =
         is_in_stage(state, EGO_SLOT, stage::FOLLOW) | is_in_stage(state, EGO_SLOT, stage::PASS);
     settled
         & has_finished_lane_change(state, EGO_SLOT)
-        & state.lane[EGO_SLOT].simd_lt((params.road.num_lanes - 1) as f32)
+        & state.lane_choice.lane[EGO_SLOT].simd_lt((params.road.num_lanes - 1) as f32)
 }
 
 /// Whether there is a slower lane, and no lane change under way that cannot be given up.
 #[inline(always)]
-pub fn can_return<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
+pub fn can_return<S: Simd, const N: usize>(state: &State<'_, S, N>) -> Mask<S> {
     let follows =
         is_in_stage(state, EGO_SLOT, stage::FOLLOW) & has_finished_lane_change(state, EGO_SLOT);
-    (follows | is_in_stage(state, EGO_SLOT, stage::PASS)) & state.lane[EGO_SLOT].simd_ge(1.0)
+    (follows | is_in_stage(state, EGO_SLOT, stage::PASS))
+        & state.lane_choice.lane[EGO_SLOT].simd_ge(1.0)
 }
 
 /// What the ego sets out to do: what another driver asks for, where that is possible.
@@ -149,8 +150,9 @@ pub fn intent_from_action<S: Simd, const N: usize>(
     }
     let zero = splat(params.simd, 0.0);
     let side = requested_side(orders);
-    let turned = (state.wanted[EGO_SLOT] * side).simd_lt(0.0);
-    state.signalled[EGO_SLOT] = choose(turned, zero, state.signalled[EGO_SLOT]);
+    let turned = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
+    state.overtake.time_indicating[EGO_SLOT] =
+        select(turned, zero, state.overtake.time_indicating[EGO_SLOT]);
     let start = can_pull_out(state, params) & side.simd_gt(0.0);
     let back = can_return(state) & side.simd_lt(0.0);
     update_indicator(state, params, EGO_SLOT, start, back);
@@ -163,8 +165,8 @@ pub fn intent_from_action<S: Simd, const N: usize>(
             cancels,
         ]
     } else {
-        let shown =
-            state.signalled[EGO_SLOT].simd_gt(params.vehicles[EGO_SLOT].indicator_lead_time);
+        let shown = state.overtake.time_indicating[EGO_SLOT]
+            .simd_gt(params.vehicles[EGO_SLOT].indicator_lead_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
     let mut gives_up = can_cancel_pull_out(state, params, EGO_SLOT);
@@ -196,28 +198,28 @@ pub fn set_requested_indicator<S: Simd, const N: usize>(
         return;
     }
     let side = requested_side(orders);
-    let sound = state.crashed[EGO_SLOT].simd_eq(0.0);
+    let sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
     let told = if orders.kind.steers_wheels() {
         sound
     } else {
         sound & side.simd_ne(0.0)
     };
-    state.indicator[EGO_SLOT] = choose(told, side, state.indicator[EGO_SLOT]);
+    state.controls.indicator[EGO_SLOT] = select(told, side, state.controls.indicator[EGO_SLOT]);
 }
 
 /// Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere.
 #[inline(always)]
-fn requested_side<S: Simd>(orders: &EgoAction<S>) -> V<S> {
+fn requested_side<S: Simd>(orders: &EgoAction<S>) -> F32<S> {
     let Some(code) = orders.move_code() else {
         let wish = if orders.kind.steers_wheels() { 2 } else { 1 };
         return orders.values[wish];
     };
     let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
     let is = |which: f32| code.simd_eq(which);
-    choose(
+    select(
         is(ego_move::INDICATE_PULL_OUT) | is(ego_move::PULL_OUT),
         one,
-        choose(
+        select(
             is(ego_move::INDICATE_RETURN) | is(ego_move::RETURN),
             -one,
             zero,
@@ -233,11 +235,11 @@ fn intent_from_position<S: Simd, const N: usize>(
 ) -> Intent<S> {
     let mut lane = splat(params.simd, 0.0);
     for k in 1..params.road.num_lanes {
-        let beyond = state.d[EGO_SLOT].simd_ge(params.road.boundaries[k]);
-        lane = choose(beyond, splat(params.simd, k as f32), lane);
+        let beyond = state.motion.d[EGO_SLOT].simd_ge(params.road.boundaries[k]);
+        lane = select(beyond, splat(params.simd, k as f32), lane);
     }
-    let faster = lane.simd_gt(state.lane[EGO_SLOT]);
-    let slower = lane.simd_lt(state.lane[EGO_SLOT]);
+    let faster = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
+    let slower = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
     let out = is_in_stage(state, EGO_SLOT, stage::PULL_OUT);
     let comes_back =
         is_in_stage(state, EGO_SLOT, stage::RETURN) | is_in_stage(state, EGO_SLOT, stage::ABORT);

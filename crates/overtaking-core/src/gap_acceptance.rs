@@ -8,7 +8,7 @@ use crate::car_following::{cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
 use crate::lane_change::{anticipated_follower, lane_change_direction};
 use crate::math::elementary::exp;
-use crate::math::vectors::{M, V, at_least, at_most, at_slot, choose, min, splat};
+use crate::math::vectors::{F32, Mask, at_least, at_most, at_slot, min, select, splat};
 use crate::names::VehicleParams;
 use crate::names::forced_decision;
 use crate::neighbour_search::Neighbours;
@@ -27,23 +27,23 @@ const MIN_GAP_FACTOR: f32 = 1e-6;
 struct GapAcceptanceInputs<'a, S: Simd> {
     vehicle: &'a VehicleParams<S>,
     /// Speed that it wants where it is.
-    desired_speed: V<S>,
-    speed: V<S>,
-    gap: &'a [V<S>; 6],
-    closing_speed: &'a [V<S>; 6],
-    is_detected: &'a [M<S>; 6],
-    leader_speed: V<S>,
-    gap_factor: V<S>,
-    acceptable_imposed_decel: V<S>,
-    patience_left: V<S>,
+    desired_speed: F32<S>,
+    speed: F32<S>,
+    gap: &'a [F32<S>; 6],
+    closing_speed: &'a [F32<S>; 6],
+    is_detected: &'a [Mask<S>; 6],
+    leader_speed: F32<S>,
+    gap_factor: F32<S>,
+    acceptable_imposed_decel: F32<S>,
+    patience_left: F32<S>,
     /// How much more room it leaves to the leader than to a car.
-    tall_vehicle_gap_factor: V<S>,
+    tall_vehicle_gap_factor: F32<S>,
     /// Is told to change lanes: needs no gap, ignores vehicles beside it and never aborts.
-    is_scripted: M<S>,
+    is_scripted: Mask<S>,
     /// Is told to pull out now: a vehicle in sight ahead is slower.
-    pulls_out_by_script: M<S>,
+    pulls_out_by_script: Mask<S>,
     /// Decision that is forced on the ego, 0 for none.
-    forced_decision: V<S>,
+    forced_decision: F32<S>,
 }
 
 /// What driver `i` believes, and how much it demands after its wait.
@@ -56,7 +56,7 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
 ) -> GapAcceptanceInputs<'a, S> {
     let (near, believed, own) = (mind.neighbours, mind.beliefs, &params.vehicles[i]);
     let impatience = at_least(
-        exp(-(state.waited[i] * own.inverse_patience)),
+        exp(-(state.overtake.time_waiting[i] * own.inverse_patience)),
         params.constants.patience_floor,
     );
     let demand = own.gap_demand_factor * impatience;
@@ -72,11 +72,11 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     GapAcceptanceInputs {
         vehicle: own,
         desired_speed: state.desired_speed(params, i),
-        speed: state.vx[i],
+        speed: state.motion.vx[i],
         gap: &believed.gap,
         closing_speed: &believed.closing_speed,
         is_detected: &believed.is_detected,
-        leader_speed: state.vx[i] - believed.closing_speed[LEADER],
+        leader_speed: state.motion.vx[i] - believed.closing_speed[LEADER],
         gap_factor: demand,
         acceptable_imposed_decel: min(
             at_most(bounded, params.constants.max_imposed_decel),
@@ -96,7 +96,7 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
 
 /// Whether the ego is told to change lanes, as in the study: it demands no gap.
 #[inline(always)]
-pub fn is_scripted<S: Simd, const N: usize>(params: &Params<'_, S, N>) -> M<S> {
+pub fn is_scripted<S: Simd, const N: usize>(params: &Params<'_, S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
@@ -106,17 +106,20 @@ pub fn true_closing_speed_to_leader<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     near: &Neighbours<S>,
-) -> V<S> {
-    state.vx[EGO_SLOT] - at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state.vx[j])
+) -> F32<S> {
+    state.motion.vx[EGO_SLOT]
+        - at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+            .motion
+            .vx[j])
 }
 
 #[inline(always)]
 fn imposed_accel_on_driver<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-    gap: V<S>,
-    closing: V<S>,
-) -> V<S> {
+    gap: F32<S>,
+    closing: F32<S>,
+) -> F32<S> {
     let time_gap = view.vehicle.time_gap * view.gap_factor;
     imposed_accel(
         params.constants,
@@ -132,9 +135,9 @@ fn imposed_accel_on_driver<S: Simd, const N: usize>(
 fn imposed_accel_by_driver<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-    gap: V<S>,
-    closing: V<S>,
-) -> V<S> {
+    gap: F32<S>,
+    closing: F32<S>,
+) -> F32<S> {
     let time_gap = view.vehicle.time_gap * view.gap_factor;
     imposed_accel(
         params.constants,
@@ -150,7 +153,7 @@ fn imposed_accel_by_driver<S: Simd, const N: usize>(
 fn wants_to_overtake<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-) -> M<S> {
+) -> Mask<S> {
     let own = view.vehicle;
     let slower =
         (view.desired_speed - view.leader_speed).simd_gt(own.min_speed_gain * view.patience_left);
@@ -165,7 +168,7 @@ fn wants_to_overtake<S: Simd, const N: usize>(
 fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-) -> M<S> {
+) -> Mask<S> {
     let (constants, own) = (params.constants, view.vehicle);
     let front = imposed_accel_on_driver(
         params,
@@ -196,8 +199,8 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
 fn accepts_return_gaps<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-    room_left: V<S>,
-) -> M<S> {
+    room_left: F32<S>,
+) -> Mask<S> {
     let own = view.vehicle;
     let (closing, ahead) = (
         view.closing_speed[RIGHT_FOLLOWER],
@@ -227,7 +230,7 @@ fn lane_change_is_dangerous<S: Simd, const N: usize>(
     view: &GapAcceptanceInputs<'_, S>,
     lead: usize,
     rear: usize,
-) -> M<S> {
+) -> Mask<S> {
     let (constants, own) = (params.constants, view.vehicle);
     let imposed = imposed_accel_by_driver(
         params,
@@ -255,7 +258,7 @@ fn lane_change_is_dangerous<S: Simd, const N: usize>(
 fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     view: &GapAcceptanceInputs<'_, S>,
-) -> M<S> {
+) -> Mask<S> {
     let (constants, closing) = (params.constants, view.closing_speed[RIGHT_LEADER]);
     let crossing = 0.5 * params.simulations.urgent_change_duration;
     let front = view.gap[RIGHT_LEADER] - crossing * closing;
@@ -294,9 +297,9 @@ pub fn form_intent<S: Simd, const N: usize>(
     let arrived = has_finished_lane_change(state, i);
     let free = is_in_stage(state, i, stage::FOLLOW)
         & arrived
-        & state.since_change[i].simd_ge(constants.abort_cooldown)
-        & state.lane[i].simd_lt((params.road.num_lanes - 1) as f32);
-    let held = state.wanted[i];
+        & state.lane_choice.time_since_lane_change[i].simd_ge(constants.abort_cooldown)
+        & state.lane_choice.lane[i].simd_lt((params.road.num_lanes - 1) as f32);
+    let held = state.lane_choice.wanted_side[i];
     let mut seen = wants_to_overtake(params, view) & accepts_pull_out_gaps(params, view);
     if plight.is_some() {
         let (coming, leader) = (
@@ -317,17 +320,17 @@ pub fn form_intent<S: Simd, const N: usize>(
     let seen = select_mask(told, view.pulls_out_by_script, seen);
     let wanted =
         select_mask(looks | told, seen, held.simd_gt(0.0)) & command.simd_ne(forced_decision::STAY);
-    let forced = command.simd_eq(forced_decision::PULL_OUT) & state.attempted.simd_eq(0.0);
+    let forced = command.simd_eq(forced_decision::PULL_OUT) & state.has_attempted.simd_eq(0.0);
     let start = free & (wanted | forced);
 
-    let slower_lane = is_in_stage(state, i, stage::PASS) & state.lane[i].simd_ge(1.0);
+    let slower_lane = is_in_stage(state, i, stage::PASS) & state.lane_choice.lane[i].simd_ge(1.0);
     let passed = has_passed_target(state, params, i);
-    let stuck =
-        state.stage_time[i].simd_gt(constants.give_up_after) & is_behind_target(state, params, i);
-    let mut rested = state.since_change[i].simd_ge(constants.abort_cooldown);
+    let stuck = state.overtake.time_in_stage[i].simd_gt(constants.give_up_after)
+        & is_behind_target(state, params, i);
+    let mut rested = state.lane_choice.time_since_lane_change[i].simd_ge(constants.abort_cooldown);
     let mut room = splat(params.simd, 1.0);
     if plight.is_some() {
-        room = tall_vehicle_gap_factor(params, state.target[i]);
+        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[i]);
     }
     let mut may = accepts_return_gaps(params, view, room) & (passed | stuck);
     if let Some(plight) = plight {
@@ -339,7 +342,7 @@ pub fn form_intent<S: Simd, const N: usize>(
     let wanted = select_mask(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | command.simd_eq(forced_decision::RETURN));
     update_indicator(state, params, i, start, back);
-    let ready = state.signalled[i].simd_gt(view.vehicle.indicator_lead_time);
+    let ready = state.overtake.time_indicating[i].simd_gt(view.vehicle.indicator_lead_time);
     let danger = heeds & lane_change_is_dangerous(params, view, RIGHT_LEADER, RIGHT_FOLLOWER);
     let mut abort =
         can_cancel_pull_out(state, params, i) & (danger | command.simd_eq(forced_decision::CANCEL));
@@ -371,31 +374,35 @@ pub fn form_intent<S: Simd, const N: usize>(
 
 /// One mask where another holds, and a third elsewhere.
 #[inline(always)]
-fn select_mask<S: Simd>(mask: M<S>, there: M<S>, elsewhere: M<S>) -> M<S> {
+fn select_mask<S: Simd>(mask: Mask<S>, there: Mask<S>, elsewhere: Mask<S>) -> Mask<S> {
     (mask & there) | (!mask & elsewhere)
 }
 
 /// What a driver sets out to do at a decision.
 pub struct Intent<S: Simd> {
     /// Wants to pull out, or to change back, and shows it.
-    pub wants_to_pull_out: M<S>,
-    pub wants_to_return: M<S>,
+    pub wants_to_pull_out: Mask<S>,
+    pub wants_to_return: Mask<S>,
     /// Does it now.
-    pub starts_pull_out: M<S>,
-    pub starts_return: M<S>,
-    pub cancels_pull_out: M<S>,
+    pub starts_pull_out: Mask<S>,
+    pub starts_return: Mask<S>,
+    pub cancels_pull_out: Mask<S>,
     /// Gives up changing back now.
-    pub cancels_return: M<S>,
+    pub cancels_return: Mask<S>,
     /// The target is behind.
-    pub has_passed_target: M<S>,
+    pub has_passed_target: Mask<S>,
     /// The last lane change is over.
-    pub has_finished_lane_change: M<S>,
+    pub has_finished_lane_change: Mask<S>,
 }
 
 /// Whether driver `i` is sound and in a stage.
 #[inline(always)]
-pub fn is_in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, which: f32) -> M<S> {
-    state.crashed[i].simd_eq(0.0) & state.stage[i].simd_eq(which)
+pub fn is_in_stage<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    i: usize,
+    which: f32,
+) -> Mask<S> {
+    state.motion.is_wreck[i].simd_eq(0.0) & state.overtake.stage[i].simd_eq(which)
 }
 
 /// Whether the last lane change of driver `i` is over.
@@ -403,8 +410,8 @@ pub fn is_in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, w
 pub fn has_finished_lane_change<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
-) -> M<S> {
-    state.path_time[i].simd_ge(state.path_duration[i])
+) -> Mask<S> {
+    state.path.elapsed[i].simd_ge(state.path.duration[i])
 }
 
 /// Whether the front of the target of driver `i` is visibly behind the own rear.
@@ -413,13 +420,13 @@ pub fn has_passed_target<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> M<S> {
-    let target = state.target[i];
-    let target_s = at_slot!(params.num_slots_in_use, target, |j| state.s[j]);
+) -> Mask<S> {
+    let target = state.overtake.target_slot[i];
+    let target_s = at_slot!(params.num_slots_in_use, target, |j| state.motion.s[j]);
     let bodies = params.vehicles[i].half_length
         + at_slot!(params.num_slots_in_use, target, |j| params.vehicles[j]
             .half_length);
-    (state.s[i] - target_s).simd_gt(bodies + params.constants.return_clearance)
+    (state.motion.s[i] - target_s).simd_gt(bodies + params.constants.return_clearance)
 }
 
 /// Whether the target of driver `i` is ahead.
@@ -428,10 +435,12 @@ pub fn is_behind_target<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> M<S> {
-    state.s[i].simd_lt(at_slot!(params.num_slots_in_use, state.target[i], |j| {
-        state.s[j]
-    }))
+) -> Mask<S> {
+    state.motion.s[i].simd_lt(at_slot!(
+        params.num_slots_in_use,
+        state.overtake.target_slot[i],
+        |j| { state.motion.s[j] }
+    ))
 }
 
 /// Whether going back is shorter than going on.
@@ -440,8 +449,8 @@ fn is_quicker_to_turn_back<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> M<S> {
-    state.path_time[i].simd_lt(params.constants.abort_until * state.path_duration[i])
+) -> Mask<S> {
+    state.path.elapsed[i].simd_lt(params.constants.abort_until * state.path.duration[i])
 }
 
 /// Whether driver `i` pulls out, and going back is shorter than going on.
@@ -450,7 +459,7 @@ pub fn can_cancel_pull_out<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> M<S> {
+) -> Mask<S> {
     is_in_stage(state, i, stage::PULL_OUT) & is_quicker_to_turn_back(state, params, i)
 }
 
@@ -460,7 +469,7 @@ pub fn can_cancel_return<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> M<S> {
+) -> Mask<S> {
     let comes_back = is_in_stage(state, i, stage::RETURN) | is_in_stage(state, i, stage::ABORT);
     comes_back
         & is_quicker_to_turn_back(state, params, i)
@@ -473,12 +482,15 @@ pub fn update_indicator<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    start: M<S>,
-    back: M<S>,
+    start: Mask<S>,
+    back: Mask<S>,
 ) {
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    state.wanted[i] = choose(start, one, choose(back, -one, zero));
-    let longer = state.signalled[i] + params.constants.decision;
-    let fading = at_least(state.signalled[i] - params.constants.decision, 0.0);
-    state.signalled[i] = choose(start | back, longer, fading);
+    state.lane_choice.wanted_side[i] = select(start, one, select(back, -one, zero));
+    let longer = state.overtake.time_indicating[i] + params.constants.decision;
+    let fading = at_least(
+        state.overtake.time_indicating[i] - params.constants.decision,
+        0.0,
+    );
+    state.overtake.time_indicating[i] = select(start | back, longer, fading);
 }

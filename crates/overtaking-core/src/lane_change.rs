@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::car_following::{acc_accel, cah_accel, imposed_accel};
-use crate::math::vectors::{M, V, at_least, choose, min, put, splat};
+use crate::math::vectors::{F32, Mask, assign_where, at_least, min, select, splat};
 use crate::neighbour_search::{VisibleBody, lane_borders, nearest_image};
 use crate::params::Params;
 use crate::perception::{Beliefs, draw_shoulder_check};
@@ -20,10 +20,10 @@ const MIN_SPEED: f32 = 0.1;
 fn imposed_accel_on_follower<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
-    speed: V<S>,
-    gap: V<S>,
-    closing: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    gap: F32<S>,
+    closing: F32<S>,
+) -> F32<S> {
     imposed_accel(
         params.constants,
         &params.vehicles[i],
@@ -40,9 +40,9 @@ fn mobil_incentives<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
-    own: V<S>,
-) -> (V<S>, V<S>) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+    own: F32<S>,
+) -> (F32<S>, F32<S>) {
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
     let steady = splat(params.simd, 0.0);
     let desired = state.desired_speed(params, i);
@@ -71,8 +71,8 @@ fn mobil_incentives<S: Simd, const N: usize>(
         state.limit_accel(params, i, slow),
     );
     let no_passing = v.simd_gt(constants.no_passing_right_speed);
-    let here = choose(no_passing, min(own, fast), own);
-    let there = choose(no_passing, min(slow, own), slow);
+    let here = select(no_passing, min(own, fast), own);
+    let there = select(no_passing, min(slow, own), slow);
     let body = 2.0 * vehicle.half_length;
     let after = imposed_accel_on_follower(params, i, v, gap[LEFT_FOLLOWER], closing[LEFT_FOLLOWER]);
     let open_gap = gap[LEFT_FOLLOWER] + gap[LEFT_LEADER] + body;
@@ -105,8 +105,8 @@ fn is_safe_lane_change<S: Simd, const N: usize>(
     believed: &Beliefs<S>,
     front: usize,
     rear: usize,
-) -> M<S> {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+) -> Mask<S> {
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
     let (later, faster) = anticipated_follower(params, gap[rear], closing[rear]);
     let braking = min(
@@ -130,9 +130,9 @@ fn is_safe_lane_change<S: Simd, const N: usize>(
 #[inline(always)]
 pub fn anticipated_follower<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    gap: V<S>,
-    closing: V<S>,
-) -> (V<S>, V<S>) {
+    gap: F32<S>,
+    closing: F32<S>,
+) -> (F32<S>, F32<S>) {
     let constants = params.constants;
     let faster = constants.foresight_accel * constants.foresight;
     (
@@ -150,19 +150,19 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     bodies: &[VisibleBody<S>; N],
     i: usize,
     believed: &Beliefs<S>,
-    own: V<S>,
-    looks: M<S>,
+    own: F32<S>,
+    looks: Mask<S>,
     decision: u32,
 ) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (to_fast, to_slow) = mobil_incentives(state, params, i, believed, own);
     let ready = looks
-        & state.path_time[i].simd_ge(state.path_duration[i])
-        & state.since_change[i].simd_ge(constants.cooldown)
-        & state.crashed[i].simd_eq(0.0)
+        & state.path.elapsed[i].simd_ge(state.path.duration[i])
+        & state.lane_choice.time_since_lane_change[i].simd_ge(constants.cooldown)
+        & state.motion.is_wreck[i].simd_eq(0.0)
         & vehicle.valid.simd_gt(0.0);
-    let exists_fast = state.lane[i].simd_lt((params.road.num_lanes - 1) as f32);
-    let exists_slow = state.lane[i].simd_ge(1.0);
+    let exists_fast = state.lane_choice.lane[i].simd_lt((params.road.num_lanes - 1) as f32);
+    let exists_slow = state.lane_choice.lane[i].simd_ge(1.0);
     let fast = ready
         & exists_fast
         & to_fast.simd_gt(vehicle.lane_change_threshold)
@@ -174,9 +174,9 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
         & believed.gap[RIGHT_LEADER].simd_gt(constants.free_ahead_time * v)
         & !fast;
     let wanted = signed_side(params, fast, slow);
-    let shows = looks & state.path_time[i].simd_ge(state.path_duration[i]);
-    put(
-        &mut state.indicator[i],
+    let shows = looks & state.path.elapsed[i].simd_ge(state.path.duration[i]);
+    assign_where(
+        &mut state.controls.indicator[i],
         shows,
         wanted * vehicle.uses_indicator,
     );
@@ -207,13 +207,13 @@ pub fn gives_way<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
-    signed_side: V<S>,
-) -> M<S> {
-    let reach = params.constants.claim_time * state.vx[i];
+    signed_side: F32<S>,
+) -> Mask<S> {
+    let reach = params.constants.claim_time * state.motion.vx[i];
     let mut waits = signed_side.simd_ne(signed_side);
     for j in 0..params.num_slots_in_use {
         let other = &bodies[j];
-        let ahead = nearest_image(params, state.s[j] - state.s[i]);
+        let ahead = nearest_image(params, state.motion.s[j] - state.motion.s[i]);
         let same = other.claimed_side.simd_eq(-signed_side)
             & other.lane.simd_eq(bodies[i].lane + 2.0 * signed_side)
             & signed_side.simd_ne(0.0);
@@ -231,9 +231,9 @@ pub fn lane_change_direction<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> (M<S>, M<S>) {
-    let (low, high) = lane_borders(params, state.lane[i], 0.0);
-    let way = 0.5 * (low + high) - state.path[i][0];
+) -> (Mask<S>, Mask<S>) {
+    let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
+    let way = 0.5 * (low + high) - state.path.coefficients[i][0];
     (way.simd_gt(0.0), way.abs().simd_gt(0.5 * (high - low)))
 }
 
@@ -245,18 +245,19 @@ fn cancels_lane_change<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
-) -> (M<S>, M<S>) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+) -> (Mask<S>, Mask<S>) {
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
-    let early = state.path_time[i].simd_lt(constants.abort_until * state.path_duration[i])
-        & state.crashed[i].simd_eq(0.0)
+    let early = state.path.elapsed[i].simd_lt(constants.abort_until * state.path.duration[i])
+        & state.motion.is_wreck[i].simd_eq(0.0)
         & vehicle.valid.simd_gt(0.0);
     if !early.any_true() {
         return (early, early);
     }
     let (to_fast, whole) = lane_change_direction(state, params, i);
-    let old =
-        |values: &[V<S>; 6], slow: usize, fast: usize| choose(to_fast, values[slow], values[fast]);
+    let old = |values: &[F32<S>; 6], slow: usize, fast: usize| {
+        select(to_fast, values[slow], values[fast])
+    };
     let bad_rear = imposed_accel_on_follower(params, i, v, gap[FOLLOWER], closing[FOLLOWER])
         .simd_lt(-(constants.abort_imposed_factor * vehicle.safe_decel));
     let own = imposed_accel(
@@ -284,24 +285,28 @@ fn update_wanted_side<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    wanted: V<S>,
-    looks: M<S>,
-) -> M<S> {
-    let same = wanted.simd_eq(state.wanted[i]) & wanted.simd_ne(0.0);
-    put(
-        &mut state.wanted_time[i],
+    wanted: F32<S>,
+    looks: Mask<S>,
+) -> Mask<S> {
+    let same = wanted.simd_eq(state.lane_choice.wanted_side[i]) & wanted.simd_ne(0.0);
+    assign_where(
+        &mut state.lane_choice.time_wanted[i],
         looks & !same,
         splat(params.simd, 0.0),
     );
-    put(&mut state.wanted[i], looks, wanted);
-    looks & same & state.wanted_time[i].simd_ge(params.vehicles[i].indicator_lead_time)
+    assign_where(&mut state.lane_choice.wanted_side[i], looks, wanted);
+    looks & same & state.lane_choice.time_wanted[i].simd_ge(params.vehicles[i].indicator_lead_time)
 }
 
 /// 1 towards the fast side, -1 towards the slow side, 0 for neither.
 #[inline(always)]
-fn signed_side<S: Simd, const N: usize>(params: &Params<'_, S, N>, fast: M<S>, slow: M<S>) -> V<S> {
+fn signed_side<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    fast: Mask<S>,
+    slow: Mask<S>,
+) -> F32<S> {
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    choose(fast, one, zero) - choose(slow, one, zero)
+    select(fast, one, zero) - select(slow, one, zero)
 }
 
 /// Begin a lane change of vehicle `i` in the masked simulations, to the fast side, to the slow side or back;
@@ -311,9 +316,9 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    (fast, slow, back): (M<S>, M<S>, M<S>),
+    (fast, slow, back): (Mask<S>, Mask<S>, Mask<S>),
     believed: &Beliefs<S>,
-    hasty: Option<V<S>>,
+    hasty: Option<F32<S>>,
     decision: u32,
 ) {
     let moved = fast | slow;
@@ -322,8 +327,8 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
     }
     let vehicle = &params.vehicles[i];
     let step = signed_side(params, fast, slow);
-    state.lane[i] += step;
-    let (low, high) = lane_borders(params, state.lane[i], 0.0);
+    state.lane_choice.lane[i] += step;
+    let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
     let constants = params.constants;
     let left = believed.gap[LEADER] / at_least(believed.closing_speed[LEADER], MIN_SPEED);
     let hurried = at_least(
@@ -331,16 +336,24 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
         constants.min_lane_change_duration,
     );
     let usual = min(vehicle.lane_change_duration, hurried);
-    let duration = choose(
+    let duration = select(
         back,
         constants.abort_duration_share * vehicle.lane_change_duration,
         usual,
     );
     let duration = hasty.map_or(duration, |hasty| {
-        choose(hasty.simd_gt(0.0), hasty, duration)
+        select(hasty.simd_gt(0.0), hasty, duration)
     });
     start_path(state, i, moved, 0.5 * (low + high), duration);
-    state.indicator[i] = choose(moved, step * vehicle.uses_indicator, state.indicator[i]);
-    state.wanted[i] = choose(moved, splat(params.simd, 0.0), state.wanted[i]);
+    state.controls.indicator[i] = select(
+        moved,
+        step * vehicle.uses_indicator,
+        state.controls.indicator[i],
+    );
+    state.lane_choice.wanted_side[i] = select(
+        moved,
+        splat(params.simd, 0.0),
+        state.lane_choice.wanted_side[i],
+    );
     draw_shoulder_check(state, params, i, moved, decision);
 }

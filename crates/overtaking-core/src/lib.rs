@@ -33,7 +33,7 @@ mod state;
 mod steering;
 mod vehicle_dynamics;
 
-pub use math::vectors::LANES;
+pub use math::vectors::SIMD_LANES;
 pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, neighbour_role};
 pub use params::{MAX_STATIONS, RoadDirections};
 pub use recorder::frame_tiles::prefetch;

@@ -5,7 +5,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::math::vectors::{LANES, Seats, V};
+use crate::math::vectors::{CopyLane, F32, SIMD_LANES};
 
 parameter_rows! {
     /// Parameters of one vehicle slot.

@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::math::vectors::{M, V, at_most, choose, each_at_slot, splat};
+use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
 use crate::params::Params;
 use crate::road_conditions::value_of_lane;
 use crate::state::{NO_SLOT, NUM_ROLES, State};
@@ -15,16 +15,16 @@ const LANE_OFFSETS: [f32; 3] = [0.0, 1.0, -1.0];
 /// Nearest vehicles of one vehicle by role.
 #[derive(Clone, Copy)]
 pub struct Neighbours<S: Simd> {
-    pub slot: [V<S>; NUM_ROLES],
-    pub gap: [V<S>; NUM_ROLES],
+    pub slot: [F32<S>; NUM_ROLES],
+    pub gap: [F32<S>; NUM_ROLES],
     /// Distance of the centres along the road [m].
-    pub distance: [V<S>; NUM_ROLES],
+    pub distance: [F32<S>; NUM_ROLES],
     /// How far it is towards the fast side [m].
-    pub lateral_distance: [V<S>; NUM_ROLES],
+    pub lateral_distance: [F32<S>; NUM_ROLES],
     /// Half of its length [m].
-    pub half_length: [V<S>; NUM_ROLES],
-    pub lane_right_edge: V<S>,
-    pub lane_left_edge: V<S>,
+    pub half_length: [F32<S>; NUM_ROLES],
+    pub lane_right_edge: F32<S>,
+    pub lane_left_edge: F32<S>,
 }
 
 impl<S: Simd> Neighbours<S> {
@@ -46,16 +46,16 @@ impl<S: Simd> Neighbours<S> {
 /// What everybody else sees of a vehicle, whoever looks.
 #[derive(Clone, Copy)]
 pub struct VisibleBody<S: Simd> {
-    valid: M<S>,
-    right_side: V<S>,
-    left_side: V<S>,
+    valid: Mask<S>,
+    right_side: F32<S>,
+    left_side: F32<S>,
     /// Whether it changes lanes and can be seen to.
-    pub visibly_changes_lane: M<S>,
+    pub visibly_changes_lane: Mask<S>,
     /// Its lane, and to which side it signals without moving over yet.
-    pub lane: V<S>,
-    pub claimed_side: V<S>,
+    pub lane: F32<S>,
+    pub claimed_side: F32<S>,
     /// One over the intensity of the lamps that a follower sees: tail lamps, or stop lamps [1/cd].
-    pub inverse_rear_lamp: V<S>,
+    pub inverse_rear_lamp: F32<S>,
 }
 
 impl<S: Simd> VisibleBody<S> {
@@ -82,21 +82,25 @@ impl<S: Simd> VisibleBody<S> {
         j: usize,
     ) -> Self {
         let (constants, vehicle) = (params.constants, &params.vehicles[j]);
-        let moves = state.path_time[j].simd_gt(constants.visible_fraction * state.path_duration[j]);
-        let (sound, zero) = (state.crashed[j].simd_eq(0.0), splat(params.simd, 0.0));
-        let changing = state.path_time[j].simd_lt(state.path_duration[j]);
+        let moves =
+            state.path.elapsed[j].simd_gt(constants.visible_fraction * state.path.duration[j]);
+        let (sound, zero) = (
+            state.motion.is_wreck[j].simd_eq(0.0),
+            splat(params.simd, 0.0),
+        );
+        let changing = state.path.elapsed[j].simd_lt(state.path.duration[j]);
         let waits = sound & !changing;
         let changing = sound & changing;
-        let braking = state.accel[j].simd_lt(-constants.stop_lamp_decel);
+        let braking = state.controls.requested_accel[j].simd_lt(-constants.stop_lamp_decel);
         let lamp = vehicle.inverse_tail_lamp;
         Self {
             valid: vehicle.valid.simd_gt(0.0),
-            right_side: state.d[j] - vehicle.half_width,
-            left_side: state.d[j] + vehicle.half_width,
-            lane: state.lane[j],
-            claimed_side: choose(waits, state.indicator[j], zero),
-            visibly_changes_lane: changing & (state.indicator[j].simd_ne(0.0) | moves),
-            inverse_rear_lamp: choose(braking, at_most(lamp, constants.inverse_stop_lamp), lamp),
+            right_side: state.motion.d[j] - vehicle.half_width,
+            left_side: state.motion.d[j] + vehicle.half_width,
+            lane: state.lane_choice.lane[j],
+            claimed_side: select(waits, state.controls.indicator[j], zero),
+            visibly_changes_lane: changing & (state.controls.indicator[j].simd_ne(0.0) | moves),
+            inverse_rear_lamp: select(braking, at_most(lamp, constants.inverse_stop_lamp), lamp),
         }
     }
 }
@@ -105,9 +109,9 @@ impl<S: Simd> VisibleBody<S> {
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    lane: V<S>,
+    lane: F32<S>,
     shift: f32,
-) -> (V<S>, V<S>) {
+) -> (F32<S>, F32<S>) {
     let borders = &params.road.boundaries[..=params.road.num_lanes];
     (
         value_of_lane(borders, lane + shift),
@@ -117,7 +121,10 @@ pub fn lane_borders<S: Simd, const N: usize>(
 
 /// A distance along the road; on a ring that to the nearest image [m].
 #[inline(always)]
-pub fn nearest_image<S: Simd, const N: usize>(params: &Params<'_, S, N>, distance: V<S>) -> V<S> {
+pub fn nearest_image<S: Simd, const N: usize>(
+    params: &Params<'_, S, N>,
+    distance: F32<S>,
+) -> F32<S> {
     if !params.is_ring {
         return distance;
     }
@@ -136,7 +143,7 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_
     i: usize,
     near: &mut Neighbours<S>,
 ) {
-    let lane = state.lane[i];
+    let lane = state.lane_choice.lane[i];
     let (low, high) = lane_borders(params, lane, 0.0);
     let (slower, _) = lane_borders(params, lane, -1.0);
     let (_, faster) = lane_borders(params, lane, 1.0);
@@ -155,13 +162,14 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_
             let role = 2 * k + end;
             let [half_length, place] = each_at_slot!(params.num_slots_in_use, slot, |j| [
                 params.vehicles[j].half_length,
-                state.d[j]
+                state.motion.d[j]
             ]);
             let zero = splat(params.simd, 0.0);
             near.slot[role] = slot;
             near.gap[role] = distance - (half_length + params.vehicles[i].half_length);
             near.distance[role] = distance;
-            near.lateral_distance[role] = choose(slot.simd_ge(0.0), place - state.d[i], zero);
+            near.lateral_distance[role] =
+                select(slot.simd_ge(0.0), place - state.motion.d[i], zero);
             near.half_length[role] = half_length;
         }
     }
@@ -178,14 +186,14 @@ fn nearest_in_lane<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY:
     params: &Params<'_, S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
-    (low, high): (V<S>, V<S>),
+    (low, high): (F32<S>, F32<S>),
     shift: f32,
-) -> [(V<S>, V<S>); 2] {
+) -> [(F32<S>, F32<S>); 2] {
     let (low, high) = (
         low + params.constants.corridor_margin,
         high - params.constants.corridor_margin,
     );
-    let lane = state.lane[i] + shift;
+    let lane = state.lane_choice.lane[i] + shift;
     let (nobody, far) = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
     let [mut ahead, mut behind] = [(nobody, far); 2];
     for j in 0..params.num_slots_in_use {
@@ -193,9 +201,9 @@ fn nearest_in_lane<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY:
             continue;
         }
         let (other, number) = (&bodies[j], splat(params.simd, j as i32 as f32));
-        let way = nearest_image(params, state.s[j] - state.s[i]);
+        let way = nearest_image(params, state.motion.s[j] - state.motion.s[i]);
         let overlaps = other.left_side.simd_gt(low) & other.right_side.simd_lt(high);
-        let shows = other.visibly_changes_lane & state.lane[j].simd_eq(lane);
+        let shows = other.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
         let mut inside = other.valid & (overlaps | shows);
         if TWO_WAY {
             inside &= params.vehicles[j]
@@ -204,10 +212,10 @@ fn nearest_in_lane<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY:
         }
         let is_ahead = way.simd_ge(0.0);
         let front = inside & is_ahead & way.simd_lt(ahead.1);
-        ahead = (choose(front, number, ahead.0), choose(front, way, ahead.1));
+        ahead = (select(front, number, ahead.0), select(front, way, ahead.1));
         if WATCHED > 1 {
             let back = inside & !is_ahead & (-way).simd_lt(behind.1);
-            behind = (choose(back, number, behind.0), choose(back, -way, behind.1));
+            behind = (select(back, number, behind.0), select(back, -way, behind.1));
         }
     }
     [ahead, behind]

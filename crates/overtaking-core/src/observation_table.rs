@@ -10,7 +10,7 @@ use crate::gap_acceptance::{
     is_behind_target, is_in_stage,
 };
 use crate::gap_acceptance::{is_scripted, true_closing_speed_to_leader};
-use crate::math::vectors::{M, V, at_most, choose, each_at_slot, splat};
+use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
 use crate::oncoming::{OncomingVehicle, expected_closing_speed, observe_second_oncoming};
 use crate::params::Params;
 use crate::pass_continuation::{can_abort_pass, decide_pass_continuation};
@@ -32,11 +32,11 @@ macro_rules! columns {
         $(#[$doc])*
         pub const $names: &[&str] = &[$(stringify!($field)),*];
 
-        struct $name<S: Simd> { $($field: V<S>),* }
+        struct $name<S: Simd> { $($field: F32<S>),* }
 
         impl<S: Simd> $name<S> {
             #[inline(always)]
-            fn write(self, out: &mut [V<S>]) {
+            fn write(self, out: &mut [F32<S>]) {
                 for (to, from) in out.iter_mut().zip([$(self.$field),*]) {
                     *to = from;
                 }
@@ -80,7 +80,7 @@ pub const OBSERVATION_SIZE: usize =
     EGO_COLUMN_NAMES.len() + NEIGHBOURS_SIZE + PASSING_COLUMN_NAMES.len();
 
 /// The observations of the simulations of a block.
-pub type ObservationTable<S> = [V<S>; OBSERVATION_SIZE];
+pub type ObservationTable<S> = [F32<S>; OBSERVATION_SIZE];
 
 /// Observations of the ego in each simulation of a block.
 #[inline(always)]
@@ -128,20 +128,20 @@ fn ego_columns<S: Simd, const N: usize>(
     let flag = |mask| flag(params.simd, mask);
     let lane_centre = 0.5 * (mind.neighbours.lane_right_edge + mind.neighbours.lane_left_edge);
     EgoColumns {
-        speed: state.vx[EGO_SLOT],
-        requested_accel: state.accel[EGO_SLOT],
-        s: state.s[EGO_SLOT],
-        lateral_position: state.d[EGO_SLOT],
-        lane_offset: state.d[EGO_SLOT] - lane_centre,
-        heading: state.psi[EGO_SLOT],
-        yaw_rate: state.r[EGO_SLOT],
-        lane: state.lane[EGO_SLOT],
-        stage: state.stage[EGO_SLOT],
-        time_in_stage: state.stage_time[EGO_SLOT],
-        time_waiting: state.waited[EGO_SLOT],
-        time_indicating: state.signalled[EGO_SLOT],
-        wanted_side: state.wanted[EGO_SLOT],
-        time_since_lane_change: state.since_change[EGO_SLOT],
+        speed: state.motion.vx[EGO_SLOT],
+        requested_accel: state.controls.requested_accel[EGO_SLOT],
+        s: state.motion.s[EGO_SLOT],
+        lateral_position: state.motion.d[EGO_SLOT],
+        lane_offset: state.motion.d[EGO_SLOT] - lane_centre,
+        heading: state.motion.heading[EGO_SLOT],
+        yaw_rate: state.motion.yaw_rate[EGO_SLOT],
+        lane: state.lane_choice.lane[EGO_SLOT],
+        stage: state.overtake.stage[EGO_SLOT],
+        time_in_stage: state.overtake.time_in_stage[EGO_SLOT],
+        time_waiting: state.overtake.time_waiting[EGO_SLOT],
+        time_indicating: state.overtake.time_indicating[EGO_SLOT],
+        wanted_side: state.lane_choice.wanted_side[EGO_SLOT],
+        time_since_lane_change: state.lane_choice.time_since_lane_change[EGO_SLOT],
         has_finished_lane_change: flag(has_finished_lane_change(state, EGO_SLOT)),
         checks_mirrors: flag(mind.checks_mirrors),
         gives_way: flag(mind.gives_way),
@@ -158,10 +158,10 @@ fn ego_columns<S: Simd, const N: usize>(
 
 /// Motion of a neighbour relative to the ego.
 struct NeighbourMotion<S: Simd> {
-    is_detected: M<S>,
-    gap: V<S>,
-    closing_speed: V<S>,
-    accel: V<S>,
+    is_detected: Mask<S>,
+    gap: F32<S>,
+    closing_speed: F32<S>,
+    accel: F32<S>,
 }
 
 /// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
@@ -176,7 +176,7 @@ fn believed_motion<S: Simd, const N: usize>(
     let mut closing_speed = mind.beliefs.closing_speed[role];
     if role == LEADER {
         let knows_speed = is_scripted(params) & is_detected;
-        closing_speed = choose(
+        closing_speed = select(
             knows_speed,
             true_closing_speed_to_leader(state, params, mind.neighbours),
             closing_speed,
@@ -207,7 +207,7 @@ fn true_motion<S: Simd, const N: usize>(
     let (ego_speed, _) = state.road_velocity(EGO_SLOT);
     let [speed, accel] = each_at_slot!(params.num_slots_in_use, slot, |j| [
         state.road_velocity(j).0,
-        state.a_lon[j]
+        state.motion.accel_lon[j]
     ]);
     let is_ahead = role.is_multiple_of(2);
     let closing_speed = if is_ahead {
@@ -217,9 +217,9 @@ fn true_motion<S: Simd, const N: usize>(
     };
     NeighbourMotion {
         is_detected: exists,
-        gap: choose(exists, mind.neighbours.gap[role], unseen),
-        closing_speed: choose(exists, closing_speed, zero),
-        accel: choose(exists, accel, zero),
+        gap: select(exists, mind.neighbours.gap[role], unseen),
+        closing_speed: select(exists, closing_speed, zero),
+        accel: select(exists, accel, zero),
     }
 }
 
@@ -242,9 +242,9 @@ fn oncoming_columns<S: Simd, const N: usize>(
         is_two_wheeler,
     ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
         state.road_velocity(j).0,
-        state.a_lon[j],
-        state.d[j],
-        state.indicator[j],
+        state.motion.accel_lon[j],
+        state.motion.d[j],
+        state.controls.indicator[j],
         params.vehicles[j].half_length,
         params.vehicles[j].has_truck_tyres,
         params.vehicles[j].two_wheeler
@@ -264,17 +264,19 @@ fn oncoming_columns<S: Simd, const N: usize>(
             accel,
         ),
     };
-    let if_detected = |value| choose(is_detected, value, zero);
+    let if_detected = |value| select(is_detected, value, zero);
     NeighbourColumns {
         is_detected: flag(params.simd, is_detected),
-        gap: choose(
+        gap: select(
             is_detected,
             gap,
             splat(params.simd, params.constants.unseen_gap),
         ),
         closing_speed: if_detected(closing_speed),
         accel: if_detected(accel),
-        lateral_distance: if_detected((params.road.directions.edge_sum - d) - state.d[EGO_SLOT]),
+        lateral_distance: if_detected(
+            (params.road.directions.edge_sum - d) - state.motion.d[EGO_SLOT],
+        ),
         indicator: if_detected(-indicator),
         stop_lamp: zero,
         length: if_detected(2.0 * half_length),
@@ -294,10 +296,10 @@ fn passing_columns<S: Simd, const N: usize>(
     let oncoming = &mind.oncoming.nearest;
     let plight = decide_pass_continuation(state, params, EGO_SLOT, &mind);
     let leader = mind.neighbours.slot[LEADER];
-    let overtaken = choose(
+    let overtaken = select(
         is_in_stage(state, EGO_SLOT, stage::FOLLOW),
         leader,
-        state.target[EGO_SLOT],
+        state.overtake.target_slot[EGO_SLOT],
     );
     PassingColumns {
         sight_distance: oncoming.sight_distance,
@@ -339,14 +341,14 @@ fn neighbour_columns<S: Simd, const N: usize>(
         is_truck,
         is_two_wheeler,
     ] = each_at_slot!(params.num_slots_in_use, mind.neighbours.slot[role], |j| [
-        state.indicator[j],
-        state.accel[j],
-        state.crashed[j],
+        state.controls.indicator[j],
+        state.controls.requested_accel[j],
+        state.motion.is_wreck[j],
         params.vehicles[j].has_truck_tyres,
         params.vehicles[j].two_wheeler
     ]);
     let brakes = requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
-    let if_detected = |value| choose(motion.is_detected, value, zero);
+    let if_detected = |value| select(motion.is_detected, value, zero);
     NeighbourColumns {
         is_detected: flag(params.simd, motion.is_detected),
         gap: motion.gap,
@@ -363,6 +365,6 @@ fn neighbour_columns<S: Simd, const N: usize>(
 
 /// 1 where the mask is true, else 0.
 #[inline(always)]
-fn flag<S: Simd>(simd: S, mask: M<S>) -> V<S> {
-    choose(mask, splat(simd, 1.0), splat(simd, 0.0))
+fn flag<S: Simd>(simd: S, mask: Mask<S>) -> F32<S> {
+    select(mask, splat(simd, 1.0), splat(simd, 0.0))
 }

@@ -4,7 +4,9 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::exp;
-use crate::math::vectors::{M, V, at_least, at_most, at_slot, choose, each_at_slot, min, splat};
+use crate::math::vectors::{
+    F32, Mask, at_least, at_most, at_slot, each_at_slot, min, select, splat,
+};
 use crate::neighbour_search::{Neighbours, VisibleBody, lane_borders};
 use crate::params::{MAX_STATIONS, Params, station_indices};
 use crate::perception::{
@@ -23,15 +25,15 @@ const IN_OWN_LANE: usize = 1;
 /// The nearest vehicle of the other direction ahead, and what the driver believes of it.
 #[derive(Clone, Copy)]
 pub struct OncomingVehicle<S: Simd> {
-    pub slot: V<S>,
-    pub gap: V<S>,
-    pub is_detected: M<S>,
+    pub slot: F32<S>,
+    pub gap: F32<S>,
+    pub is_detected: Mask<S>,
     /// Whether the driver has looked for long enough to know who comes, if anybody.
-    pub is_certain: M<S>,
-    pub believed_gap: V<S>,
-    pub closing_speed: V<S>,
+    pub is_certain: Mask<S>,
+    pub believed_gap: F32<S>,
+    pub closing_speed: F32<S>,
     /// How far the driver sees the other lane, and what comes there [m].
-    pub sight_distance: V<S>,
+    pub sight_distance: F32<S>,
 }
 
 /// Whom a driver meets on a two-way road.
@@ -40,13 +42,13 @@ pub struct OncomingTraffic<S: Simd> {
     /// Who comes in any lane: that is who limits a pass.
     pub nearest: OncomingVehicle<S>,
     /// Whether somebody is seen to come in the driver's lane.
-    pub meets_in_own_lane: M<S>,
+    pub meets_in_own_lane: Mask<S>,
     /// When that one is believed to be met [s].
-    pub time_to_meeting: V<S>,
+    pub time_to_meeting: F32<S>,
     /// Whether somebody is passing the driver, as far as that is noticed.
-    pub is_being_passed: M<S>,
+    pub is_being_passed: Mask<S>,
     /// Whether the leader signals that it will pull out itself.
-    pub leader_pulls_out: M<S>,
+    pub leader_pulls_out: Mask<S>,
 }
 
 impl<S: Simd> OncomingVehicle<S> {
@@ -104,11 +106,12 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
     if asked {
         met.nearest = believe(state, params, i, coming.0, sight, &view, sure, decision);
         let lead = near.slot[LEADER];
-        let side = at_slot!(params.num_slots_in_use, lead, |j| state.indicator[j]);
+        let side = at_slot!(params.num_slots_in_use, lead, |j| state.controls.indicator
+            [j]);
         met.leader_pulls_out = lead.simd_ge(0.0) & side.simd_gt(0.0);
     }
     if facing.0.simd_ge(0.0).any_true() {
-        let range = state.shown[i];
+        let range = state.road.sight_distance[i];
         let view = sighting(state, params, near, i, facing, range);
         let sure = is_certain(state, params, i, IN_OWN_LANE, facing.0, &view);
         let facing = believe(state, params, i, facing.0, range, &view, sure, decision);
@@ -128,9 +131,9 @@ fn is_certain<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     lanes: usize,
-    slot: V<S>,
+    slot: F32<S>,
     view: &Sighting<S>,
-) -> M<S> {
+) -> Mask<S> {
     let (constants, simulation, effort) = (
         params.constants,
         &params.simulations,
@@ -138,10 +141,10 @@ fn is_certain<S: Simd, const N: usize>(
     );
     let needed =
         simulation.detection_time * (1.0 + constants.detection_growth * (effort * effort * effort));
-    let needed = choose(view.is_visible, needed, simulation.detection_time);
-    let seen = choose(view.is_visible, slot, splat(params.simd, NO_SLOT));
+    let needed = select(view.is_visible, needed, simulation.detection_time);
+    let seen = select(view.is_visible, slot, splat(params.simd, NO_SLOT));
     update_time_in_view(state, params, i, lanes, seen);
-    state.oncoming_time[i][lanes].simd_ge(needed)
+    state.attention.oncoming_time_in_view[i][lanes].simd_ge(needed)
 }
 
 /// Count for how long driver `i` has seen whom it sees now in some lanes.
@@ -151,18 +154,18 @@ fn update_time_in_view<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     lanes: usize,
-    seen: V<S>,
+    seen: F32<S>,
 ) {
-    let before = state.oncoming_id[i][lanes];
-    let time = state.oncoming_time[i][lanes] + params.constants.decision;
-    let longer = choose(seen.simd_eq(before), time, splat(params.simd, 0.0));
+    let before = state.attention.oncoming_slot[i][lanes];
+    let time = state.attention.oncoming_time_in_view[i][lanes] + params.constants.decision;
+    let longer = select(seen.simd_eq(before), time, splat(params.simd, 0.0));
     let first = before.simd_eq(NEVER_LOOKED);
-    state.oncoming_time[i][lanes] = choose(
+    state.attention.oncoming_time_in_view[i][lanes] = select(
         first,
         splat(params.simd, params.constants.initial_time_in_view),
         longer,
     );
-    state.oncoming_id[i][lanes] = seen;
+    state.attention.oncoming_slot[i][lanes] = seen;
 }
 
 /// Who comes behind the nearest, and what the ego would believe of it: our drivers decide by the nearest
@@ -193,10 +196,10 @@ pub fn observe_second_oncoming<S: Simd, const N: usize>(
 /// Whether an oncomer can be seen.
 struct Sighting<S: Simd> {
     /// Half of the lengths of both [m].
-    reach: V<S>,
-    gap: V<S>,
-    sight_range_ratio: V<S>,
-    is_visible: M<S>,
+    reach: F32<S>,
+    gap: F32<S>,
+    sight_range_ratio: F32<S>,
+    is_visible: Mask<S>,
 }
 
 /// What there is to see of an oncomer, as far as a range.
@@ -206,8 +209,8 @@ fn sighting<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
-    (slot, distance): (V<S>, V<S>),
-    range: V<S>,
+    (slot, distance): (F32<S>, F32<S>),
+    range: F32<S>,
 ) -> Sighting<S> {
     let [half, contrast, lamp] = each_at_slot!(params.num_slots_in_use, slot, |j| [
         params.vehicles[j].half_length,
@@ -216,7 +219,9 @@ fn sighting<S: Simd, const N: usize>(
     ]);
     let reach = half + params.vehicles[i].half_length;
     let gap = distance - reach;
-    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state.vx[j]);
+    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+        .motion
+        .vx[j]);
     let depths = extinction_ahead(state, params, near, leader_speed, i);
     let effort = sight_range_ratio(params, gap, true, [contrast, lamp], depths);
     let range = at_most(range, params.constants.oncoming_range);
@@ -234,7 +239,7 @@ pub fn expected_closing_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> V<S> {
+) -> F32<S> {
     state.road_velocity(i).0 + params.simulations.expected_oncoming_speed
 }
 
@@ -245,10 +250,10 @@ fn believe<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    slot: V<S>,
-    sight: V<S>,
+    slot: F32<S>,
+    sight: F32<S>,
     view: &Sighting<S>,
-    sure: M<S>,
+    sure: Mask<S>,
     decision: usize,
 ) -> OncomingVehicle<S> {
     let (constants, simulation, vehicle) =
@@ -256,14 +261,14 @@ fn believe<S: Simd, const N: usize>(
     let [width, two_wheeler, their_vx] = each_at_slot!(params.num_slots_in_use, slot, |j| [
         params.vehicles[j].looming_width,
         params.vehicles[j].two_wheeler,
-        state.vx[j]
+        state.motion.vx[j]
     ]);
     let detected = view.is_visible & sure;
     let (own_speed, _) = state.road_velocity(i);
     let urgent = view
         .gap
         .simd_lt(constants.urgent_time * (own_speed + their_vx));
-    let ticks = choose(
+    let ticks = select(
         urgent,
         vehicle.urgent_reaction_delay,
         vehicle.reaction_delay,
@@ -272,15 +277,15 @@ fn believe<S: Simd, const N: usize>(
     let then = at_least(at - ticks, 0.0);
     let (place, speed) = recall_motion(state, params.simd, then, slot);
     let place = place + speed * ((at - then) * constants.decision);
-    let gap = (params.road.directions.length - place) - state.s[i] - view.reach;
+    let gap = (params.road.directions.length - place) - state.motion.s[i] - view.reach;
     let closing = own_speed + speed;
     let (_, clear, share, sensed) = sense_looming(state, params, i, gap, closing, width);
-    let small = choose(
+    let small = select(
         two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_distance_factor),
         splat(params.simd, 1.0),
     );
-    let judged = exp(simulation.oncoming_error * state.distance_error[i]) * small;
+    let judged = exp(simulation.oncoming_error * state.noise.distance_error[i]) * small;
     let habit = expected_closing_speed(state, params, i);
     let range = splat(params.simd, constants.oncoming_range);
     OncomingVehicle {
@@ -288,8 +293,8 @@ fn believe<S: Simd, const N: usize>(
         gap: view.gap,
         is_detected: detected,
         is_certain: sure,
-        believed_gap: choose(detected, gap + gap * ((judged - 1.0) * share), range),
-        closing_speed: choose(detected, habit + clear * (sensed - habit), habit),
+        believed_gap: select(detected, gap + gap * ((judged - 1.0) * share), range),
+        closing_speed: select(detected, habit + clear * (sensed - habit), habit),
         sight_distance: sight,
     }
 }
@@ -301,7 +306,7 @@ fn sight_distance<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     near: &Neighbours<S>,
     i: usize,
-) -> V<S> {
+) -> F32<S> {
     let (constants, road) = (params.constants, params.road);
     let (place, _) = state.road_position(params, i);
     let turned = params.vehicles[i].travel_sign.simd_lt(0.0);
@@ -309,7 +314,7 @@ fn sight_distance<S: Simd, const N: usize>(
     let mut by_road = splat(params.simd, 0.0);
     for (table, there) in [(along, !turned), (against, turned)] {
         if there.any_true() {
-            by_road = choose(there, interpolate_knots(table, place), by_road);
+            by_road = select(there, interpolate_knots(table, place), by_road);
         }
     }
     let lead = near.slot[LEADER];
@@ -324,14 +329,14 @@ fn sight_distance<S: Simd, const N: usize>(
     let edge = near.lateral_distance[LEADER] + half_width - constants.eye_offset;
     let middle =
         0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
-    let beside = middle - state.d[i] - constants.eye_offset;
+    let beside = middle - state.motion.d[i] - constants.eye_offset;
     let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
-    let past = choose(
+    let past = select(
         hides,
         beside * (reach / at_least(edge, MIN_SIGHT_LINE)),
         splat(params.simd, FAR),
     );
-    let by_road = min(by_road, state.shown[i]);
+    let by_road = min(by_road, state.road.sight_distance[i]);
     min(min(by_road, past), params.simulations.oncoming_sight)
 }
 
@@ -339,34 +344,34 @@ fn sight_distance<S: Simd, const N: usize>(
 #[inline(always)]
 fn interpolate_knots<S: Simd>(
     [stations, values, slopes]: &[[f32; MAX_STATIONS]; 3],
-    place: V<S>,
-) -> V<S> {
+    place: F32<S>,
+) -> F32<S> {
     let mut found = splat(place.simd, 0.0);
     for k in station_indices(stations) {
         let here = values[k] + (place - stations[k]) * slopes[k];
-        found = choose(place.simd_ge(stations[k]), here, found);
+        found = select(place.simd_ge(stations[k]), here, found);
     }
     found
 }
 
 /// Slot of an oncomer, and the distance of the centres [m].
-type NearestOncoming<S> = (V<S>, V<S>);
+type NearestOncoming<S> = (F32<S>, F32<S>);
 
 /// A vehicle as who comes the other way sees it.
 #[derive(Clone, Copy)]
 struct OppositeView<S: Simd> {
-    s: V<S>,
-    right_side: V<S>,
-    left_side: V<S>,
-    lane: V<S>,
+    s: F32<S>,
+    right_side: F32<S>,
+    left_side: F32<S>,
+    lane: F32<S>,
     /// Whether it is on the road, in any lane.
-    on_road: M<S>,
+    on_road: Mask<S>,
 }
 
 impl<S: Simd> OppositeView<S> {
     /// Whether it is in a lane, or on a road, between edges.
     #[inline(always)]
-    fn overlaps(&self, (low, high): (V<S>, V<S>)) -> M<S> {
+    fn overlaps(&self, (low, high): (F32<S>, F32<S>)) -> Mask<S> {
         self.left_side.simd_gt(low) & self.right_side.simd_lt(high)
     }
 }
@@ -380,7 +385,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
     /// Who may be in the lane that those who come drive in, in any simulation.
     off_lane_slots: u32,
     /// Who overtakes, in which simulations and in any.
-    pub overtakes: [M<S>; N],
+    pub overtakes: [Mask<S>; N],
     overtaking_slots: u32,
 }
 
@@ -425,12 +430,12 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         for j in 0..params.num_slots_in_use {
             let other = &params.vehicles[j];
             let valid = other.valid.simd_gt(0.0);
-            let d = road.directions.edge_sum - state.d[j];
+            let d = road.directions.edge_sum - state.motion.d[j];
             let turned = OppositeView {
-                s: road.directions.length - state.s[j],
+                s: road.directions.length - state.motion.s[j],
                 right_side: d - other.half_width,
                 left_side: d + other.half_width,
-                lane: (road.num_lanes - 1) as f32 - state.lane[j],
+                lane: (road.num_lanes - 1) as f32 - state.lane_choice.lane[j],
                 on_road: valid,
             };
             let strays =
@@ -469,17 +474,17 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         }
         for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
             let other = &self.as_seen_by_oncoming[j];
-            let ahead = other.s - state.s[i];
+            let ahead = other.s - state.motion.s[i];
             let there = params.vehicles[j]
                 .travel_sign
                 .simd_ne(params.vehicles[i].travel_sign)
                 & ahead.simd_ge(0.0);
             let nearer = there & other.on_road & ahead.simd_lt(coming.1);
-            coming.0 = choose(nearer, splat(params.simd, j as i32 as f32), coming.0);
-            coming.1 = choose(nearer, ahead, coming.1);
+            coming.0 = select(nearer, splat(params.simd, j as i32 as f32), coming.0);
+            coming.1 = select(nearer, ahead, coming.1);
         }
         // Who keeps to its lane meets those alone who have left theirs.
-        let at_home = state.lane[i].simd_eq(0.0).all_true();
+        let at_home = state.lane_choice.lane[i].simd_eq(0.0).all_true();
         let opposed = if at_home {
             opposed & self.off_lane_slots
         } else {
@@ -488,23 +493,24 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         if opposed == 0 {
             return [where_vehicle_exists(params, i, coming), facing];
         }
-        let (low, high) = lane_borders(params, state.lane[i], 0.0);
+        let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
         let (low, high) = (
             low + params.constants.corridor_margin,
             high - params.constants.corridor_margin,
         );
         for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
             let other = &self.as_seen_by_oncoming[j];
-            let ahead = other.s - state.s[i];
+            let ahead = other.s - state.motion.s[i];
             let there = params.vehicles[j].valid.simd_gt(0.0)
                 & params.vehicles[j]
                     .travel_sign
                     .simd_ne(params.vehicles[i].travel_sign)
                 & ahead.simd_ge(0.0);
-            let comes = bodies[j].visibly_changes_lane & other.lane.simd_eq(state.lane[i]);
+            let comes =
+                bodies[j].visibly_changes_lane & other.lane.simd_eq(state.lane_choice.lane[i]);
             let nearer = there & (comes | other.overlaps((low, high))) & ahead.simd_lt(facing.1);
-            facing.0 = choose(nearer, splat(params.simd, j as i32 as f32), facing.0);
-            facing.1 = choose(nearer, ahead, facing.1);
+            facing.0 = select(nearer, splat(params.simd, j as i32 as f32), facing.0);
+            facing.1 = select(nearer, ahead, facing.1);
         }
         [
             where_vehicle_exists(params, i, coming),
@@ -518,7 +524,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         state: &State<'_, S, N>,
         params: &Params<'_, S, N>,
         i: usize,
-        slot: V<S>,
+        slot: F32<S>,
     ) -> NearestOncoming<S> {
         let bodies = core::array::from_fn(|j| {
             if j < params.num_slots_in_use {
@@ -543,17 +549,18 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         state: &State<'_, S, N>,
         params: &Params<'_, S, N>,
         i: usize,
-    ) -> M<S> {
+    ) -> Mask<S> {
         let vehicle = &params.vehicles[i];
         let mut passed = self.overtakes[i] & !self.overtakes[i];
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
             let other = &params.vehicles[j];
-            let apart = (state.s[i] - state.s[j]).abs() - (vehicle.half_length + other.half_length);
+            let apart = (state.motion.s[i] - state.motion.s[j]).abs()
+                - (vehicle.half_length + other.half_length);
             let same = vehicle.travel_sign.simd_eq(other.travel_sign) & self.overtakes[j];
             let beside = apart.simd_lt(params.constants.passed_awareness_margin) & same;
-            passed |= beside & state.lane[j].simd_gt(state.lane[i]);
+            passed |= beside & state.lane_choice.lane[j].simd_gt(state.lane_choice.lane[i]);
         }
-        passed & state.crashed[i].simd_eq(0.0)
+        passed & state.motion.is_wreck[i].simd_eq(0.0)
     }
 }
 
@@ -566,14 +573,15 @@ fn where_vehicle_exists<S: Simd, const N: usize>(
 ) -> NearestOncoming<S> {
     let valid = params.vehicles[i].valid.simd_gt(0.0);
     (
-        choose(valid, slot, splat(params.simd, NO_SLOT)),
-        choose(valid, distance, splat(params.simd, FAR)),
+        select(valid, slot, splat(params.simd, NO_SLOT)),
+        select(valid, distance, splat(params.simd, FAR)),
     )
 }
 
 /// Whether vehicle `i` is overtaking, or on its way back from there.
 #[inline(always)]
-pub fn is_overtaking<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
-    let away = state.stage[i].simd_ne(stage::FOLLOW) & state.stage[i].simd_ne(stage::DONE);
-    away & state.crashed[i].simd_eq(0.0)
+pub fn is_overtaking<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
+    let away = state.overtake.stage[i].simd_ne(stage::FOLLOW)
+        & state.overtake.stage[i].simd_ne(stage::DONE);
+    away & state.motion.is_wreck[i].simd_eq(0.0)
 }

@@ -8,7 +8,7 @@ use crate::ego_action::{self, EgoAction};
 use crate::gap_acceptance::form_intent;
 use crate::gap_acceptance::{Intent, is_in_stage};
 use crate::lane_change::start_lane_changes;
-use crate::math::vectors::{V, at_least, choose, max, min, put, splat};
+use crate::math::vectors::{F32, assign_where, at_least, max, min, select, splat};
 use crate::neighbour_search::Neighbours;
 use crate::params::{Params, SUBSTEPS};
 use crate::pass_continuation::{
@@ -94,8 +94,8 @@ pub fn decide_ego<S: Simd, const N: usize>(
     );
     let next = next_stage(state, params, near, EGO_SLOT, &intent);
     carry_out_intent(state, params, &mind, EGO_SLOT, &intent, step / SUBSTEPS);
-    put(
-        &mut state.attempted,
+    assign_where(
+        &mut state.has_attempted,
         intent.starts_pull_out,
         splat(params.simd, 1.0),
     );
@@ -115,8 +115,11 @@ pub fn decide_other<S: Simd, const N: usize>(
     i: usize,
     step: u32,
 ) {
-    let settled = state.stage[i].simd_eq(stage::FOLLOW) & state.signalled[i].simd_eq(0.0);
-    let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i].simd_eq(0.0);
+    let settled = state.overtake.stage[i].simd_eq(stage::FOLLOW)
+        & state.overtake.time_indicating[i].simd_eq(0.0);
+    let still = settled
+        & state.lane_choice.wanted_side[i].simd_eq(0.0)
+        & state.controls.indicator[i].simd_eq(0.0);
     if (still & !mind.checks_mirrors).all_true() {
         count_waiting_time(state, params, i, mind.beliefs);
         return; // A driver begins no manoeuvre without a look around.
@@ -127,12 +130,16 @@ pub fn decide_other<S: Simd, const N: usize>(
     let next = next_stage(state, params, mind.neighbours, i, &intent);
     carry_out_intent(state, params, &mind, i, &intent, step / SUBSTEPS);
     let done = next.simd_eq(stage::DONE);
-    put(&mut state.waited[i], done, splat(params.simd, 0.0));
+    assign_where(
+        &mut state.overtake.time_waiting[i],
+        done,
+        splat(params.simd, 0.0),
+    );
     set_stage(
         state,
         params,
         i,
-        choose(done, splat(params.simd, stage::FOLLOW), next),
+        select(done, splat(params.simd, stage::FOLLOW), next),
     );
 }
 
@@ -146,8 +153,8 @@ fn update_pass_continuation<S: Simd, const N: usize>(
 ) -> PassContinuation<S> {
     let plight = decide_pass_continuation(state, params, i, mind);
     let (one, zero) = (splat(params.simd, 1.0), splat(params.simd, 0.0));
-    state.yields[i] = choose(plight.must_abort, one, zero);
-    state.hurries[i] = choose(plight.must_return_urgently, one, zero);
+    state.overtake.must_abort[i] = select(plight.must_abort, one, zero);
+    state.overtake.must_return_urgently[i] = select(plight.must_return_urgently, one, zero);
     plight
 }
 
@@ -157,11 +164,15 @@ fn set_stage<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    next: V<S>,
+    next: F32<S>,
 ) {
-    let changed = next.simd_ne(state.stage[i]);
-    put(&mut state.stage_time[i], changed, splat(params.simd, 0.0));
-    state.stage[i] = next;
+    let changed = next.simd_ne(state.overtake.stage[i]);
+    assign_where(
+        &mut state.overtake.time_in_stage[i],
+        changed,
+        splat(params.simd, 0.0),
+    );
+    state.overtake.stage[i] = next;
 }
 
 /// Count the time behind a slower leader.
@@ -172,7 +183,7 @@ fn count_waiting_time<S: Simd, const N: usize>(
     i: usize,
     believed: &Beliefs<S>,
 ) {
-    let speed = state.vx[i];
+    let speed = state.motion.vx[i];
     let queues = believed.gap[LEADER].simd_lt(params.constants.waiting_time_gap * speed);
     let waits = is_in_stage(state, i, stage::FOLLOW)
         & believed.is_detected[LEADER]
@@ -180,8 +191,8 @@ fn count_waiting_time<S: Simd, const N: usize>(
         & state
             .desired_speed(params, i)
             .simd_gt(speed - believed.closing_speed[LEADER]);
-    let longer = state.waited[i] + params.constants.decision;
-    put(&mut state.waited[i], waits, longer);
+    let longer = state.overtake.time_waiting[i] + params.constants.decision;
+    assign_where(&mut state.overtake.time_waiting[i], waits, longer);
 }
 
 #[inline(always)]
@@ -191,9 +202,9 @@ fn next_stage<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     i: usize,
     intent: &Intent<S>,
-) -> V<S> {
+) -> F32<S> {
     let centre = 0.5 * (near.lane_right_edge + near.lane_left_edge);
-    let settled = (state.d[i] - centre)
+    let settled = (state.motion.d[i] - centre)
         .abs()
         .simd_lt(params.constants.settled_offset);
     let finished = intent.has_finished_lane_change & settled;
@@ -205,35 +216,35 @@ fn next_stage<S: Simd, const N: usize>(
         stage::ABORT,
         stage::FOLLOW,
     ];
-    let next = choose(
+    let next = select(
         intent.starts_pull_out,
         splat(params.simd, pull_out),
-        state.stage[i],
+        state.overtake.stage[i],
     );
-    let next = choose(
+    let next = select(
         is_in_stage(state, i, pull_out) & intent.has_finished_lane_change,
         splat(params.simd, pass),
         next,
     );
-    let next = choose(intent.cancels_pull_out, splat(params.simd, abort), next);
-    let returning = choose(
+    let next = select(intent.cancels_pull_out, splat(params.simd, abort), next);
+    let returning = select(
         intent.has_passed_target,
         splat(params.simd, back),
         splat(params.simd, abort),
     );
     let returns = intent.starts_return & is_in_stage(state, i, pass);
-    let next = choose(returns, returning, next);
-    let next = choose(
+    let next = select(returns, returning, next);
+    let next = select(
         is_in_stage(state, i, back) & finished,
         splat(params.simd, done),
         next,
     );
-    let next = choose(
+    let next = select(
         is_in_stage(state, i, abort) & finished,
         splat(params.simd, follow),
         next,
     );
-    choose(intent.cancels_return, splat(params.simd, pass), next)
+    select(intent.cancels_return, splat(params.simd, pass), next)
 }
 
 /// Move over and show it.
@@ -251,15 +262,15 @@ fn carry_out_intent<S: Simd, const N: usize>(
         intent.starts_pull_out | intent.cancels_return,
         intent.starts_return | intent.cancels_pull_out,
     );
-    put(
-        &mut state.target[i],
+    assign_where(
+        &mut state.overtake.target_slot[i],
         intent.starts_pull_out,
         mind.neighbours.slot[LEADER],
     );
     if params.road.directions.has_oncoming_traffic {
         let beside = overtakes_next_vehicle(state, params, i, mind);
-        put(
-            &mut state.target[i],
+        assign_where(
+            &mut state.overtake.target_slot[i],
             beside,
             mind.neighbours.slot[RIGHT_LEADER],
         );
@@ -267,9 +278,11 @@ fn carry_out_intent<S: Simd, const N: usize>(
     let broken_off = intent.cancels_pull_out | intent.cancels_return;
     let sides = (faster, slower, broken_off);
     let hasty = if params.road.directions.has_oncoming_traffic {
-        let hurried = state.hurries[i].simd_gt(0.0) | state.yields[i].simd_gt(0.0);
-        let turned = constants.min_change_distance / at_least(state.vx[i], constants.slip_speed);
-        Some(choose(
+        let hurried = state.overtake.must_return_urgently[i].simd_gt(0.0)
+            | state.overtake.must_abort[i].simd_gt(0.0);
+        let turned =
+            constants.min_change_distance / at_least(state.motion.vx[i], constants.slip_speed);
+        Some(select(
             hurried,
             max(params.simulations.urgent_change_duration, turned),
             zero,
@@ -279,19 +292,23 @@ fn carry_out_intent<S: Simd, const N: usize>(
     };
     start_lane_changes(state, params, i, sides, mind.beliefs, hasty, decision);
     let moved = faster | slower;
-    let kept = choose(state.signalled[i].simd_gt(0.0), state.indicator[i], zero);
+    let kept = select(
+        state.overtake.time_indicating[i].simd_gt(0.0),
+        state.controls.indicator[i],
+        zero,
+    );
     let used = params.vehicles[i].uses_indicator;
-    let shown = choose(
+    let shown = select(
         intent.wants_to_pull_out,
         used,
-        choose(intent.wants_to_return, -used, kept),
+        select(intent.wants_to_return, -used, kept),
     );
-    put(
-        &mut state.indicator[i],
+    assign_where(
+        &mut state.controls.indicator[i],
         intent.has_finished_lane_change & !moved,
         shown,
     );
-    put(&mut state.signalled[i], moved, zero);
+    assign_where(&mut state.overtake.time_indicating[i], moved, zero);
 }
 
 /// End the simulation some time after the overtake, or at the deadline if the ego follows then.
@@ -300,18 +317,18 @@ fn set_end_step<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     intent: &Intent<S>,
-    next: V<S>,
+    next: F32<S>,
     step: u32,
 ) {
     let constants = params.constants;
     let now = splat(params.simd, step as f32);
-    let over = next.simd_eq(stage::DONE) & state.stage[EGO_SLOT].simd_ne(stage::DONE);
+    let over = next.simd_eq(stage::DONE) & state.overtake.stage[EGO_SLOT].simd_ne(stage::DONE);
     let after = now + (constants.after_overtake / constants.step).round_ties_even();
     let sooner = min(state.end_step, after);
-    put(&mut state.end_step, over, sooner);
+    assign_where(&mut state.end_step, over, sooner);
     let idle = is_in_stage(state, EGO_SLOT, stage::FOLLOW)
         & !intent.wants_to_pull_out
         & now.simd_ge(params.simulations.deadline_step);
     let sooner = min(state.end_step, now);
-    put(&mut state.end_step, idle, sooner);
+    assign_where(&mut state.end_step, idle, sooner);
 }

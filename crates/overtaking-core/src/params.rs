@@ -2,7 +2,7 @@
 
 use fearless_simd::Simd;
 
-use crate::math::vectors::{LANES, Seats};
+use crate::math::vectors::{CopyLane, SIMD_LANES};
 use crate::names::{ModelConstants, SimulationParams, VehicleParams};
 use crate::run::engine::Inputs;
 use crate::state::EGO_SLOT;
@@ -200,19 +200,19 @@ pub struct Params<'a, S: Simd, const N: usize> {
     /// Whether any of its roads is a ring.
     pub is_ring: bool,
     pub key: [u32; 2],
-    pub scenario_index_low: [u32; LANES],
-    pub scenario_index_high: [u32; LANES],
+    pub scenario_index_low: [u32; SIMD_LANES],
+    pub scenario_index_high: [u32; SIMD_LANES],
 }
 
-impl<S: Simd, const N: usize> Seats for Params<'_, S, N> {
-    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
-        self.vehicles.seat(lane, &from.vehicles, other);
-        self.simulations.seat(lane, &from.simulations, other);
+impl<S: Simd, const N: usize> CopyLane for Params<'_, S, N> {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+        self.vehicles.copy_lane(lane, &from.vehicles, other);
+        self.simulations.copy_lane(lane, &from.simulations, other);
         self.is_ring |= from.is_ring;
         self.scenario_index_low
-            .seat(lane, &from.scenario_index_low, other);
+            .copy_lane(lane, &from.scenario_index_low, other);
         self.scenario_index_high
-            .seat(lane, &from.scenario_index_high, other);
+            .copy_lane(lane, &from.scenario_index_high, other);
     }
 }
 /// A struct whose fields are loaded in order from rows of sixteen numbers.
@@ -220,24 +220,24 @@ macro_rules! parameter_rows {
     ($(#[$doc:meta])* $name:ident, $names:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
-        pub struct $name<S: Simd> { $(pub(crate) $field: V<S>),* }
+        pub struct $name<S: Simd> { $(pub(crate) $field: F32<S>),* }
 
         /// Names of the fields, in the order in which they are handed over.
         pub const $names: &[&str] = &[$(stringify!($field)),*];
 
-        impl<S: Simd> Seats for $name<S> {
-            fn seat(&mut self, lane: usize, from: &Self, other: usize) {
-                $(self.$field.seat(lane, &from.$field, other);)*
+        impl<S: Simd> CopyLane for $name<S> {
+            fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+                $(self.$field.copy_lane(lane, &from.$field, other);)*
             }
         }
 
         impl<S: Simd> $name<S> {
             /// Fill the fields from consecutive rows.
             #[inline(always)]
-            pub(crate) fn load(simd: S, mut row: impl FnMut(usize) -> [f32; LANES]) -> Self {
+            pub(crate) fn load(simd: S, mut row: impl FnMut(usize) -> [f32; SIMD_LANES]) -> Self {
                 let mut at = 0;
                 $(
-                    let $field = V::simd_from(simd, row(at));
+                    let $field = F32::simd_from(simd, row(at));
                     at += 1;
                 )*
                 debug_assert_eq!(at, $names.len());

@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use crate::car_following::{acc_accel, cah_accel};
 use crate::decision_context::DriverContext;
 use crate::gap_acceptance::is_in_stage;
-use crate::math::vectors::{M, V, at_least, at_slot, choose, each_at_slot, min, splat};
+use crate::math::vectors::{F32, Mask, at_least, at_slot, each_at_slot, min, select, splat};
 use crate::params::Params;
 use crate::passing::{
     MIN_CLOSING_SPEED, assumed_oncoming_gap, current_passing_speed, line_is_solid,
@@ -20,13 +20,13 @@ const FAR: f32 = 1e9;
 /// How a driver in the other lane stands.
 pub struct PassContinuation<S: Simd> {
     /// It falls back behind the vehicle that it was to pass.
-    pub must_abort: M<S>,
+    pub must_abort: Mask<S>,
     /// It wants to be back soon.
-    pub must_return_urgently: M<S>,
+    pub must_return_urgently: Mask<S>,
     /// It would take a small gap for that.
-    pub accepts_small_gap: M<S>,
+    pub accepts_small_gap: Mask<S>,
     /// There will be room behind that vehicle, and the next one in its lane, once it is no faster.
-    pub fits_into_lane: M<S>,
+    pub fits_into_lane: Mask<S>,
 }
 
 /// Whether driver `i` goes on with its pass, and how.
@@ -44,9 +44,11 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
         &mind.oncoming.nearest,
     );
     let out = is_before_return(state, i);
-    let other = at_slot!(params.num_slots_in_use, state.target[i], |j| state
-        .road_velocity(j)
-        .0);
+    let other = at_slot!(
+        params.num_slots_in_use,
+        state.overtake.target_slot[i],
+        |j| state.road_velocity(j).0
+    );
     let speed = state.road_velocity(i).0;
     let (lead, bodies) = target_lead(state, params, i);
     let faster = speed - other;
@@ -56,7 +58,7 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
     let brake = constants.abort_decel_share * own.max_assumed_decel;
     let backwards = at_least(bodies - lead, 0.0);
     let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
-    let there = choose(
+    let there = select(
         coming.is_detected,
         coming.believed_gap / at_least(coming.closing_speed, MIN_CLOSING_SPEED),
         splat(params.simd, FAR),
@@ -65,17 +67,17 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
         lead.simd_gt(0.0) & (rest + constants.abort_margin).simd_gt(there) & back.simd_lt(rest);
     let no_time = must_return_before_next(state, params, i, mind);
     let room = near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER];
-    let left = own.return_time_gap * tall_vehicle_gap_factor(params, state.target[i]);
+    let left = own.return_time_gap * tall_vehicle_gap_factor(params, state.overtake.target_slot[i]);
     let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
     let too_slow = (onwards / at_least(faster, MIN_CLOSING_SPEED)).simd_gt(back);
     let trapped = no_time & (room.simd_lt(constants.min_return_space) | too_slow);
-    let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
+    let yields = (gives_up | trapped | state.overtake.must_abort[i].simd_gt(0.0)) & out;
     let beyond = (out | is_in_stage(state, i, stage::RETURN)) & !yields;
     let pressed = beyond & ((there - rest).simd_lt(constants.urgent_return_margin) | cramped);
     let late = line_is_solid(state, params, i, at_least(speed, 0.0) * rest)
         & own.heeds_solid_lines.simd_gt(0.0);
     // What is still gained on another while the brakes come on, and with them.
-    let gained = |faster: V<S>| {
+    let gained = |faster: F32<S>| {
         let faster = at_least(faster, 0.0);
         faster * (constants.brake_ramp + faster / (2.0 * brake))
     };
@@ -101,7 +103,7 @@ fn must_return_before_next<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
-) -> M<S> {
+) -> Mask<S> {
     let passes = is_in_stage(state, i, stage::PASS);
     if !passes.any_true() {
         return passes;
@@ -112,23 +114,32 @@ fn must_return_before_next<S: Simd, const N: usize>(
         &mind.oncoming.nearest,
     );
     let past = passes
-        & state.s[i].simd_gt(at_slot!(params.num_slots_in_use, state.target[i], |j| {
-            state.s[j]
-        }));
+        & state.motion.s[i].simd_gt(at_slot!(
+            params.num_slots_in_use,
+            state.overtake.target_slot[i],
+            |j| { state.motion.s[j] }
+        ));
     let (gap, closing) = (
         mind.beliefs.gap[RIGHT_LEADER],
         mind.beliefs.closing_speed[RIGHT_LEADER],
     );
-    let next_one = state.vx[i] - closing;
+    let next_one = state.motion.vx[i] - closing;
     let bodies = 2.0 * (mind.neighbours.half_length[RIGHT_LEADER] + own.half_length);
     let way = gap + bodies + constants.min_return_gap;
-    let longer = time_to_pass(state, params, i, way, (state.vx[i], closing), next_one);
+    let longer = time_to_pass(
+        state,
+        params,
+        i,
+        way,
+        (state.motion.vx[i], closing),
+        next_one,
+    );
     let longer =
         longer + 0.5 * params.simulations.urgent_change_duration + constants.urgent_return_margin;
     let late = assumed_oncoming_gap(own, coming).simd_lt(longer * coming.closing_speed);
     let needed = cah_accel(
         constants,
-        state.vx[i],
+        state.motion.vx[i],
         gap,
         closing,
         splat(params.simd, 0.0),
@@ -143,24 +154,27 @@ pub fn overtakes_next_vehicle<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
-) -> M<S> {
+) -> Mask<S> {
     let passes = is_in_stage(state, i, stage::PASS);
     if !passes.any_true() {
         return passes;
     }
     let near = mind.neighbours;
     let past = passes
-        & state.s[i].simd_gt(at_slot!(params.num_slots_in_use, state.target[i], |j| {
-            state.s[j]
-        }));
+        & state.motion.s[i].simd_gt(at_slot!(
+            params.num_slots_in_use,
+            state.overtake.target_slot[i],
+            |j| { state.motion.s[j] }
+        ));
     let beside = near.gap[RIGHT_LEADER].simd_lt(params.constants.min_return_gap);
-    let follows = must_return_before_next(state, params, i, mind) | state.yields[i].simd_gt(0.0);
+    let follows =
+        must_return_before_next(state, params, i, mind) | state.overtake.must_abort[i].simd_gt(0.0);
     past & beside & near.slot[RIGHT_LEADER].simd_ge(0.0) & !follows
 }
 
 /// Whether driver `i` is on its way past another.
 #[inline(always)]
-fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
+fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
     is_in_stage(state, i, stage::PULL_OUT) | is_in_stage(state, i, stage::PASS)
 }
 
@@ -169,7 +183,7 @@ fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) 
 pub fn can_abort_pass<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
-) -> M<S> {
+) -> Mask<S> {
     let (lead, bodies) = target_lead(state, params, EGO_SLOT);
     is_before_return(state, EGO_SLOT) & lead.simd_gt(bodies)
 }
@@ -180,13 +194,14 @@ fn target_lead<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> (V<S>, V<S>) {
-    let [place, half_length] = each_at_slot!(params.num_slots_in_use, state.target[i], |j| [
-        state.s[j],
-        params.vehicles[j].half_length
-    ]);
+) -> (F32<S>, F32<S>) {
+    let [place, half_length] = each_at_slot!(
+        params.num_slots_in_use,
+        state.overtake.target_slot[i],
+        |j| [state.motion.s[j], params.vehicles[j].half_length]
+    );
     let bodies = params.vehicles[i].half_length + half_length + params.constants.min_return_gap;
-    (place - state.s[i], bodies)
+    (place - state.motion.s[i], bodies)
 }
 
 /// The acceleration that driver `i` in the other lane does not go beyond: falling back, or fitting in
@@ -197,9 +212,9 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
-) -> V<S> {
+) -> F32<S> {
     let free = splat(params.simd, FAR);
-    let yields = state.yields[i].simd_gt(0.0);
+    let yields = state.overtake.must_abort[i].simd_gt(0.0);
     if !(yields | is_in_stage(state, i, stage::PASS)).any_true() {
         return free;
     }
@@ -213,34 +228,37 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
         believed.gap[RIGHT_LEADER],
         believed.closing_speed[RIGHT_LEADER],
     );
-    let other = at_slot!(params.num_slots_in_use, state.target[i], |j| state
-        .road_velocity(j)
-        .0);
+    let other = at_slot!(
+        params.num_slots_in_use,
+        state.overtake.target_slot[i],
+        |j| state.road_velocity(j).0
+    );
     let slow = state
         .road_velocity(i)
         .0
         .simd_lt(other - constants.abort_speed_difference);
-    let brake = choose(
+    let brake = select(
         slow,
         splat(params.simd, 0.0),
         -(constants.abort_decel_share * own.max_assumed_decel),
     );
     let middle = 0.5 * (near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER]);
-    let nearest = at_least(middle - own.min_gap, 0.0) / at_least(state.vx[i], constants.slip_speed);
+    let nearest =
+        at_least(middle - own.min_gap, 0.0) / at_least(state.motion.vx[i], constants.slip_speed);
     let fitting = acc_accel(
         constants,
         own,
-        state.vx[i],
+        state.motion.vx[i],
         current_passing_speed(state, params, i),
         gap,
         closing,
         min(constants.return_time_gap_share * own.time_gap, nearest),
         believed.accel[RIGHT_LEADER],
     );
-    let capped = choose(
+    let capped = select(
         must_return_before_next(state, params, i, mind),
         fitting,
         free,
     );
-    choose(yields, brake, capped)
+    select(yields, brake, capped)
 }

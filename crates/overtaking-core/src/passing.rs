@@ -3,7 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::math::vectors::{M, V, at_least, at_slot, choose, each_at_slot, max, min, splat};
+use crate::math::vectors::{F32, Mask, at_least, at_slot, each_at_slot, max, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 use crate::neighbour_search::Neighbours;
 use crate::oncoming::OncomingVehicle;
@@ -18,13 +18,13 @@ const MIN_ACCEL: f32 = 0.1;
 
 /// Time to gain a way on another vehicle, at constant acceleration up to a top speed.
 #[inline(always)]
-fn time_to_gain<S: Simd>(way: V<S>, faster: V<S>, top: V<S>, accel: V<S>) -> V<S> {
+fn time_to_gain<S: Simd>(way: F32<S>, faster: F32<S>, top: F32<S>, accel: F32<S>) -> F32<S> {
     let (a, most) = (at_least(accel, MIN_ACCEL), at_least(top, MIN_CLOSING_SPEED));
     let v = min(at_least(faster, 0.0), most);
     let ramp = (most - v) / a;
     let covered = 0.5 * (v + most) * ramp;
     let within = ((v * v + 2.0 * a * way).sqrt() - v) / a;
-    choose(way.simd_lt(covered), within, ramp + (way - covered) / most)
+    select(way.simd_lt(covered), within, ramp + (way - covered) / most)
 }
 
 /// The acceleration that a driver reckons with on the way up to a speed: what it likes to use, and no more
@@ -33,9 +33,9 @@ fn time_to_gain<S: Simd>(way: V<S>, faster: V<S>, top: V<S>, accel: V<S>) -> V<S
 fn expected_accel<S: Simd>(
     constants: &ModelConstants,
     own: &VehicleParams<S>,
-    speed: V<S>,
-    top: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    top: F32<S>,
+) -> F32<S> {
     let halfway = 0.5 * (speed + max(top, speed));
     let engine = min(
         own.launch_force,
@@ -51,8 +51,8 @@ fn passing_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    leader: V<S>,
-) -> V<S> {
+    leader: F32<S>,
+) -> F32<S> {
     let wanted = max(
         state.passing_speed(params, i),
         leader + params.constants.passing_speed_surplus,
@@ -68,14 +68,16 @@ pub fn current_passing_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> V<S> {
+) -> F32<S> {
     let (constants, own) = (params.constants, &params.vehicles[i]);
-    let other = at_slot!(params.num_slots_in_use, state.target[i], |j| state
-        .road_velocity(j)
-        .0);
+    let other = at_slot!(
+        params.num_slots_in_use,
+        state.overtake.target_slot[i],
+        |j| state.road_velocity(j).0
+    );
     let top = passing_speed(state, params, i, other);
-    let hurried = choose(
-        state.hurries[i].simd_gt(0.0),
+    let hurried = select(
+        state.overtake.must_return_urgently[i].simd_gt(0.0),
         constants.urgent_speed_factor * top,
         top,
     );
@@ -89,10 +91,10 @@ pub fn time_to_pass<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    way: V<S>,
-    (speed, faster): (V<S>, V<S>),
-    other: V<S>,
-) -> V<S> {
+    way: F32<S>,
+    (speed, faster): (F32<S>, F32<S>),
+    other: F32<S>,
+) -> F32<S> {
     let top = passing_speed(state, params, i, other);
     let accel = expected_accel(params.constants, &params.vehicles[i], speed, top);
     time_to_gain(way, faster, top - other, accel)
@@ -100,7 +102,10 @@ pub fn time_to_pass<S: Simd, const N: usize>(
 
 /// The way up to who comes, or may come from where the road is not seen.
 #[inline(always)]
-pub fn assumed_oncoming_gap<S: Simd>(own: &VehicleParams<S>, coming: &OncomingVehicle<S>) -> V<S> {
+pub fn assumed_oncoming_gap<S: Simd>(
+    own: &VehicleParams<S>,
+    coming: &OncomingVehicle<S>,
+) -> F32<S> {
     min(
         coming.believed_gap,
         own.assumed_sight_factor * coming.sight_distance,
@@ -111,15 +116,15 @@ pub fn assumed_oncoming_gap<S: Simd>(own: &VehicleParams<S>, coming: &OncomingVe
 #[inline(always)]
 pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    slot: V<S>,
-) -> V<S> {
+    slot: F32<S>,
+) -> F32<S> {
     let tall = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
         .blocks_view);
     let (more, same) = (
         splat(params.simd, params.constants.tall_vehicle_gap_factor),
         splat(params.simd, 1.0),
     );
-    choose(tall.simd_gt(0.0), more, same)
+    select(tall.simd_gt(0.0), more, same)
 }
 
 /// Whether the other lane is believed to be free for long enough by driver `i`, who believes the leader to be
@@ -131,10 +136,10 @@ pub fn accepts_oncoming_gap<S: Simd, const N: usize>(
     i: usize,
     near: &Neighbours<S>,
     coming: &OncomingVehicle<S>,
-    (gap, leader): (V<S>, V<S>),
-    impatience: V<S>,
-) -> M<S> {
-    let (constants, own, speed) = (params.constants, &params.vehicles[i], state.vx[i]);
+    (gap, leader): (F32<S>, F32<S>),
+    impatience: F32<S>,
+) -> Mask<S> {
+    let (constants, own, speed) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let bodies = 2.0 * (near.half_length[LEADER] + own.half_length);
     let returns = own.return_time_gap
         * impatience
@@ -165,10 +170,10 @@ pub fn gap_ahead_of<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    slot: V<S>,
-) -> V<S> {
+    slot: F32<S>,
+) -> F32<S> {
     let [place, half_length] = each_at_slot!(params.num_slots_in_use, slot, |j| [
-        state.s[j],
+        state.motion.s[j],
         params.vehicles[j].half_length
     ]);
     let front = place + half_length;
@@ -177,11 +182,11 @@ pub fn gap_ahead_of<S: Simd, const N: usize>(
         let vehicle = &params.vehicles[j];
         let beyond = vehicle.valid.simd_gt(0.0)
             & vehicle.travel_sign.simd_eq(params.vehicles[i].travel_sign)
-            & state.s[j].simd_gt(place)
+            & state.motion.s[j].simd_gt(place)
             & slot.simd_ne(j as i32 as f32);
-        room = choose(
+        room = select(
             beyond,
-            min(room, (state.s[j] - vehicle.half_length) - front),
+            min(room, (state.motion.s[j] - vehicle.half_length) - front),
             room,
         );
     }
@@ -194,8 +199,8 @@ pub fn line_is_solid<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    ahead: V<S>,
-) -> M<S> {
+    ahead: F32<S>,
+) -> Mask<S> {
     let direction = params.vehicles[i].travel_sign;
     let ahead = direction * ahead;
     let [stations, along, against] = &params.road.directions.solid_line;
@@ -203,13 +208,13 @@ pub fn line_is_solid<S: Simd, const N: usize>(
     let (place, _) = state.road_position(params, i);
     let mut solid = [splat(params.simd, 0.0); 2];
     for k in station_indices(stations) {
-        let mark = choose(
+        let mark = select(
             turned,
             splat(params.simd, against[k]),
             splat(params.simd, along[k]),
         );
         for (solid, place) in solid.iter_mut().zip([place, place + ahead]) {
-            *solid = choose(place.simd_ge(stations[k]), mark, *solid);
+            *solid = select(place.simd_ge(stations[k]), mark, *solid);
         }
     }
     solid[0].simd_gt(0.0) | solid[1].simd_gt(0.0)

@@ -6,7 +6,9 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::sincos;
-use crate::math::vectors::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
+use crate::math::vectors::{
+    F32, SIMD_LANES, at_least, clamp, clamp_to, dispatch, min, select, splat,
+};
 use crate::names::SimulationParams;
 use crate::params::{DerivedConstants, Params, Road};
 use crate::road_conditions;
@@ -18,14 +20,14 @@ use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
 /// Take fields out of a table with a row for each, and put them back.
 macro_rules! table_fields {
-    ($($field:ident),* $(,)?) => {
+    ($($group:ident.$field:ident),* $(,)?) => {
         /// What changes while somebody drives, in the order of the rows of a table.
         pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
 
         #[inline(always)]
         fn read_table<S: Simd, const N: usize>(state: &mut State<'_, S, N>, table: &[f32], simd: S) {
             let mut rows = table.chunks_exact(table.len() / TABLE_FIELDS.len());
-            $(for (mine, value) in state.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
+            $(for (mine, value) in state.$group.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
                 *mine = splat(simd, *value);
             })*
         }
@@ -40,7 +42,7 @@ macro_rules! table_fields {
             let mut rows = table.chunks_exact_mut(table.len() / TABLE_FIELDS.len());
             $(for (i, value) in rows.next().unwrap_or_default().iter_mut().enumerate() {
                 if let Some(lane) = of(i) {
-                    *value = state.$field[i][lane];
+                    *value = state.$group.$field[i][lane];
                 }
             })*
         }
@@ -48,8 +50,10 @@ macro_rules! table_fields {
 }
 
 table_fields! {
-    s, d, psi, vx, vy, r, wheel, accel, a_lon, a_lat, gust, distance_error, speed_error, wander, mu_fast,
-    mu_slow, wind_force, wind_moment, tail_wind,
+    motion.s, motion.d, motion.heading, motion.vx, motion.vy, motion.yaw_rate, controls.wheel_angle,
+    controls.requested_accel, motion.accel_lon, motion.accel_lat, noise.gust, noise.distance_error,
+    noise.speed_error, noise.lane_wander, friction_and_wind.mu_left, friction_and_wind.mu_right,
+    friction_and_wind.wind_force, friction_and_wind.wind_moment, friction_and_wind.tail_wind,
 }
 
 /// What drivers do, a number for each vehicle.
@@ -131,7 +135,13 @@ fn with_state<S: Simd, const N: usize>(
     table: &mut [f32],
 ) {
     let road = Road::of(inputs);
-    let (p, q) = load(simd, inputs.vehicle, inputs.simulation, inputs, &[0; LANES]);
+    let (p, q) = load(
+        simd,
+        inputs.vehicle,
+        inputs.simulation,
+        inputs,
+        &[0; SIMD_LANES],
+    );
     let world = Params::<S, N> {
         simd,
         constants: inputs.constants,
@@ -142,8 +152,8 @@ fn with_state<S: Simd, const N: usize>(
         num_slots_in_use: inputs.num_slots,
         is_ring: false,
         key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
-        scenario_index_low: [inputs.scenario_index[0] as u32; LANES],
-        scenario_index_high: [(inputs.scenario_index[0] >> 32) as u32; LANES],
+        scenario_index_low: [inputs.scenario_index[0] as u32; SIMD_LANES],
+        scenario_index_high: [(inputs.scenario_index[0] >> 32) as u32; SIMD_LANES],
     };
     let mut history = History::default();
     match deed {
@@ -164,7 +174,7 @@ fn update_weather<S: Simd, const N: usize>(
 ) {
     let before = table.to_vec();
     let steady = params.simulations;
-    for first in (0..params.num_slots_in_use).step_by(LANES) {
+    for first in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
         params.simd.vectorize(
             #[inline(always)]
             || {
@@ -175,7 +185,7 @@ fn update_weather<S: Simd, const N: usize>(
                 road_conditions::update_friction(&mut state, &params);
                 road_conditions::update_wind(&mut state, &params);
                 write_table(&state, table, |i| {
-                    i.checked_sub(first).filter(|lane| *lane < LANES)
+                    i.checked_sub(first).filter(|lane| *lane < SIMD_LANES)
                 });
             },
         );
@@ -190,7 +200,11 @@ fn wind_in_vehicle_axes<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     first: usize,
 ) {
-    for (lane, psi) in state.psi[first..].iter().take(LANES).enumerate() {
+    for (lane, psi) in state.motion.heading[first..]
+        .iter()
+        .take(SIMD_LANES)
+        .enumerate()
+    {
         let (sine, cosine) = sincos(*psi);
         let along = steady.wind_along * cosine + steady.wind_across * sine;
         let across = steady.wind_across * cosine - steady.wind_along * sine;
@@ -212,12 +226,16 @@ fn drive<S: Simd, const N: usize>(
             let mut state = State::at_start(params, &mut history.0);
             read_table(&mut state, table, params.simd);
             for i in 0..params.num_slots_in_use {
-                (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);
+                (state.motion.sin_heading[i], state.motion.cos_heading[i]) =
+                    sincos(state.motion.heading[i]);
             }
             for _ in 0..steps {
                 for i in 0..params.num_slots_in_use {
                     let stride = &params.derived.fine;
-                    let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
+                    let speed = at_least(
+                        state.motion.vx[i] + stride.half * state.motion.accel_lon[i],
+                        0.0,
+                    );
                     apply_throttle_and_brake(&mut state, params, i, controls, speed);
                     let angle = turn_wheels(&mut state, params, i, controls, speed);
                     let motion = vehicle_dynamics::compute_step::<S, N, false>(
@@ -240,10 +258,10 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     controls: PedalControls<'_>,
-    speed: V<S>,
+    speed: F32<S>,
 ) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
-    let air = speed - state.tail_wind[i];
+    let air = speed - state.friction_and_wind.tail_wind[i];
     let resistance = vehicle.drag * air * air.abs() + vehicle.rolling;
     let engine = min(
         vehicle.launch_force,
@@ -251,7 +269,7 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
     );
     let force =
         controls.throttle[i] * engine - controls.brake[i] * vehicle.max_brake_force - resistance;
-    state.accel[i] = force * vehicle.inverse_mass;
+    state.controls.requested_accel[i] = force * vehicle.inverse_mass;
 }
 
 /// Turn the front wheels, or lean into the curve that they stand for; the angle in the middle of the step.
@@ -261,18 +279,21 @@ fn turn_wheels<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     controls: PedalControls<'_>,
-    speed: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+) -> F32<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
-    let angle: V<S> = splat(params.simd, controls.wheel_angle[i]);
+    let angle: F32<S> = splat(params.simd, controls.wheel_angle[i]);
     let most = controls.wheel_rate * constants.step;
-    let turn = clamp_to(angle - state.wheel[i], -most, most);
+    let turn = clamp_to(angle - state.controls.wheel_angle[i], -most, most);
     let (sine, cosine) = sincos(angle);
     let curve = speed * speed * sine / (cosine * vehicle.wheelbase);
-    let grip = constants.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i]);
-    let lean = (clamp(curve, -grip, grip) - state.wheel[i]) * params.derived.fine.leaning;
-    let moved = choose(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
-    let before = state.wheel[i];
-    state.wheel[i] = before + moved;
+    let grip = constants.gravity
+        * 0.5
+        * (state.friction_and_wind.mu_left[i] + state.friction_and_wind.mu_right[i]);
+    let lean =
+        (clamp(curve, -grip, grip) - state.controls.wheel_angle[i]) * params.derived.fine.leaning;
+    let moved = select(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
+    let before = state.controls.wheel_angle[i];
+    state.controls.wheel_angle[i] = before + moved;
     before + 0.5 * moved
 }

@@ -6,8 +6,8 @@ use fearless_simd::{Simd, i32x16};
 use crate::math::elementary::exp;
 use crate::math::philox::{GLANCES, uniform, words};
 use crate::math::vectors::{
-    LANES, M, V, at_least, at_most, at_slot, choose, clamp_to, each_at_slot, floor, max, min, put,
-    splat,
+    F32, Mask, SIMD_LANES, assign_where, at_least, at_most, at_slot, clamp_to, each_at_slot, floor,
+    max, min, select, splat,
 };
 use crate::neighbour_search::{Neighbours, VisibleBody, nearest_image};
 use crate::params::Params;
@@ -32,11 +32,11 @@ pub const MIN_SIGHT_LINE: f32 = 0.1;
 /// What one driver acts on, by role.
 #[derive(Clone, Copy)]
 pub struct Beliefs<S: Simd> {
-    pub is_detected: [M<S>; NUM_ROLES],
-    pub gap: [V<S>; NUM_ROLES],
-    pub closing_speed: [V<S>; NUM_ROLES],
+    pub is_detected: [Mask<S>; NUM_ROLES],
+    pub gap: [F32<S>; NUM_ROLES],
+    pub closing_speed: [F32<S>; NUM_ROLES],
     /// Believed acceleration of those ahead, never positive [m/s^2].
-    pub accel: [V<S>; NUM_ROLES],
+    pub accel: [F32<S>; NUM_ROLES],
 }
 
 impl<S: Simd> Beliefs<S> {
@@ -63,10 +63,10 @@ pub fn record_history<S: Simd, const N: usize>(
     let row = decision % HISTORY_LENGTH;
     for i in 0..params.num_slots_in_use {
         let (along, _) = state.road_velocity(i);
-        let (low, high) = state.s[i].interleave(along);
+        let (low, high) = state.motion.s[i].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
-        for (memory, pair) in state.history[i].iter_mut().zip(pairs) {
+        for (memory, pair) in state.attention.history[i].iter_mut().zip(pairs) {
             memory[row] = *pair;
         }
     }
@@ -79,7 +79,7 @@ pub fn checks_mirrors_now<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     decision: u32,
-) -> M<S> {
+) -> Mask<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let interval = constants.glance_interval as u32;
     let turn = decision + i as u32 * constants.glance_stagger as u32;
@@ -87,13 +87,14 @@ pub fn checks_mirrors_now<S: Simd, const N: usize>(
         return vehicle.valid.simd_eq(vehicle.valid);
     }
     let signalled = if params.road.can_overtake(i) {
-        state.signalled[i].simd_gt(vehicle.indicator_lead_time)
+        state.overtake.time_indicating[i].simd_gt(vehicle.indicator_lead_time)
     } else {
-        state.wanted_time[i].simd_ge(vehicle.indicator_lead_time)
+        state.lane_choice.time_wanted[i].simd_ge(vehicle.indicator_lead_time)
     };
-    let looks = state.wanted[i].simd_ne(0.0) & signalled;
+    let looks = state.lane_choice.wanted_side[i].simd_ne(0.0) & signalled;
     if decision.is_multiple_of(constants.glance_moving as u32) {
-        return looks | state.path_time[i].simd_lt(constants.abort_until * state.path_duration[i]);
+        return looks
+            | state.path.elapsed[i].simd_lt(constants.abort_until * state.path.duration[i]);
     }
     looks
 }
@@ -104,7 +105,7 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    drawn: M<S>,
+    drawn: Mask<S>,
     decision: u32,
 ) {
     let stream = GLANCES + i as u32;
@@ -117,12 +118,13 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
     );
     let word = uniform(params.simd, word);
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    let checks = choose(
+    let checks = select(
         word.simd_lt(params.vehicles[i].checks_blind_spot),
         one,
         zero,
     );
-    state.checks[i] = choose(drawn, checks, state.checks[i]);
+    state.lane_choice.checks_blind_spot[i] =
+        select(drawn, checks, state.lane_choice.checks_blind_spot[i]);
 }
 
 #[inline(always)]
@@ -130,15 +132,15 @@ pub fn extinction_ahead<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     near: &Neighbours<S>,
-    leader_speed: V<S>,
+    leader_speed: F32<S>,
     i: usize,
-) -> (V<S>, V<S>) {
+) -> (F32<S>, F32<S>) {
     let (constants, simulation) = (params.constants, &params.simulations);
     let air = simulation.fog_extinction
-        + simulation.rain_extinction * (1.0 + state.vx[i] / constants.rain_speed);
+        + simulation.rain_extinction * (1.0 + state.motion.vx[i] / constants.rain_speed);
     let path = value_of_lane(
         &params.road.film_path[..params.road.num_lanes],
-        state.lane[i],
+        state.lane_choice.lane[i],
     );
     let water = lane_film(params, path);
     let zero = splat(params.simd, 0.0);
@@ -152,14 +154,14 @@ pub fn extinction_ahead<S: Simd, const N: usize>(
         .spray);
     let spray = constants.spray_coefficient * wetness * (speed * speed) * lifted;
     let close = near.slot[LEADER].simd_ge(0.0) & near.gap[LEADER].simd_lt(constants.spray_reach);
-    (air, choose(close, spray, zero))
+    (air, select(close, spray, zero))
 }
 
 /// What the leader hides.
 struct TallLeader<S: Simd> {
     /// Whether it is there and so high that nobody looks over it.
-    is_tall: M<S>,
-    half_width: V<S>,
+    is_tall: Mask<S>,
+    half_width: F32<S>,
 }
 
 impl<S: Simd> TallLeader<S> {
@@ -178,7 +180,7 @@ impl<S: Simd> TallLeader<S> {
 }
 
 #[inline(always)]
-fn is_occluded<S: Simd>(near: &Neighbours<S>, leader: &TallLeader<S>, role: usize) -> M<S> {
+fn is_occluded<S: Simd>(near: &Neighbours<S>, leader: &TallLeader<S>, role: usize) -> Mask<S> {
     let (lead, other) = (near.slot[LEADER], near.slot[role]);
     let reach = at_least(
         near.distance[LEADER] - near.half_length[LEADER],
@@ -195,11 +197,11 @@ fn is_occluded<S: Simd>(near: &Neighbours<S>, leader: &TallLeader<S>, role: usiz
 #[inline(always)]
 pub fn sight_range_ratio<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    gap: V<S>,
+    gap: F32<S>,
     is_front: bool,
-    [contrast, lamp]: [V<S>; 2],
-    (air, spray): (V<S>, V<S>),
-) -> V<S> {
+    [contrast, lamp]: [F32<S>; 2],
+    (air, spray): (F32<S>, F32<S>),
+) -> F32<S> {
     let (constants, simulation) = (params.constants, &params.simulations);
     let distance = clamp_to(gap, NEAREST_GAP, FARTHEST_GAP);
     let mut depth = air * distance;
@@ -226,11 +228,11 @@ fn detect<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     i: usize,
     role: usize,
-    effort: V<S>,
+    effort: F32<S>,
     leader: Option<&TallLeader<S>>,
-    before: &([V<S>; NUM_ROLES], [V<S>; NUM_ROLES]),
-    (steadily, now): (M<S>, M<S>),
-) -> M<S> {
+    before: &([F32<S>; NUM_ROLES], [F32<S>; NUM_ROLES]),
+    (steadily, now): (Mask<S>, Mask<S>),
+) -> Mask<S> {
     let constants = params.constants;
     let zero = splat(params.simd, 0.0);
     let (slot, gap) = (near.slot[role], near.gap[role]);
@@ -245,43 +247,43 @@ fn detect<S: Simd, const N: usize>(
         visible &= !is_occluded(near, leader, role);
     }
     let hides = gap.simd_lt(if is_front { 0.0 } else { constants.blind_spot })
-        & state.checks[i].simd_eq(0.0);
+        & state.lane_choice.checks_blind_spot[i].simd_eq(0.0);
     if hides.any_true() {
         let width = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
             .half_width);
         let aside = near.lateral_distance[role].abs() - (params.vehicles[i].half_width + width);
         visible &= !(hides & aside.simd_gt(constants.alongside));
     }
-    let more = choose(
+    let more = select(
         steadily,
         splat(params.simd, constants.decision),
         splat(params.simd, constants.glance_time),
     );
     let mut longer = zero;
     for (known, time) in before.0.into_iter().zip(before.1) {
-        longer = choose(slot.simd_eq(known), max(longer, time), longer);
+        longer = select(slot.simd_eq(known), max(longer, time), longer);
     }
     let first = before.0[role].simd_eq(NEVER_LOOKED);
-    let longer = choose(
+    let longer = select(
         first,
         splat(params.simd, constants.initial_time_in_view),
         longer + more,
     );
-    let longer = choose(visible, longer, zero);
-    put(&mut state.seen_time[i][role], now, longer);
-    put(&mut state.seen_id[i][role], now, slot);
+    let longer = select(visible, longer, zero);
+    assign_where(&mut state.attention.time_in_view[i][role], now, longer);
+    assign_where(&mut state.attention.slot_in_view[i][role], now, slot);
     let needed = params.simulations.detection_time
         * (1.0 + constants.detection_growth * (effort * effort * effort));
-    now & visible & state.seen_time[i][role].simd_ge(needed)
+    now & visible & state.attention.time_in_view[i][role].simd_ge(needed)
 }
 
 /// 0, 1, 2 ... 15.
 #[inline(always)]
-fn lane_numbers<S: Simd>(simd: S) -> V<S> {
-    let number: [f32; LANES] = [
+fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
+    let number: [f32; SIMD_LANES] = [
         0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
     ];
-    V::simd_from(simd, number)
+    F32::simd_from(simd, number)
 }
 
 /// Where and how fast the vehicles in `slot` were at decision `then`.
@@ -289,16 +291,16 @@ fn lane_numbers<S: Simd>(simd: S) -> V<S> {
 pub fn recall_motion<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     simd: S,
-    then: V<S>,
-    slot: V<S>,
-) -> (V<S>, V<S>) {
+    then: F32<S>,
+    slot: F32<S>,
+) -> (F32<S>, F32<S>) {
     let row = then - HISTORY_LENGTH as f32 * floor(then * (1.0 / HISTORY_LENGTH as f32));
     let who = at_least(slot, 0.0);
     let place: i32x16<S> =
-        (row + (who * LANES as f32 + lane_numbers(simd)) * HISTORY_STRIDE as f32).to_int();
+        (row + (who * SIMD_LANES as f32 + lane_numbers(simd)) * HISTORY_STRIDE as f32).to_int();
     let place = place.to_array();
-    let moments = state.history.as_flattened().as_flattened();
-    let (mut low, mut high) = ([0.0; LANES], [0.0; LANES]);
+    let moments = state.attention.history.as_flattened().as_flattened();
+    let (mut low, mut high) = ([0.0; SIMD_LANES], [0.0; SIMD_LANES]);
     for (lane, pair) in low
         .as_chunks_mut::<2>()
         .0
@@ -307,9 +309,10 @@ pub fn recall_motion<S: Simd, const N: usize>(
         .enumerate()
     {
         // The limit does nothing but spare the check of the bounds.
-        *pair = moments[(place[lane] as u32).min((N * LANES * HISTORY_STRIDE - 1) as u32) as usize];
+        *pair = moments
+            [(place[lane] as u32).min((N * SIMD_LANES * HISTORY_STRIDE - 1) as u32) as usize];
     }
-    V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
+    F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
 /// How an approach looms to driver `i`: whether it does at all, how much of it is noticed, what is left of
@@ -319,10 +322,10 @@ pub fn sense_looming<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    gap: V<S>,
-    closing: V<S>,
-    width: V<S>,
-) -> (M<S>, V<S>, V<S>, V<S>) {
+    gap: F32<S>,
+    closing: F32<S>,
+    width: F32<S>,
+) -> (Mask<S>, F32<S>, F32<S>, F32<S>) {
     let constants = params.constants;
     let distance = at_least(gap, NEAREST_GAP);
     let expansion = width * closing.abs() / (distance * distance);
@@ -331,7 +334,8 @@ pub fn sense_looming<S: Simd, const N: usize>(
     let clear = clamp_to(excess / span, 0.0, 1.0);
     let fading = at_least(closing * constants.error_fade_time, NEAREST_GAP);
     let share = at_most(distance / fading, 1.0);
-    let sensed = closing * (1.0 + share * (params.simulations.speed_error * state.speed_error[i]));
+    let sensed =
+        closing * (1.0 + share * (params.simulations.speed_error * state.noise.speed_error[i]));
     (excess.simd_gt(0.0), clear, share, sensed)
 }
 
@@ -345,27 +349,33 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
-    looks: M<S>,
+    looks: Mask<S>,
     believed: &mut Beliefs<S>,
 ) {
     let (constants, simulation, vehicle) =
         (params.constants, &params.simulations, &params.vehicles[i]);
     let zero = splat(params.simd, 0.0);
-    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state.vx[j]);
+    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+        .motion
+        .vx[j]);
     let depths = extinction_ahead(state, params, near, leader_speed, i);
     let everybody = vehicle.valid.simd_eq(vehicle.valid);
-    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    let changing = state.path.elapsed[i].simd_lt(state.path.duration[i]);
     // Beliefs about roles that no driver of the block looks at are not computed.
     let watched = |role: usize| {
         role == LEADER || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
     };
     let at = splat(params.simd, decision as f32);
-    let urgent = near.gap[LEADER].simd_lt(constants.urgent_time * (state.vx[i] - leader_speed));
+    let urgent =
+        near.gap[LEADER].simd_lt(constants.urgent_time * (state.motion.vx[i] - leader_speed));
     let (own_speed, _) = state.road_velocity(i);
-    let judged = exp(simulation.distance_error * state.distance_error[i]);
+    let judged = exp(simulation.distance_error * state.noise.distance_error[i]);
     *believed = Beliefs::nothing(params.simd);
     let leader = watched(LEFT_LEADER).then(|| TallLeader::new(params, near));
-    let before = (state.seen_id[i], state.seen_time[i]);
+    let before = (
+        state.attention.slot_in_view[i],
+        state.attention.time_in_view[i],
+    );
     // A short pass: the exponential and the root of one role take the time of those of several.
     let mut efforts = [zero; NUM_ROLES];
     for role in (0..NUM_ROLES).filter(|role| watched(*role)) {
@@ -397,8 +407,8 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         };
         let now = looks | steadily;
         if slot.simd_lt(0.0).all_true() {
-            put(&mut state.seen_id[i][role], now, slot);
-            put(&mut state.seen_time[i][role], now, zero);
+            assign_where(&mut state.attention.slot_in_view[i][role], now, slot);
+            assign_where(&mut state.attention.time_in_view[i][role], now, zero);
             continue;
         }
         let noticed = params.simd.vectorize(
@@ -418,7 +428,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             },
         );
         let ticks = match role {
-            LEADER => choose(
+            LEADER => select(
                 urgent,
                 vehicle.urgent_reaction_delay,
                 vehicle.reaction_delay,
@@ -429,9 +439,9 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         let (place, speed) = recall_motion(state, params.simd, then, slot);
         let place = place + speed * ((at - then) * constants.decision);
         let ahead = if is_front {
-            place - state.s[i]
+            place - state.motion.s[i]
         } else {
-            state.s[i] - place
+            state.motion.s[i] - place
         };
         let ahead = nearest_image(params, ahead);
         let gap = ahead - (near.half_length[role] + vehicle.half_length);
@@ -452,15 +462,15 @@ pub fn form_beliefs<S: Simd, const N: usize>(
                 0.0,
             );
             let lamps = change.simd_lt(-constants.stop_lamp_decel) & !looms;
-            let seen = choose(lamps, at_most(change, -constants.lamp_decel), change);
-            believed.accel[role] = choose(noticed, seen, zero);
+            let seen = select(lamps, at_most(change, -constants.lamp_decel), change);
+            believed.accel[role] = select(noticed, seen, zero);
         }
         believed.is_detected[role] = noticed;
-        believed.gap[role] = choose(
+        believed.gap[role] = select(
             noticed,
             gap + gap * error,
             splat(params.simd, constants.unseen_gap),
         );
-        believed.closing_speed[role] = choose(noticed, clear * sensed, zero);
+        believed.closing_speed[role] = select(noticed, clear * sensed, zero);
     }
 }

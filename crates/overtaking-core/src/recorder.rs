@@ -6,7 +6,7 @@ pub(crate) mod output;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
-use crate::math::vectors::{LANES, M, Seats, V, choose, clamp_to, splat};
+use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, clamp_to, select, splat};
 use crate::names::lights;
 use crate::neighbour_search::Neighbours;
 use crate::oncoming::OncomingVehicle;
@@ -29,22 +29,22 @@ pub enum ManoeuvreKind {
 /// Collects the recorded integers of a block and hashes them.
 pub struct Recorder<'a, const N: usize> {
     /// Where the simulation of each lane goes; `None` in lanes that are free.
-    out: [Option<Output<'a>>; LANES],
-    hash: [[u32; LANES]; 4],
-    frames: [usize; LANES],
+    out: [Option<Output<'a>>; SIMD_LANES],
+    hash: [[u32; SIMD_LANES]; 4],
+    frames: [usize; SIMD_LANES],
     flushed: usize,
 }
 
 impl<'a, const N: usize> Recorder<'a, N> {
     /// A recorder of the simulations of some lanes.
-    pub fn new(mut out: [Option<Output<'a>>; LANES]) -> Self {
+    pub fn new(mut out: [Option<Output<'a>>; SIMD_LANES]) -> Self {
         for out in out.iter_mut().flatten() {
             clear(out);
         }
         Self {
             out,
             hash: hash_start(),
-            frames: [0; LANES],
+            frames: [0; SIMD_LANES],
             flushed: 0,
         }
     }
@@ -63,7 +63,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     pub fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
         debug_assert_eq!(self.flushed, from.flushed);
         self.out[lane] = from.out[other].take();
-        self.hash.seat(lane, &from.hash, other);
+        self.hash.copy_lane(lane, &from.hash, other);
         self.frames[lane] = from.frames[other];
     }
 
@@ -73,7 +73,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         &mut self,
         state: &State<'_, S, N>,
         params: &Params<'_, S, N>,
-        active: M<S>,
+        active: Mask<S>,
         number: usize,
         tile: &mut FrameTile<N>,
     ) {
@@ -99,9 +99,9 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 self.prefetch_rows(i, at);
             }
         }
-        let stage: i32x16<S> = state.stage[EGO_SLOT].to_int();
-        let nobody = state.contact_partner[EGO_SLOT].simd_lt(0.0);
-        let partner: i32x16<S> = state.contact_partner[EGO_SLOT].to_int();
+        let stage: i32x16<S> = state.overtake.stage[EGO_SLOT].to_int();
+        let nobody = state.first_contact.partner[EGO_SLOT].simd_lt(0.0);
+        let partner: i32x16<S> = state.first_contact.partner[EGO_SLOT].to_int();
         let partner = nobody.select(i32x16::splat(simd, NO_VEHICLE), partner);
         let frame = i32x16::splat(simd, number as i32);
         let zero = i32x16::splat(simd, 0);
@@ -152,7 +152,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let there = params.vehicles[i].valid.simd_gt(0.0);
             for k in 0..NUM_PACKED_WORDS {
                 let from = (i * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE;
-                let turned = transpose(params.simd, &tile.0[from..from + LANES]);
+                let turned = transpose(params.simd, &tile.0[from..from + SIMD_LANES]);
                 for (lane, (out, Row(row))) in self.out.iter_mut().zip(&turned).enumerate() {
                     if let Some(out) = out.as_mut().filter(|_| there.test(lane)) {
                         put_tile(out, i, k, start, row);
@@ -171,7 +171,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         params: &Params<'_, S, N>,
         near: &Neighbours<S>,
         believed: &Beliefs<S>,
-        mask: M<S>,
+        mask: Mask<S>,
         kind: ManoeuvreKind,
         roles: [usize; 3],
         step: u32,
@@ -190,7 +190,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             let slot = comes.map_or(near.slot[role], |one| one.slot);
             let mut speed = state.road_velocity(0).0;
             for j in 1..params.num_slots_in_use {
-                speed = choose(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
+                speed = select(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
             }
             let closing = if comes.is_some() {
                 own + speed
@@ -231,7 +231,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 out.percept_time[at] = step as i32 * 10;
             }
         }
-        state.num_percepts = choose(mask, state.num_percepts + 1.0, state.num_percepts);
+        state.num_percepts = select(mask, state.num_percepts + 1.0, state.num_percepts);
     }
 
     /// Write what is left of a simulation that has ended: zeros behind its frames, contacts and hash.
@@ -308,13 +308,16 @@ fn put_contacts<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
 ) {
     for i in 0..out.slots {
-        let partner = state.contact_partner[i][lane];
+        let partner = state.first_contact.partner[i][lane];
         let slot = if partner < 0.0 { 255 } else { partner as u8 };
         let time =
-            to_recorded_integers(state.contact_time[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
-        let impulse = to_recorded_integers(state.contact_impulse[i], 1.0, INT32_LIMIT)[lane];
-        let speed =
-            to_recorded_integers(state.contact_speed[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
+            to_recorded_integers(state.first_contact.time[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
+        let impulse = to_recorded_integers(state.first_contact.impulse[i], 1.0, INT32_LIMIT)[lane];
+        let speed = to_recorded_integers(
+            state.first_contact.closing_speed[i],
+            INTEGERS_PER_UNIT,
+            INT32_LIMIT,
+        )[lane];
         out.contact_partner[i] = slot;
         out.contact_time[i] = time;
         out.contact_impulse[i] = impulse;
@@ -364,14 +367,14 @@ const INTEGERS_PER_RADIAN: f32 = 10000.0;
 
 /// A number in steps, the nearest, within limits.
 #[inline(always)]
-pub fn to_recorded_integers<S: Simd>(value: V<S>, scale: f32, limit: f32) -> i32x16<S> {
+pub fn to_recorded_integers<S: Simd>(value: F32<S>, scale: f32, limit: f32) -> i32x16<S> {
     clamp_to(value * scale, -limit, limit)
         .round_ties_even()
         .to_int()
 }
 
 #[inline(always)]
-fn wrap_angle<S: Simd>(angle: V<S>) -> V<S> {
+fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
     let turns = (angle * TURNS_PER_RADIAN).round_ties_even();
     angle - turns * core::f32::consts::TAU
 }
@@ -392,16 +395,17 @@ pub fn state_words<S: Simd, const N: usize>(
         let beyond = from_slow.simd_ge(road.boundaries[k]);
         lane = beyond.select(i32x16::splat(params.simd, k as i32), lane);
     }
-    let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
-    let wheel = choose(
+    let speed =
+        (state.motion.vx[i] * state.motion.vx[i] + state.motion.vy[i] * state.motion.vy[i]).sqrt();
+    let wheel = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, 0.0),
-        state.wheel[i],
+        state.controls.wheel_angle[i],
     );
-    let mut course = heading + road.overtaking_sign * state.psi[i];
+    let mut course = heading + road.overtaking_sign * state.motion.heading[i];
     if road.directions.has_oncoming_traffic {
         let half_turn = splat(params.simd, core::f32::consts::PI);
-        course += choose(
+        course += select(
             vehicle.travel_sign.simd_lt(0.0),
             half_turn,
             splat(params.simd, 0.0),
@@ -419,14 +423,14 @@ pub fn state_words<S: Simd, const N: usize>(
             INTEGERS_PER_RADIAN,
             INT16_LIMIT,
         ),
-        to_recorded_integers(state.a_lon[i], INTEGERS_PER_UNIT, INT16_LIMIT),
+        to_recorded_integers(state.motion.accel_lon[i], INTEGERS_PER_UNIT, INT16_LIMIT),
         to_recorded_integers(
-            road.overtaking_sign * state.a_lat[i],
+            road.overtaking_sign * state.motion.accel_lat[i],
             INTEGERS_PER_UNIT,
             INT16_LIMIT,
         ),
         to_recorded_integers(
-            road.overtaking_sign * state.r[i],
+            road.overtaking_sign * state.motion.yaw_rate[i],
             INTEGERS_PER_RADIAN,
             INT16_LIMIT,
         ),
@@ -441,7 +445,7 @@ fn recorded_lights<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
 ) -> i32x16<S> {
-    let towards_left = params.road.overtaking_sign * state.indicator[i];
+    let towards_left = params.road.overtaking_sign * state.controls.indicator[i];
     let left = towards_left.simd_gt(0.0).select(
         i32x16::splat(params.simd, lights::INDICATOR_LEFT),
         i32x16::splat(params.simd, 0),
@@ -450,8 +454,8 @@ fn recorded_lights<S: Simd, const N: usize>(
         i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
         i32x16::splat(params.simd, 0),
     );
-    let braking =
-        state.accel[i].simd_lt(-params.constants.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
+    let braking = state.controls.requested_accel[i].simd_lt(-params.constants.stop_lamp_decel)
+        | state.motion.is_wreck[i].simd_gt(0.0);
     let base: i32x16<S> = params.vehicles[i].initial_lights.to_int();
     let shown = base
         + left
@@ -463,7 +467,7 @@ fn recorded_lights<S: Simd, const N: usize>(
     if !params.road.directions.has_oncoming_traffic {
         return shown;
     }
-    let flashes = state.flashes[i].simd_gt(0.0);
+    let flashes = state.controls.flashes_high_beam[i].simd_gt(0.0);
     shown
         + flashes.select(
             i32x16::splat(params.simd, lights::HIGH_BEAM),
@@ -476,19 +480,19 @@ const PRIME_2: u32 = 2_246_822_519;
 const PRIME_3: u32 = 3_266_489_917;
 
 /// The four words of the hash of each simulation before anything is recorded.
-pub fn hash_start() -> [[u32; LANES]; 4] {
+pub fn hash_start() -> [[u32; SIMD_LANES]; 4] {
     [
         PRIME_1.wrapping_add(PRIME_2),
         PRIME_2,
         0,
         0u32.wrapping_sub(PRIME_1),
     ]
-    .map(|word| [word; LANES])
+    .map(|word| [word; SIMD_LANES])
 }
 
 /// Mix a word of each simulation into one of the four, in the masked simulations.
 #[inline(always)]
-pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: M<S>) -> u32x16<S> {
+pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: Mask<S>) -> u32x16<S> {
     let word: u32x16<S> = word.bitcast();
     let sum = hash + word * PRIME_2;
     let mixed = ((sum << 13) | (sum >> 19)) * PRIME_1;

@@ -5,7 +5,9 @@ use fearless_simd::prelude::*;
 
 use crate::math::elementary::{atan, exp, sincos};
 use crate::math::philox::{MOTION, uniform, words};
-use crate::math::vectors::{LANES, V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
+use crate::math::vectors::{
+    F32, SIMD_LANES, at_least, at_most, clamp_to, floor, max, min, select, splat,
+};
 use crate::names::ModelConstants;
 use crate::params::Params;
 use crate::state::{NO_ACCEL_LIMIT, State};
@@ -21,7 +23,7 @@ const MIN_RADIUS_SHARE: f32 = 0.25;
 const MIN_AIR_SPEED: f32 = 1.0;
 
 #[inline(always)]
-fn ornstein_uhlenbeck_step<S: Simd>(process: V<S>, keep: V<S>, word: V<S>) -> V<S> {
+fn ornstein_uhlenbeck_step<S: Simd>(process: F32<S>, keep: F32<S>, word: F32<S>) -> F32<S> {
     let innovation = ROOT_3 * (2.0 * word - 1.0);
     keep * process + (1.0 - keep * keep).sqrt() * innovation
 }
@@ -54,22 +56,26 @@ pub fn update_random_processes<S: Simd, const N: usize>(
             MOTION + i as u32,
             decision,
         );
-        let along = state.vx[i] - in_travel_direction(params, i, simulation.wind_along);
+        let along = state.motion.vx[i] - in_travel_direction(params, i, simulation.wind_along);
         let air_speed = (along * along + simulation.wind_across * simulation.wind_across).sqrt();
         let keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
-        state.gust[i] = ornstein_uhlenbeck_step(state.gust[i], keep, uniform(params.simd, gust));
-        state.distance_error[i] = ornstein_uhlenbeck_step(
-            state.distance_error[i],
+        state.noise.gust[i] =
+            ornstein_uhlenbeck_step(state.noise.gust[i], keep, uniform(params.simd, gust));
+        state.noise.distance_error[i] = ornstein_uhlenbeck_step(
+            state.noise.distance_error[i],
             keep_error,
             uniform(params.simd, distance),
         );
-        state.speed_error[i] = ornstein_uhlenbeck_step(
-            state.speed_error[i],
+        state.noise.speed_error[i] = ornstein_uhlenbeck_step(
+            state.noise.speed_error[i],
             keep_error,
             uniform(params.simd, speed),
         );
-        state.wander[i] =
-            ornstein_uhlenbeck_step(state.wander[i], keep_wander, uniform(params.simd, lane));
+        state.noise.lane_wander[i] = ornstein_uhlenbeck_step(
+            state.noise.lane_wander[i],
+            keep_wander,
+            uniform(params.simd, lane),
+        );
     }
 }
 
@@ -78,8 +84,8 @@ pub fn update_random_processes<S: Simd, const N: usize>(
 fn in_travel_direction<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
-    value: V<S>,
-) -> V<S> {
+    value: F32<S>,
+) -> F32<S> {
     if params.road.directions.has_oncoming_traffic {
         params.vehicles[i].travel_sign * value
     } else {
@@ -89,10 +95,10 @@ fn in_travel_direction<S: Simd, const N: usize>(
 
 /// `values[lane]` for whole-number lanes, the first or last value outside.
 #[inline(always)]
-pub fn value_of_lane<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
+pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
     let mut chosen = splat(lane.simd, values[0]);
     for (k, value) in values.iter().enumerate().skip(1) {
-        chosen = choose(
+        chosen = select(
             lane.simd_ge(k as i32 as f32),
             splat(lane.simd, *value),
             chosen,
@@ -103,7 +109,7 @@ pub fn value_of_lane<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
 
 /// Film on a lane outside puddles [mm].
 #[inline(always)]
-pub fn lane_film<S: Simd, const N: usize>(params: &Params<'_, S, N>, path: V<S>) -> V<S> {
+pub fn lane_film<S: Simd, const N: usize>(params: &Params<'_, S, N>, path: F32<S>) -> F32<S> {
     max(
         params.simulations.min_wet_film,
         params.simulations.film_rain_factor * path - params.simulations.texture_depth,
@@ -111,7 +117,7 @@ pub fn lane_film<S: Simd, const N: usize>(params: &Params<'_, S, N>, path: V<S>)
 }
 
 #[inline(always)]
-fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
+fn triangle_wave<S: Simd>(x: F32<S>) -> F32<S> {
     (2.0 * (x - floor(x)) - 1.0).abs()
 }
 
@@ -119,9 +125,9 @@ fn triangle_wave<S: Simd>(x: V<S>) -> V<S> {
 #[inline(always)]
 fn puddle_depth_share<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    s: V<S>,
-    path: V<S>,
-) -> V<S> {
+    s: F32<S>,
+    path: F32<S>,
+) -> F32<S> {
     let (constants, simulation) = (params.constants, &params.simulations);
     let wave = triangle_wave(
         s * constants.inverse_puddle_wave_1 + simulation.puddle_phase_1 + PHASE_STEP_1 * path,
@@ -141,10 +147,10 @@ fn puddle_depth_share<S: Simd, const N: usize>(
 #[inline(always)]
 pub fn friction_at_speed<S: Simd>(
     constants: &ModelConstants,
-    speed: V<S>,
-    wear: V<S>,
-    truck: V<S>,
-) -> [V<S>; 4] {
+    speed: F32<S>,
+    wear: F32<S>,
+    truck: F32<S>,
+) -> [F32<S>; 4] {
     let [v0, v1, v2] = constants.friction_speeds;
     let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
     let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
@@ -171,9 +177,9 @@ pub fn friction_at_speed<S: Simd>(
 #[inline(always)]
 pub fn friction_at_film<S: Simd>(
     constants: &ModelConstants,
-    columns: &[V<S>; 4],
-    film: V<S>,
-) -> V<S> {
+    columns: &[F32<S>; 4],
+    film: F32<S>,
+) -> F32<S> {
     let [h0, h1, h2, h3] = constants.friction_films;
     if film.simd_le(h0).all_true() {
         return at_least(columns[0], constants.friction_floor);
@@ -201,18 +207,18 @@ pub fn update_road_course<S: Simd, const N: usize>(
     );
     let table = &params.road.course_table;
     let turned = vehicle.travel_sign.simd_lt(0.0);
-    let offset = choose(turned, state.d[i] - ways.edge_sum, state.d[i]);
+    let offset = select(turned, state.motion.d[i] - ways.edge_sum, state.motion.d[i]);
     let soon = 0.5 * constants.decision;
-    let late = choose(
+    let late = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
-        constants.steering_lag + vehicle.side_lag * state.vx[i],
+        constants.steering_lag + vehicle.side_lag * state.motion.vx[i],
     );
-    let (s, v) = (state.s[i], state.vx[i]);
+    let (s, v) = (state.motion.s[i], state.motion.vx[i]);
     let (here, there) = (s + soon * v, s + (soon + late) * v);
     let last = (table.curvature.len() - 1) as f32;
-    let station = |s: V<S>| {
-        let way = choose(turned, ways.length - s, s) * constants.per_station;
+    let station = |s: F32<S>| {
+        let way = select(turned, ways.length - s, s) * constants.per_station;
         clamp_to(way, 0.0, last)
     };
     let (here, there, now) = (station(here), station(there), station(s));
@@ -225,34 +231,35 @@ pub fn update_road_course<S: Simd, const N: usize>(
         table.truck_sight_against,
     ];
     let allowed_speeds = [table.allowed_speed_along, table.allowed_speed_against];
-    let stretch = |bend: V<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
+    let stretch = |bend: F32<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
     let bend = vehicle.travel_sign * interpolate_course(here, last, |_| table.curvature);
     let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| table.curvature);
-    state.stretch[i] = stretch(bend);
-    state.curve[i] = bend * state.stretch[i];
-    state.curve_ahead[i] = ahead * stretch(ahead);
-    state.slope[i] = vehicle.travel_sign * interpolate_course(here, last, |_| table.sine_of_slope);
+    state.road.station_per_metre[i] = stretch(bend);
+    state.road.curvature[i] = bend * state.road.station_per_metre[i];
+    state.road.curvature_ahead[i] = ahead * stretch(ahead);
+    state.road.sin_slope[i] =
+        vehicle.travel_sign * interpolate_course(here, last, |_| table.sine_of_slope);
     let radius = interpolate_course(now, last, |lane| radii[is_oncoming(lane)]);
-    state.bend_speed[i] =
+    state.road.bend_speed[i] =
         (at_most(params.simulations.max_lateral_accel, constants.bend_accel) * radius).sqrt();
     let sight =
         |lane: usize| 2 * usize::from(vehicle.has_truck_tyres[lane] > 0.0) + is_oncoming(lane);
-    state.shown[i] = interpolate_course(now, last, |lane| sights[sight(lane)]);
+    state.road.sight_distance[i] = interpolate_course(now, last, |lane| sights[sight(lane)]);
     let allowed =
-        |place: V<S>| interpolate_course(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
-    let wanted = |limit: V<S>| min(adapted_speed(params, i, limit), vehicle.desired_speed);
-    state.allowed_speed[i] = allowed(now);
-    let wish = wanted(state.allowed_speed[i]);
+        |place: F32<S>| interpolate_course(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
+    let wanted = |limit: F32<S>| min(adapted_speed(params, i, limit), vehicle.desired_speed);
+    state.road.speed_limit[i] = allowed(now);
+    let wish = wanted(state.road.speed_limit[i]);
     let soon = wanted(allowed(station(s + constants.decision * v)));
     let change = (soon - wish) / constants.decision;
     let eased = max(change + (wish - v) * constants.per_approach, -vehicle.decel);
-    state.most_accel[i] = choose(
+    state.road.accel_limit[i] = select(
         change.simd_lt(0.0),
         eased,
         splat(params.simd, NO_ACCEL_LIMIT),
     );
-    state.wanted_pass_speed[i] = min(wish * constants.passing_speed_factor, vehicle.passing_speed);
-    state.wanted_speed[i] = wish;
+    state.road.passing_speed[i] = min(wish * constants.passing_speed_factor, vehicle.passing_speed);
+    state.road.desired_speed[i] = wish;
 }
 
 /// Speed that driver `i` wants under a limit in its weather and light.
@@ -260,8 +267,8 @@ pub fn update_road_course<S: Simd, const N: usize>(
 fn adapted_speed<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
-    limit: V<S>,
-) -> V<S> {
+    limit: F32<S>,
+) -> F32<S> {
     let (vehicle, simulation) = (&params.vehicles[i], &params.simulations);
     let wanted = vehicle.free_speed
         - vehicle.speed_limit_compliance * at_least(vehicle.free_speed - limit, 0.0);
@@ -275,13 +282,13 @@ fn adapted_speed<S: Simd, const N: usize>(
 /// A row of the road between its stations, linear; each simulation may have its own.
 #[inline(always)]
 fn interpolate_course<'a, S: Simd>(
-    station: V<S>,
+    station: F32<S>,
     last: f32,
     row: impl Fn(usize) -> &'a [f32],
-) -> V<S> {
+) -> F32<S> {
     let first = at_most(floor(station), last - 1.0);
     let (mut low, mut high) = (first, first);
-    for lane in 0..LANES {
+    for lane in 0..SIMD_LANES {
         let (row, k) = (row(lane), first[lane] as usize);
         (low[lane], high[lane]) = (row[k], row[k + 1]);
     }
@@ -301,8 +308,8 @@ pub fn update_friction<S: Simd, const N: usize>(
         let vehicle = &params.vehicles[i];
         let mut lane = splat(params.simd, 0.0);
         for k in 1..n {
-            lane = choose(
-                state.d[i].simd_ge(road.boundaries[k]),
+            lane = select(
+                state.motion.d[i].simd_ge(road.boundaries[k]),
                 splat(params.simd, k as i32 as f32),
                 lane,
             );
@@ -310,7 +317,7 @@ pub fn update_friction<S: Simd, const N: usize>(
         let water = lane_film(params, value_of_lane(&road.film_path[..n], lane));
         let columns = friction_at_speed(
             params.constants,
-            state.vx[i],
+            state.motion.vx[i],
             vehicle.tyre_wear,
             vehicle.has_truck_tyres,
         );
@@ -319,13 +326,19 @@ pub fn update_friction<S: Simd, const N: usize>(
                 friction_at_film(params.constants, &columns, water),
                 vehicle.max_friction,
             );
-            (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
+            (
+                state.friction_and_wind.mu_left[i],
+                state.friction_and_wind.mu_right[i],
+            ) = (friction, friction);
             continue;
         }
         let (s, d) = state.road_position(params, i);
         for (offset, friction) in [
-            (vehicle.half_track, &mut state.mu_fast[i]),
-            (-vehicle.half_track, &mut state.mu_slow[i]),
+            (vehicle.half_track, &mut state.friction_and_wind.mu_left[i]),
+            (
+                -vehicle.half_track,
+                &mut state.friction_and_wind.mu_right[i],
+            ),
         ] {
             let offset = in_travel_direction(params, i, offset);
             let wheel_path = floor((d + offset - road.boundaries[0]) / width);
@@ -348,7 +361,7 @@ fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> V<S> {
+) -> F32<S> {
     let constants = params.constants;
     let wind = in_travel_direction(params, i, params.simulations.wind_across);
     let mut share = splat(params.simd, 1.0);
@@ -358,7 +371,7 @@ fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
         }
         let other = &params.vehicles[j];
         let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
-        let aside = state.d[i] - d;
+        let aside = state.motion.d[i] - d;
         let reach = constants.shelter_reach + params.vehicles[i].half_width + other.half_width;
         let upwind = (aside * wind).simd_gt(0.0);
         let beside = other.shelters_wind.simd_gt(0.0)
@@ -368,7 +381,7 @@ fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
         if !beside.any_true() {
             continue;
         }
-        let beyond = (state.s[i] - s).abs() - other.half_length;
+        let beyond = (state.motion.s[i] - s).abs() - other.half_length;
         let u = clamp_to(
             beyond / (constants.shelter_release * 2.0 * other.half_length),
             0.0,
@@ -376,7 +389,7 @@ fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
         );
         let open_share =
             constants.shelter_factor + (1.0 - constants.shelter_factor) * (u * u * (3.0 - 2.0 * u));
-        share = choose(beside, min(share, open_share), share);
+        share = select(beside, min(share, open_share), share);
     }
     share
 }
@@ -387,13 +400,13 @@ fn discrete_gust<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> V<S> {
+) -> F32<S> {
     let (s, _) = state.road_position(params, i);
     let cell = s / params.constants.gust_spacing + params.simulations.gust_phase;
     let inside =
         (cell - floor(cell)) * params.constants.gust_spacing / params.simulations.gust_length;
     let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
-    choose(
+    select(
         inside.simd_lt(1.0),
         0.5 - 0.5 * cosine,
         splat(params.simd, 0.0),
@@ -412,9 +425,10 @@ pub fn apply_study_push<S: Simd, const N: usize>(
     let pushed = simulation.push_accel.simd_ne(0.0)
         & (cell - floor(cell)).simd_lt(simulation.push_duty_cycle);
     for i in 0..params.num_slots_in_use {
-        let force = state.wind_force[i]
+        let force = state.friction_and_wind.wind_force[i]
             + in_travel_direction(params, i, simulation.push_accel) * params.vehicles[i].mass;
-        state.wind_force[i] = choose(pushed, force, state.wind_force[i]);
+        state.friction_and_wind.wind_force[i] =
+            select(pushed, force, state.friction_and_wind.wind_force[i]);
     }
 }
 
@@ -428,7 +442,7 @@ pub fn update_wind<S: Simd, const N: usize>(
     let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
     for i in 0..params.num_slots_in_use {
         let vehicle = &params.vehicles[i];
-        let mut strength = 1.0 + constants.turbulence_intensity * state.gust[i];
+        let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[i];
         if has_gusts {
             strength += simulation.gust_gain * discrete_gust(state, params, i);
         }
@@ -439,17 +453,21 @@ pub fn update_wind<S: Simd, const N: usize>(
             wind_shelter::<S, N, false>(state, params, i)
         };
         let across = in_travel_direction(params, i, simulation.wind_across) * strength * open;
-        state.tail_wind[i] = in_travel_direction(params, i, simulation.wind_along) * strength;
-        let along = at_least(state.vx[i] - state.tail_wind[i], MIN_AIR_SPEED);
+        state.friction_and_wind.tail_wind[i] =
+            in_travel_direction(params, i, simulation.wind_along) * strength;
+        let along = at_least(
+            state.motion.vx[i] - state.friction_and_wind.tail_wind[i],
+            MIN_AIR_SPEED,
+        );
         let angle = atan(across.abs() / along);
         let (sine, _) = sincos(at_most(
             constants.wind_angle_factor * angle,
             core::f32::consts::FRAC_PI_2,
         ));
         let force = vehicle.side_wind * (along * along + across * across) * sine;
-        state.wind_force[i] = choose(across.simd_lt(0.0), -force, force);
+        state.friction_and_wind.wind_force[i] = select(across.simd_lt(0.0), -force, force);
         let cosine = along / (along * along + across * across).sqrt();
-        state.wind_moment[i] =
-            state.wind_force[i] * (vehicle.wind_centre * cosine + vehicle.wind_arm);
+        state.friction_and_wind.wind_moment[i] = state.friction_and_wind.wind_force[i]
+            * (vehicle.wind_centre * cosine + vehicle.wind_arm);
     }
 }

@@ -3,155 +3,327 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::math::vectors::{LANES, M, Seats, V, choose, min, splat};
+use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, min, select, splat};
 pub use crate::names::neighbour_role::{
     FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER,
 };
 pub use crate::names::stage;
 use crate::params::Params;
 
-/// Decisions whose kinematics are remembered.
+/// Decisions whose motion is remembered, as in the reference.
 pub const HISTORY_LENGTH: usize = 64;
 /// Room for them: one line of the cache more, so that the same decision of sixteen simulations does not fall
 /// into the same few sets of the cache.
 pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
 /// Number of roles.
 pub const NUM_ROLES: usize = 6;
-/// Slot number of nobody.
+/// Slot of a neighbour, a target or a partner that does not exist.
 pub const NO_SLOT: f32 = -1.0;
-/// In `State::seen_id` before the first decision: nothing was looked at yet.
+/// In `Attention::slot_in_view` and `Attention::oncoming_slot` before the first decision.
 pub const NEVER_LOOKED: f32 = -2.0;
-/// Before the first decision no lane change holds anyone back [s].
-const LONG_AGO: f32 = 10.0;
-/// On friction nothing depends yet.
-const ANY_FRICTION: f32 = 0.8;
+/// At the first frame, before the road has been looked at.
 const ANY_SPEED: f32 = 1e9;
 const ANY_SIGHT: f32 = 1e9;
-/// In `State::most_accel` where no lower limit comes [m/s^2].
+/// An acceleration that limits nothing [m/s^2].
 pub const NO_ACCEL_LIMIT: f32 = 1e9;
 
 /// Slot of the ego.
 pub const EGO_SLOT: usize = 0;
 
 /// A number of every vehicle of every simulation of a block.
-pub type PerVehicle<S, const N: usize> = [V<S>; N];
+pub type PerVehicle<S, const N: usize> = [F32<S>; N];
 
 /// Memory for the history; what is in it before it is written means nothing.
 pub struct History<const N: usize>(pub Box<HistoryRows<N>>);
 
 /// Position and speed along the road by vehicle, simulation and decision: what a driver recalls next lies beside
 /// what it recalls now.
-pub type HistoryRows<const N: usize> = [[[[f32; 2]; HISTORY_STRIDE]; LANES]; N];
+pub type HistoryRows<const N: usize> = [[[[f32; 2]; HISTORY_STRIDE]; SIMD_LANES]; N];
 
 impl<const N: usize> Default for History<N> {
     fn default() -> Self {
-        Self(Box::new([[[[0.0; 2]; HISTORY_STRIDE]; LANES]; N]))
+        Self(Box::new([[[[0.0; 2]; HISTORY_STRIDE]; SIMD_LANES]; N]))
     }
 }
 
-/// A struct whose fields, listed once, can all be seated.
-macro_rules! state_fields {
-    ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
-        /// Everything that changes.
-        pub struct State<'a, S: Simd, const N: usize> {
-            $($(#[$doc])* pub $field: $kind,)*
-            /// Where everybody was, and how fast.
-            pub history: &'a mut HistoryRows<N>,
+/// Declares a group of the state: a struct of arrays by vehicle, each with its value at the first frame.
+///
+/// The fields are listed once, so that none can be forgotten when a simulation moves to another lane.
+macro_rules! state_group {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident = $start:expr,)* }) => {
+        $(#[$doc])*
+        pub struct $name<S: Simd, const N: usize> {
+            $($(#[$field_doc])* pub $field: PerVehicle<S, N>,)*
         }
 
-        impl<S: Simd, const N: usize> Seats for State<'_, S, N> {
-            fn seat(&mut self, lane: usize, from: &Self, other: usize) {
-                $(self.$field.seat(lane, &from.$field, other);)*
-                for (mine, theirs) in self.history.iter_mut().zip(from.history.iter()) {
-                    mine[lane] = theirs[other];
-                }
+        impl<S: Simd, const N: usize> $name<S, N> {
+            /// The group at the first frame.
+            #[inline(always)]
+            fn at_start(simd: S) -> Self {
+                Self { $($field: [splat(simd, $start); N],)* }
+            }
+        }
+
+        impl<S: Simd, const N: usize> CopyLane for $name<S, N> {
+            fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+                $(self.$field.copy_lane(lane, &from.$field, other);)*
             }
         }
     };
 }
 
-state_fields! {
-    s: PerVehicle<S, N>,
-    d: PerVehicle<S, N>,
-    psi: PerVehicle<S, N>,
-    vx: PerVehicle<S, N>,
-    vy: PerVehicle<S, N>,
-    r: PerVehicle<S, N>,
-    wheel: PerVehicle<S, N>,
-    trim: PerVehicle<S, N>,
-    accel: PerVehicle<S, N>,
-    a_lon: PerVehicle<S, N>,
-    a_lat: PerVehicle<S, N>,
-    yaw_accel: PerVehicle<S, N>,
-    crashed: PerVehicle<S, N>,
-    path: [[V<S>; 6]; N],
-    path_time: PerVehicle<S, N>,
-    path_duration: PerVehicle<S, N>,
-    lane: PerVehicle<S, N>,
-    since_change: PerVehicle<S, N>,
-    indicator: PerVehicle<S, N>,
-    wanted: PerVehicle<S, N>,
-    wanted_time: PerVehicle<S, N>,
-    checks: PerVehicle<S, N>,
-    gust: PerVehicle<S, N>,
-    distance_error: PerVehicle<S, N>,
-    speed_error: PerVehicle<S, N>,
-    wander: PerVehicle<S, N>,
-    mu_fast: PerVehicle<S, N>,
-    mu_slow: PerVehicle<S, N>,
-    wind_force: PerVehicle<S, N>,
-    wind_moment: PerVehicle<S, N>,
-    tail_wind: PerVehicle<S, N>,
-    seen_id: [[V<S>; NUM_ROLES]; N],
-    seen_time: [[V<S>; NUM_ROLES]; N],
-    contact_partner: PerVehicle<S, N>,
-    contact_time: PerVehicle<S, N>,
-    contact_impulse: PerVehicle<S, N>,
-    contact_speed: PerVehicle<S, N>,
-    stage: PerVehicle<S, N>,
-    target: PerVehicle<S, N>,
-    waited: PerVehicle<S, N>,
-    signalled: PerVehicle<S, N>,
-    stage_time: PerVehicle<S, N>,
-    attempted: V<S>,
-    end_step: V<S>,
-    num_percepts: V<S>,
-    oncoming_id: [[V<S>; 2]; N],
-    oncoming_time: [[V<S>; 2]; N],
-    aside: PerVehicle<S, N>,
-    flashes: PerVehicle<S, N>,
-    yields: PerVehicle<S, N>,
-    hurries: PerVehicle<S, N>,
-    curve: PerVehicle<S, N>,
-    curve_ahead: PerVehicle<S, N>,
-    stretch: PerVehicle<S, N>,
-    slope: PerVehicle<S, N>,
-    bend_speed: PerVehicle<S, N>,
-    /// What limits allow, and what drivers want by them, alone and while they pass; on roads that vary.
-    allowed_speed: PerVehicle<S, N>,
-    wanted_speed: PerVehicle<S, N>,
-    wanted_pass_speed: PerVehicle<S, N>,
-    most_accel: PerVehicle<S, N>,
-    shown: PerVehicle<S, N>,
-    /// Sine and cosine of `psi`.
-    sine: PerVehicle<S, N>,
-    cosine: PerVehicle<S, N>,
-    /// How far the front wheels turn from the slip angle at most: on this friction, until the next decision.
-    reach: PerVehicle<S, N>,
+state_group! {
+    /// Where vehicles are and how they move, each in its own direction of travel.
+    Motion {
+        /// Station of the body's centre [m].
+        s = 0.0,
+        /// Lateral position of the centre, growing to the left [m].
+        d = 0.0,
+        /// Angle to the road, positive to the left [rad].
+        heading = 0.0,
+        /// Velocity in the vehicle's axes [m/s].
+        vx = 0.0,
+        vy = 0.0,
+        /// Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
+        yaw_rate = 0.0,
+        /// Mean acceleration by tyre and wind forces over the last step, in the vehicle's axes [m/s^2].
+        accel_lon = 0.0,
+        accel_lat = 0.0,
+        /// Mean yaw acceleration over the last step [rad/s^2].
+        yaw_accel = 0.0,
+        /// 1 if the vehicle has collided or has left the road, else 0.
+        is_wreck = 0.0,
+        /// Sine and cosine of `heading`.
+        sin_heading = 0.0,
+        cos_heading = 1.0,
+    }
+}
+
+state_group! {
+    /// What drivers operate.
+    Controls {
+        /// Acceleration asked of the vehicle [m/s^2].
+        requested_accel = 0.0,
+        /// Front wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2].
+        wheel_angle = 0.0,
+        /// Part of it that holds against the wind, same unit.
+        wind_trim = 0.0,
+        /// 1 to the left, -1 to the right, 0 off.
+        indicator = 0.0,
+        /// 1 while the driver flashes at a vehicle in its lane, else 0.
+        flashes_high_beam = 0.0,
+        /// Largest difference of the wheel angle from the slip angle, on this friction [rad].
+        slip_reach = 0.0,
+    }
+}
+
+/// The lateral path of the last lane change, a polynomial of time.
+pub struct LateralPath<S: Simd, const N: usize> {
+    /// Six coefficients of the lateral position by vehicle [m/s^k].
+    pub coefficients: [[F32<S>; 6]; N],
+    /// Time since the path began [s].
+    pub elapsed: PerVehicle<S, N>,
+    /// Time after which the lateral position stays [s].
+    pub duration: PerVehicle<S, N>,
+}
+
+impl<S: Simd, const N: usize> CopyLane for LateralPath<S, N> {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+        self.coefficients.copy_lane(lane, &from.coefficients, other);
+        self.elapsed.copy_lane(lane, &from.elapsed, other);
+        self.duration.copy_lane(lane, &from.duration, other);
+    }
+}
+
+state_group! {
+    /// The lane of each vehicle, and the change that its driver wants.
+    LaneChoice {
+        /// Index of the lane driven in or being changed to, from the right.
+        lane = 0.0,
+        /// Time since the last lane change began; no change holds a driver back before its first decision [s].
+        time_since_lane_change = 10.0,
+        /// Side of the lane change that the driver wants, as `Controls::indicator`.
+        wanted_side = 0.0,
+        /// Time for which a MOBIL driver has wanted it [s].
+        time_wanted = 0.0,
+        /// 1 if the driver looks over the shoulder before the next lane change.
+        checks_blind_spot = 0.0,
+        /// How far the driver keeps to the edge of its lane for another vehicle [m].
+        edge_shift = 0.0,
+    }
+}
+
+state_group! {
+    /// Where drivers are in an overtake.
+    OvertakeState {
+        /// A stage of `stage`.
+        stage = stage::FOLLOW,
+        /// Time in this stage [s].
+        time_in_stage = 0.0,
+        /// Slot of the vehicle that is overtaken, or `NO_SLOT`.
+        target_slot = NO_SLOT,
+        /// Time spent behind a slower leader [s].
+        time_waiting = 0.0,
+        /// Time for which the driver has indicated its next manoeuvre [s].
+        time_indicating = 0.0,
+        /// 1 while the driver falls back behind its target, else 0.
+        must_abort = 0.0,
+        /// 1 while the driver hurries back into its lane, else 0.
+        must_return_urgently = 0.0,
+    }
+}
+
+state_group! {
+    /// Ornstein-Uhlenbeck processes of unit variance.
+    RandomProcesses {
+        /// Of the wind.
+        gust = 0.0,
+        /// Of the driver's judgement of distances.
+        distance_error = 0.0,
+        /// Of its judgement of speeds.
+        speed_error = 0.0,
+        /// Of its lateral position in the lane.
+        lane_wander = 0.0,
+    }
+}
+
+state_group! {
+    /// What the weather does to a vehicle until the next decision; overwritten at the first one. A friction above
+    /// zero keeps divisions finite until then.
+    FrictionAndWind {
+        /// Friction coefficient under the wheels of either side [1].
+        mu_left = 0.8,
+        mu_right = 0.8,
+        /// Lateral force of the wind, positive to the left [N], and its yaw moment [N m].
+        wind_force = 0.0,
+        wind_moment = 0.0,
+        /// Wind along the vehicle's direction of travel [m/s].
+        tail_wind = 0.0,
+    }
+}
+
+state_group! {
+    /// The road at each vehicle until the next decision.
+    LocalRoad {
+        /// Curvature of the vehicle's path along the road, positive to the left [1/m].
+        curvature = 0.0,
+        /// The same where the vehicle will be when it answers its steering [1/m].
+        curvature_ahead = 0.0,
+        /// Stations passed for each metre driven along the road [1].
+        station_per_metre = 1.0,
+        /// Sine of the slope, positive uphill.
+        sin_slope = 0.0,
+        /// Largest speed that the driver chooses for the bends ahead [m/s].
+        bend_speed = ANY_SPEED,
+        /// Speed limit here, and the speeds that drivers want by it, alone and while they pass; only on roads that
+        /// vary [m/s].
+        speed_limit = ANY_SPEED,
+        desired_speed = ANY_SPEED,
+        passing_speed = ANY_SPEED,
+        /// Largest acceleration on the way to a lower speed limit [m/s^2].
+        accel_limit = NO_ACCEL_LIMIT,
+        /// How far bends and crests let the driver see [m].
+        sight_distance = ANY_SIGHT,
+    }
+}
+
+/// What drivers have seen and remember.
+pub struct Attention<'a, S: Simd, const N: usize> {
+    /// Neighbour in each role at the last look, `NEVER_LOOKED` at first.
+    pub slot_in_view: [[F32<S>; NUM_ROLES]; N],
+    /// Time for which it has been in view [s].
+    pub time_in_view: [[F32<S>; NUM_ROLES]; N],
+    /// Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at first, `NO_SLOT` for none.
+    pub oncoming_slot: [[F32<S>; 2]; N],
+    /// Time for which the view has been the same [s].
+    pub oncoming_time_in_view: [[F32<S>; 2]; N],
+    /// Station and speed along the road of all vehicles at the last decisions.
+    pub history: &'a mut HistoryRows<N>,
+}
+
+impl<S: Simd, const N: usize> CopyLane for Attention<'_, S, N> {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+        self.slot_in_view.copy_lane(lane, &from.slot_in_view, other);
+        self.time_in_view.copy_lane(lane, &from.time_in_view, other);
+        self.oncoming_slot
+            .copy_lane(lane, &from.oncoming_slot, other);
+        self.oncoming_time_in_view
+            .copy_lane(lane, &from.oncoming_time_in_view, other);
+        for (mine, theirs) in self.history.iter_mut().zip(from.history.iter()) {
+            mine[lane] = theirs[other];
+        }
+    }
+}
+
+state_group! {
+    /// The first contact of each vehicle.
+    FirstContact {
+        /// Slot of the other vehicle, `NO_SLOT` before a contact.
+        partner = NO_SLOT,
+        /// Time of the contact [s].
+        time = 0.0,
+        /// Size of the impulse [N s].
+        impulse = 0.0,
+        /// Closing speed along the normal of the contact [m/s].
+        closing_speed = 0.0,
+    }
+}
+
+/// Everything that changes between two steps, in groups.
+///
+/// The groups that a step touches come first and next to each other.
+pub struct State<'a, S: Simd, const N: usize> {
+    pub motion: Motion<S, N>,
+    pub controls: Controls<S, N>,
+    pub path: LateralPath<S, N>,
+    pub road: LocalRoad<S, N>,
+    pub friction_and_wind: FrictionAndWind<S, N>,
+    pub noise: RandomProcesses<S, N>,
+    pub lane_choice: LaneChoice<S, N>,
+    pub overtake: OvertakeState<S, N>,
+    pub attention: Attention<'a, S, N>,
+    pub first_contact: FirstContact<S, N>,
+    /// 1 once the ego has begun an overtake, else 0.
+    pub has_attempted: F32<S>,
+    /// Last step of each simulation.
+    pub end_step: F32<S>,
+    /// Number of recorded percepts of each simulation.
+    pub num_percepts: F32<S>,
+}
+
+impl<S: Simd, const N: usize> CopyLane for State<'_, S, N> {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
+        self.motion.copy_lane(lane, &from.motion, other);
+        self.controls.copy_lane(lane, &from.controls, other);
+        self.path.copy_lane(lane, &from.path, other);
+        self.road.copy_lane(lane, &from.road, other);
+        self.friction_and_wind
+            .copy_lane(lane, &from.friction_and_wind, other);
+        self.noise.copy_lane(lane, &from.noise, other);
+        self.lane_choice.copy_lane(lane, &from.lane_choice, other);
+        self.overtake.copy_lane(lane, &from.overtake, other);
+        self.attention.copy_lane(lane, &from.attention, other);
+        self.first_contact
+            .copy_lane(lane, &from.first_contact, other);
+        self.has_attempted
+            .copy_lane(lane, &from.has_attempted, other);
+        self.end_step.copy_lane(lane, &from.end_step, other);
+        self.num_percepts.copy_lane(lane, &from.num_percepts, other);
+    }
 }
 
 /// A place in the frame of the other direction, where the mask holds.
 #[inline(always)]
 pub fn in_opposite_frame<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
-    turned: M<S>,
-    s: V<S>,
-    d: V<S>,
-) -> (V<S>, V<S>) {
+    turned: Mask<S>,
+    s: F32<S>,
+    d: F32<S>,
+) -> (F32<S>, F32<S>) {
     let ways = &params.road.directions;
     (
-        choose(turned, ways.length - s, s),
-        choose(turned, ways.edge_sum - d, d),
+        select(turned, ways.length - s, s),
+        select(turned, ways.edge_sum - d, d),
     )
 }
 
@@ -159,79 +331,40 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     /// The state at the first frame.
     #[inline(always)]
     pub fn at_start(params: &Params<'_, S, N>, history: &'a mut HistoryRows<N>) -> Self {
-        let zero = splat(params.simd, 0.0);
-        let each = |value: f32| [splat(params.simd, value); N];
-        let mut path = [[zero; 6]; N];
-        for (row, p) in path.iter_mut().zip(&params.vehicles) {
-            row[0] = p.start_d;
-        }
-        Self {
-            s: params.vehicles.map(|p| p.start_s),
-            d: params.vehicles.map(|p| p.start_d),
-            psi: each(0.0),
-            vx: params.vehicles.map(|p| p.start_speed),
-            vy: each(0.0),
-            r: each(0.0),
-            wheel: each(0.0),
-            trim: each(0.0),
-            accel: each(0.0),
-            a_lon: each(0.0),
-            a_lat: each(0.0),
-            yaw_accel: each(0.0),
-            crashed: each(0.0),
-            path,
-            path_time: each(1.0),
-            path_duration: each(1.0),
-            lane: params.vehicles.map(|p| p.start_lane),
-            since_change: each(LONG_AGO),
-            indicator: each(0.0),
-            wanted: each(0.0),
-            wanted_time: each(0.0),
-            checks: each(0.0),
-            gust: each(0.0),
-            distance_error: each(0.0),
-            speed_error: each(0.0),
-            wander: each(0.0),
-            mu_fast: each(ANY_FRICTION),
-            mu_slow: each(ANY_FRICTION),
-            wind_force: each(0.0),
-            wind_moment: each(0.0),
-            tail_wind: each(0.0),
-            seen_id: [[splat(params.simd, -2.0); NUM_ROLES]; N],
-            seen_time: [[zero; NUM_ROLES]; N],
-            contact_partner: each(NO_SLOT),
-            contact_time: each(0.0),
-            contact_impulse: each(0.0),
-            contact_speed: each(0.0),
-            stage: each(stage::FOLLOW),
-            target: each(NO_SLOT),
-            waited: each(0.0),
-            signalled: each(0.0),
-            stage_time: each(0.0),
-            attempted: zero,
+        let simd = params.simd;
+        let mut state = Self {
+            motion: Motion::at_start(simd),
+            controls: Controls::at_start(simd),
+            path: LateralPath {
+                coefficients: [[splat(simd, 0.0); 6]; N],
+                elapsed: [splat(simd, 1.0); N],
+                duration: [splat(simd, 1.0); N],
+            },
+            road: LocalRoad::at_start(simd),
+            friction_and_wind: FrictionAndWind::at_start(simd),
+            noise: RandomProcesses::at_start(simd),
+            lane_choice: LaneChoice::at_start(simd),
+            overtake: OvertakeState::at_start(simd),
+            attention: Attention {
+                slot_in_view: [[splat(simd, NEVER_LOOKED); NUM_ROLES]; N],
+                time_in_view: [[splat(simd, 0.0); NUM_ROLES]; N],
+                oncoming_slot: [[splat(simd, NEVER_LOOKED); 2]; N],
+                oncoming_time_in_view: [[splat(simd, 0.0); 2]; N],
+                history,
+            },
+            first_contact: FirstContact::at_start(simd),
+            has_attempted: splat(simd, 0.0),
             end_step: params.simulations.last_step,
-            num_percepts: zero,
-            oncoming_id: [[splat(params.simd, NEVER_LOOKED); 2]; N],
-            oncoming_time: [[zero; 2]; N],
-            aside: each(0.0),
-            flashes: each(0.0),
-            yields: each(0.0),
-            hurries: each(0.0),
-            curve: each(0.0),
-            curve_ahead: each(0.0),
-            stretch: each(1.0),
-            slope: each(0.0),
-            bend_speed: each(ANY_SPEED),
-            allowed_speed: each(ANY_SPEED),
-            wanted_speed: each(ANY_SPEED),
-            wanted_pass_speed: each(ANY_SPEED),
-            most_accel: each(NO_ACCEL_LIMIT),
-            shown: each(ANY_SIGHT),
-            sine: each(0.0),
-            cosine: each(1.0),
-            reach: each(0.0),
-            history,
+            num_percepts: splat(simd, 0.0),
+        };
+        for (slot, vehicle) in params.vehicles.iter().enumerate() {
+            state.motion.s[slot] = vehicle.start_s;
+            state.motion.d[slot] = vehicle.start_d;
+            state.motion.vx[slot] = vehicle.start_speed;
+            state.lane_choice.lane[slot] = vehicle.start_lane;
+            state.path.coefficients[slot][0] = vehicle.start_d;
         }
+        state
     }
 
     /// Move a vehicle of one simulation, as if it had always been there and as fast; everybody remembers it so.
@@ -239,9 +372,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         if ahead == 0.0 && faster == 0.0 {
             return;
         }
-        self.s[slot][lane] += ahead;
-        self.vx[slot][lane] += faster;
-        for moment in &mut self.history[slot][lane] {
+        self.motion.s[slot][lane] += ahead;
+        self.motion.vx[slot][lane] += faster;
+        for moment in &mut self.attention.history[slot][lane] {
             moment[0] += ahead;
             moment[1] += faster;
         }
@@ -256,8 +389,8 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
         params: &Params<'_, S, N>,
         i: usize,
         j: usize,
-    ) -> (V<S>, V<S>) {
-        let (s, d) = (self.s[j], self.d[j]);
+    ) -> (F32<S>, F32<S>) {
+        let (s, d) = (self.motion.s[j], self.motion.d[j]);
         if !TWO_WAY {
             return (s, d);
         }
@@ -269,8 +402,8 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// Where vehicle `i` is in the frame of the road.
     #[inline(always)]
-    pub fn road_position(&self, params: &Params<'_, S, N>, i: usize) -> (V<S>, V<S>) {
-        let (s, d) = (self.s[i], self.d[i]);
+    pub fn road_position(&self, params: &Params<'_, S, N>, i: usize) -> (F32<S>, F32<S>) {
+        let (s, d) = (self.motion.s[i], self.motion.d[i]);
         if !params.road.directions.has_oncoming_traffic {
             return (s, d);
         }
@@ -279,9 +412,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// Speed that driver `i` wants where it is.
     #[inline(always)]
-    pub fn desired_speed(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+    pub fn desired_speed(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
-            self.wanted_speed[i]
+            self.road.desired_speed[i]
         } else {
             params.vehicles[i].desired_speed
         }
@@ -289,9 +422,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// The same while it passes.
     #[inline(always)]
-    pub fn passing_speed(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+    pub fn passing_speed(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
-            self.wanted_pass_speed[i]
+            self.road.passing_speed[i]
         } else {
             params.vehicles[i].passing_speed
         }
@@ -299,9 +432,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// The limit that driver `i` heeds where it is.
     #[inline(always)]
-    pub fn speed_limit(&self, params: &Params<'_, S, N>, i: usize) -> V<S> {
+    pub fn speed_limit(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
-            self.allowed_speed[i]
+            self.road.speed_limit[i]
         } else {
             params.vehicles[i].speed_limit
         }
@@ -309,9 +442,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
     #[inline(always)]
-    pub fn limit_accel(&self, params: &Params<'_, S, N>, i: usize, accel: V<S>) -> V<S> {
+    pub fn limit_accel(&self, params: &Params<'_, S, N>, i: usize, accel: F32<S>) -> F32<S> {
         if params.road.varies_along_road() {
-            min(accel, self.most_accel[i])
+            min(accel, self.road.accel_limit[i])
         } else {
             accel
         }
@@ -319,11 +452,11 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// Velocity of vehicle `i` along and across the road [m/s].
     #[inline(always)]
-    pub fn road_velocity(&self, i: usize) -> (V<S>, V<S>) {
-        let (sine, cosine) = (self.sine[i], self.cosine[i]);
+    pub fn road_velocity(&self, i: usize) -> (F32<S>, F32<S>) {
+        let (sine, cosine) = (self.motion.sin_heading[i], self.motion.cos_heading[i]);
         (
-            self.vx[i] * cosine - self.vy[i] * sine,
-            self.vx[i] * sine + self.vy[i] * cosine,
+            self.motion.vx[i] * cosine - self.motion.vy[i] * sine,
+            self.motion.vx[i] * sine + self.motion.vy[i] * cosine,
         )
     }
 }

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::{atan, sincos};
-use crate::math::vectors::{M, V, at_least, choose, clamp, clamp_to, min, splat};
+use crate::math::vectors::{F32, Mask, at_least, clamp, clamp_to, min, select, splat};
 use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, State};
 
@@ -13,9 +13,9 @@ use crate::state::{EGO_SLOT, State};
 pub fn start_path<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     i: usize,
-    moved: M<S>,
-    centre: V<S>,
-    duration: V<S>,
+    moved: Mask<S>,
+    centre: F32<S>,
+    duration: F32<S>,
 ) {
     let (place, speed) = path_position(state, i, 0.0);
     let accel = path_accel(state, i, splat(duration.simd, 0.0));
@@ -32,12 +32,13 @@ pub fn start_path<S: Simd, const N: usize>(
         .into_iter()
         .enumerate()
     {
-        state.path[i][k] = choose(moved, value, state.path[i][k]);
+        state.path.coefficients[i][k] = select(moved, value, state.path.coefficients[i][k]);
     }
     let zero = splat(t.simd, 0.0);
-    state.path_time[i] = choose(moved, zero, state.path_time[i]);
-    state.path_duration[i] = choose(moved, duration, state.path_duration[i]);
-    state.since_change[i] = choose(moved, zero, state.since_change[i]);
+    state.path.elapsed[i] = select(moved, zero, state.path.elapsed[i]);
+    state.path.duration[i] = select(moved, duration, state.path.duration[i]);
+    state.lane_choice.time_since_lane_change[i] =
+        select(moved, zero, state.lane_choice.time_since_lane_change[i]);
 }
 
 /// Position and velocity of the lateral path of vehicle `i`, a time `ahead`.
@@ -46,9 +47,9 @@ pub fn path_position<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
     ahead: f32,
-) -> (V<S>, V<S>) {
-    let t = min(state.path_time[i] + ahead, state.path_duration[i]);
-    let [c0, c1, c2, c3, c4, c5] = state.path[i];
+) -> (F32<S>, F32<S>) {
+    let t = min(state.path.elapsed[i] + ahead, state.path.duration[i]);
+    let [c0, c1, c2, c3, c4, c5] = state.path.coefficients[i];
     let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
     let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
     (place, speed)
@@ -56,9 +57,9 @@ pub fn path_position<S: Simd, const N: usize>(
 
 /// Acceleration of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
-fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead: V<S>) -> V<S> {
-    let t = min(state.path_time[i] + ahead, state.path_duration[i]);
-    let [_, _, c2, c3, c4, c5] = state.path[i];
+fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead: F32<S>) -> F32<S> {
+    let t = min(state.path.elapsed[i] + ahead, state.path.duration[i]);
+    let [_, _, c2, c3, c4, c5] = state.path.coefficients[i];
     2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
 }
 
@@ -71,13 +72,15 @@ pub fn update_wind_trim<S: Simd, const N: usize>(
     step: u32,
 ) {
     let vehicle = &params.vehicles[i];
-    let pushed = state.wind_force[i] * vehicle.inverse_mass;
-    let angle = vehicle.understeer * pushed + state.wind_moment[i] * vehicle.moment_angle;
-    let target = -choose(vehicle.two_wheeler.simd_gt(0.0), pushed, angle);
+    let pushed = state.friction_and_wind.wind_force[i] * vehicle.inverse_mass;
+    let angle =
+        vehicle.understeer * pushed + state.friction_and_wind.wind_moment[i] * vehicle.moment_angle;
+    let target = -select(vehicle.two_wheeler.simd_gt(0.0), pushed, angle);
     if step == 0 {
-        state.trim[i] = target;
+        state.controls.wind_trim[i] = target;
     }
-    state.trim[i] = state.trim[i] + (target - state.trim[i]) * params.derived.wind_trim_share;
+    state.controls.wind_trim[i] = state.controls.wind_trim[i]
+        + (target - state.controls.wind_trim[i]) * params.derived.wind_trim_share;
 }
 
 /// How far the front wheels may turn from the slip angle on the friction of this decision.
@@ -86,8 +89,10 @@ pub fn slip_reach<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-) -> V<S> {
-    params.constants.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i])
+) -> F32<S> {
+    params.constants.slip_share
+        * 0.5
+        * (state.friction_and_wind.mu_left[i] + state.friction_and_wind.mu_right[i])
         / params.vehicles[i].front_stiffness
 }
 
@@ -98,17 +103,17 @@ pub fn settle_into_bend<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
 ) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.vx[i]);
+    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
     let rides = vehicle.two_wheeler.simd_gt(0.0);
-    let rate = state.curve[i] * v;
+    let rate = state.road.curvature[i] * v;
     let accel = rate * v;
     let slips = vehicle.cg_rear * rate - v * (accel / (constants.gravity * vehicle.rear_stiffness));
-    let angle = state.curve[i] * (vehicle.wheelbase + vehicle.understeer * (v * v));
-    state.wheel[i] = choose(rides, accel, angle);
-    state.vy[i] = choose(rides, splat(params.simd, 0.0), slips);
-    state.psi[i] = -atan(state.vy[i] / at_least(v, constants.slip_speed));
-    (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);
-    (state.r[i], state.a_lat[i]) = (rate, accel);
+    let angle = state.road.curvature[i] * (vehicle.wheelbase + vehicle.understeer * (v * v));
+    state.controls.wheel_angle[i] = select(rides, accel, angle);
+    state.motion.vy[i] = select(rides, splat(params.simd, 0.0), slips);
+    state.motion.heading[i] = -atan(state.motion.vy[i] / at_least(v, constants.slip_speed));
+    (state.motion.sin_heading[i], state.motion.cos_heading[i]) = sincos(state.motion.heading[i]);
+    (state.motion.yaw_rate[i], state.motion.accel_lat[i]) = (rate, accel);
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.
@@ -118,7 +123,7 @@ pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
     params: &Params<'_, S, N>,
     i: usize,
     stride: &StepLength,
-) -> V<S> {
+) -> F32<S> {
     let wanted = requested_steering::<S, N, VARIES>(state, params, i, stride.half);
     turn_wheels(state, params, i, wanted, stride)
 }
@@ -128,9 +133,9 @@ pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
 pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    ordered: V<S>,
+    ordered: F32<S>,
     stride: &StepLength,
-) -> V<S> {
+) -> F32<S> {
     let (_, lean) = requested_steering::<S, N, VARIES>(state, params, EGO_SLOT, stride.half);
     let limit = params.constants.steering_limit;
     let angle = clamp_to(ordered, -limit, limit);
@@ -143,21 +148,24 @@ fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    (angle, lean): (V<S>, V<S>),
+    (angle, lean): (F32<S>, F32<S>),
     stride: &StepLength,
-) -> V<S> {
-    let wheel = state.wheel[i];
+) -> F32<S> {
+    let wheel = state.controls.wheel_angle[i];
     let turn = clamp_to(
         (angle - wheel) * stride.steering,
         -stride.max_wheel_turn,
         stride.max_wheel_turn,
     );
     let lean = (lean - wheel) * stride.leaning;
-    let moved = choose(params.vehicles[i].two_wheeler.simd_gt(0.0), lean, turn);
-    let (is_sound, zero) = (state.crashed[i].simd_eq(0.0), splat(params.simd, 0.0));
-    state.wheel[i] = choose(is_sound, wheel + moved, zero);
-    state.path_time[i] += stride.length;
-    choose(is_sound, wheel + 0.5 * moved, zero)
+    let moved = select(params.vehicles[i].two_wheeler.simd_gt(0.0), lean, turn);
+    let (is_sound, zero) = (
+        state.motion.is_wreck[i].simd_eq(0.0),
+        splat(params.simd, 0.0),
+    );
+    state.controls.wheel_angle[i] = select(is_sound, wheel + moved, zero);
+    state.path.elapsed[i] += stride.length;
+    select(is_sound, wheel + 0.5 * moved, zero)
 }
 
 /// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
@@ -167,25 +175,25 @@ fn requested_steering<S: Simd, const N: usize, const VARIES: bool>(
     params: &Params<'_, S, N>,
     i: usize,
     ahead: f32,
-) -> (V<S>, V<S>) {
+) -> (F32<S>, F32<S>) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let (place, speed) = path_position(state, i, ahead);
-    let late = choose(
+    let late = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
-        constants.steering_lag + vehicle.side_lag * state.vx[i],
+        constants.steering_lag + vehicle.side_lag * state.motion.vx[i],
     );
     let accel = path_accel(state, i, ahead + late);
-    let (sine, cosine) = (state.sine[i], state.cosine[i]);
-    let (a_lon, a_lat) = (state.a_lon[i], state.a_lat[i]);
-    let sideways = state.vx[i] * sine + state.vy[i] * cosine;
-    let d = state.d[i] + ahead * sideways;
+    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
+    let (a_lon, a_lat) = (state.motion.accel_lon[i], state.motion.accel_lat[i]);
+    let sideways = state.motion.vx[i] * sine + state.motion.vy[i] * cosine;
+    let d = state.motion.d[i] + ahead * sideways;
     let sideways = sideways + ahead * (a_lon * sine + a_lat * cosine);
-    let vx = state.vx[i] + ahead * a_lon;
-    let vy = state.vy[i] + ahead * (a_lat - state.vx[i] * state.r[i]);
-    let r = state.r[i] + ahead * state.yaw_accel[i];
+    let vx = state.motion.vx[i] + ahead * a_lon;
+    let vy = state.motion.vy[i] + ahead * (a_lat - state.motion.vx[i] * state.motion.yaw_rate[i]);
+    let r = state.motion.yaw_rate[i] + ahead * state.motion.yaw_accel[i];
     let wanted = accel + constants.velocity_gain * (speed - sideways);
-    let aim = place + constants.lane_deviation * state.wander[i] - d;
+    let aim = place + constants.lane_deviation * state.noise.lane_wander[i] - d;
     let wanted = wanted + constants.position_gain * aim;
     let mut wanted = clamp(
         wanted,
@@ -193,18 +201,18 @@ fn requested_steering<S: Simd, const N: usize, const VARIES: bool>(
         params.simulations.max_lateral_accel,
     );
     if VARIES {
-        wanted += state.curve_ahead[i] * (vx * vx);
+        wanted += state.road.curvature_ahead[i] * (vx * vx);
     }
     let inverse_speed = 1.0 / at_least(vx, constants.slip_speed);
     let felt = wanted + constants.yaw_gain * (wanted - vx * r);
     let angle = felt * (vehicle.wheelbase * (inverse_speed * inverse_speed) + vehicle.understeer)
-        + state.trim[i];
+        + state.controls.wind_trim[i];
     let slip = (vy + vehicle.cg_front * r) * inverse_speed;
-    let reach = state.reach[i];
+    let reach = state.controls.slip_reach[i];
     let angle = clamp_to(
         clamp(angle, slip - reach, slip + reach),
         -constants.steering_limit,
         constants.steering_limit,
     );
-    (angle, wanted + state.trim[i])
+    (angle, wanted + state.controls.wind_trim[i])
 }

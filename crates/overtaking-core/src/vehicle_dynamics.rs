@@ -4,7 +4,9 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::sincos;
-use crate::math::vectors::{M, V, at_least, choose, clamp, clamp_to, max, min, put, splat};
+use crate::math::vectors::{
+    F32, Mask, assign_where, at_least, clamp, clamp_to, max, min, select, splat,
+};
 use crate::names::{ModelConstants, VehicleParams};
 use crate::params::{Params, StepLength};
 use crate::state::State;
@@ -16,19 +18,19 @@ const MIN_LATERAL_GRIP: f32 = 1.0;
 
 /// Loads and forces of one axle.
 struct Axle<S: Simd> {
-    load: V<S>,
-    force_lon: V<S>,
-    force_difference: V<S>,
-    max_lateral_force: V<S>,
+    load: F32<S>,
+    force_lon: F32<S>,
+    force_difference: F32<S>,
+    max_lateral_force: F32<S>,
 }
 
 /// What a step comes to: velocity and yaw rate at its end, and the mean yaw rate.
 #[derive(Clone, Copy)]
 pub struct MotionStep<S: Simd> {
-    vx: V<S>,
-    vy: V<S>,
-    yaw_rate: V<S>,
-    mean_yaw_rate: V<S>,
+    vx: F32<S>,
+    vy: F32<S>,
+    yaw_rate: F32<S>,
+    mean_yaw_rate: F32<S>,
 }
 
 impl<S: Simd> MotionStep<S> {
@@ -46,13 +48,18 @@ impl<S: Simd> MotionStep<S> {
 
 /// Lateral force of an axle against the slip, and how fast it grows with the slip.
 #[inline(always)]
-fn fiala_force<S: Simd>(stiffness: V<S>, across: V<S>, along: V<S>, limit: V<S>) -> (V<S>, V<S>) {
+fn fiala_force<S: Simd>(
+    stiffness: F32<S>,
+    across: F32<S>,
+    along: F32<S>,
+    limit: F32<S>,
+) -> (F32<S>, F32<S>) {
     let one = splat(across.simd, 1.0);
     let z = stiffness * across / (3.0 * limit * along);
     let sticks = at_least(one - z.abs(), 0.0);
     let size = limit * (one - sticks * sticks * sticks);
     (
-        choose(z.simd_lt(0.0), size, -size),
+        select(z.simd_lt(0.0), size, -size),
         stiffness * (sticks * sticks),
     )
 }
@@ -61,11 +68,11 @@ fn fiala_force<S: Simd>(stiffness: V<S>, across: V<S>, along: V<S>, limit: V<S>)
 fn requested_force<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
-    accel: V<S>,
-    resistance: V<S>,
-    speed: V<S>,
-    inverse_speed: V<S>,
-) -> V<S> {
+    accel: F32<S>,
+    resistance: F32<S>,
+    speed: F32<S>,
+    inverse_speed: F32<S>,
+) -> F32<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let wanted = vehicle.mass * accel + resistance;
     let engine = min(vehicle.launch_force, vehicle.power * inverse_speed);
@@ -82,13 +89,13 @@ fn requested_force<S: Simd, const N: usize>(
 fn axle_forces<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    mu_fast: V<S>,
-    mu_slow: V<S>,
-    force: V<S>,
-    load: V<S>,
+    mu_fast: F32<S>,
+    mu_slow: F32<S>,
+    force: F32<S>,
+    load: F32<S>,
 ) -> Axle<S> {
     let half_load = 0.5 * load;
-    let share = choose(
+    let share = select(
         force.simd_gt(0.0) & vehicle.two_wheeler.simd_eq(0.0),
         splat(force.simd, constants.traction_share),
         splat(force.simd, constants.abs_share),
@@ -113,8 +120,8 @@ fn axle_forces<S: Simd>(
 fn front_load_share<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
-    accel: V<S>,
-) -> V<S> {
+    accel: F32<S>,
+) -> F32<S> {
     let vehicle = &params.vehicles[i];
     let lifted = accel * vehicle.cg_height * params.derived.inverse_gravity;
     vehicle.inverse_wheelbase
@@ -127,8 +134,10 @@ fn max_friction_accel<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     constants: &ModelConstants,
     i: usize,
-) -> V<S> {
-    constants.gravity * 0.5 * (state.mu_fast[i] + state.mu_slow[i])
+) -> F32<S> {
+    constants.gravity
+        * 0.5
+        * (state.friction_and_wind.mu_left[i] + state.friction_and_wind.mu_right[i])
 }
 
 /// Loads and forces of the front and the rear axle.
@@ -137,16 +146,16 @@ fn axles<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    force: V<S>,
-    resistance: V<S>,
-    angle: V<S>,
+    force: F32<S>,
+    resistance: F32<S>,
+    angle: F32<S>,
 ) -> (Axle<S>, Axle<S>) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let rides = vehicle.two_wheeler.simd_gt(0.0);
     let brakes = force.simd_lt(0.0);
-    let weight = front_load_share(params, i, state.a_lon[i]);
-    let share = choose(brakes, weight, vehicle.front_drive);
-    let limit = choose(
+    let weight = front_load_share(params, i, state.motion.accel_lon[i]);
+    let share = select(brakes, weight, vehicle.front_drive);
+    let limit = select(
         force.simd_gt(0.0) & !rides,
         splat(params.simd, constants.traction_share),
         splat(params.simd, constants.abs_share),
@@ -154,15 +163,18 @@ fn axles<S: Simd, const N: usize>(
     let asked = force * vehicle.inverse_mass;
     let (front, rear) = (limit * weight, limit * (1.0 - weight));
     let asked = clamp(share * asked, -front, front) + clamp((1.0 - share) * asked, -rear, rear);
-    let held = choose(
+    let held = select(
         rides,
         splat(params.simd, 0.0),
-        state.a_lat[i] * weight * angle,
+        state.motion.accel_lat[i] * weight * angle,
     );
     let weight = front_load_share(params, i, asked - resistance * vehicle.inverse_mass - held);
-    let share = choose(brakes, weight, vehicle.front_drive);
+    let share = select(brakes, weight, vehicle.front_drive);
     let whole = constants.gravity * vehicle.mass;
-    let (fast, slow) = (state.mu_fast[i], state.mu_slow[i]);
+    let (fast, slow) = (
+        state.friction_and_wind.mu_left[i],
+        state.friction_and_wind.mu_right[i],
+    );
     (
         axle_forces(
             constants,
@@ -190,19 +202,29 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    angle: V<S>,
+    angle: F32<S>,
     stride: &StepLength,
 ) -> MotionStep<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
-    let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
+    let speed = at_least(
+        state.motion.vx[i] + stride.half * state.motion.accel_lon[i],
+        0.0,
+    );
     let inverse_speed = 1.0 / at_least(speed, constants.slip_speed);
-    let air = speed - state.tail_wind[i];
+    let air = speed - state.friction_and_wind.tail_wind[i];
     let held_back = vehicle.drag * air * air.abs() + vehicle.rolling;
     let mut resistance = held_back;
     if VARIES {
-        resistance += constants.gravity * vehicle.mass * state.slope[i];
+        resistance += constants.gravity * vehicle.mass * state.road.sin_slope[i];
     }
-    let force = requested_force(params, i, state.accel[i], resistance, speed, inverse_speed);
+    let force = requested_force(
+        params,
+        i,
+        state.controls.requested_accel[i],
+        resistance,
+        speed,
+        inverse_speed,
+    );
     let (front, rear) = axles(state, params, i, force, held_back, angle);
     let straight = (front.force_lon + rear.force_lon - resistance) * vehicle.inverse_mass;
     let mut motion = single_track_step(
@@ -232,11 +254,11 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     motion.vx = at_least(motion.vx, 0.0);
     let creeps =
         motion.vx.simd_lt(constants.standstill) & motion.vy.abs().simd_lt(constants.standstill);
-    let stands = creeps & state.accel[i].simd_le(0.0);
-    motion.vx = choose(stands, zero, motion.vx);
-    motion.vy = choose(stands, zero, motion.vy);
-    motion.yaw_rate = choose(stands, zero, motion.yaw_rate);
-    motion.mean_yaw_rate = choose(stands, 0.5 * state.r[i], motion.mean_yaw_rate);
+    let stands = creeps & state.controls.requested_accel[i].simd_le(0.0);
+    motion.vx = select(stands, zero, motion.vx);
+    motion.vy = select(stands, zero, motion.vy);
+    motion.yaw_rate = select(stands, zero, motion.yaw_rate);
+    motion.mean_yaw_rate = select(stands, 0.5 * state.motion.yaw_rate[i], motion.mean_yaw_rate);
     motion
 }
 
@@ -248,13 +270,17 @@ fn single_track_step<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
     (front, rear): &(Axle<S>, Axle<S>),
-    resistance: V<S>,
-    (speed, inverse_speed): (V<S>, V<S>),
-    angle: V<S>,
+    resistance: F32<S>,
+    (speed, inverse_speed): (F32<S>, F32<S>),
+    angle: F32<S>,
     stride: &StepLength,
 ) -> MotionStep<S> {
     let vehicle = &params.vehicles[i];
-    let (vx, vy, r) = (state.vx[i], state.vy[i], state.r[i]);
+    let (vx, vy, r) = (
+        state.motion.vx[i],
+        state.motion.vy[i],
+        state.motion.yaw_rate[i],
+    );
     let (sine, cosine) = sincos(angle);
     let u = (vy + vehicle.cg_front * r) * inverse_speed;
     let (front_y, front_k) = fiala_force(
@@ -274,9 +300,12 @@ fn single_track_step<S: Simd, const N: usize>(
     let (front_k, rear_k) = (front_k * inverse_speed, rear_k * inverse_speed);
     let side = front_y * cosine + front.force_lon * sine;
     let moment = vehicle.half_track * (front.force_difference + rear.force_difference);
-    let across = (side + rear_y + state.wind_force[i]) * vehicle.inverse_mass - speed * r;
+    let across =
+        (side + rear_y + state.friction_and_wind.wind_force[i]) * vehicle.inverse_mass - speed * r;
     let moment = moment + stability_control(state, params, i, speed, angle);
-    let turn = vehicle.cg_front * side - vehicle.cg_rear * rear_y + state.wind_moment[i] + moment;
+    let turn = vehicle.cg_front * side - vehicle.cg_rear * rear_y
+        + state.friction_and_wind.wind_moment[i]
+        + moment;
     let turn = turn * vehicle.inverse_inertia;
     let (ahead, behind) = (
         vehicle.cg_front * (front_k * cosine),
@@ -296,10 +325,10 @@ fn single_track_step<S: Simd, const N: usize>(
     let middle_r = r + 0.5 * more_r;
     let middle_y = front_y - front_k * (0.5 * (more_vy + vehicle.cg_front * more_r));
     let along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance;
-    state.a_lon[i] = along * vehicle.inverse_mass;
-    state.a_lat[i] = more_vy * stride.inverse + speed * middle_r;
+    state.motion.accel_lon[i] = along * vehicle.inverse_mass;
+    state.motion.accel_lat[i] = more_vy * stride.inverse + speed * middle_r;
     MotionStep {
-        vx: vx + stride.length * (state.a_lon[i] + (vy + 0.5 * more_vy) * middle_r),
+        vx: vx + stride.length * (state.motion.accel_lon[i] + (vy + 0.5 * more_vy) * middle_r),
         vy: vy + more_vy,
         yaw_rate: r + more_r,
         mean_yaw_rate: middle_r,
@@ -312,14 +341,14 @@ fn stability_control<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    speed: V<S>,
-    angle: V<S>,
-) -> V<S> {
+    speed: F32<S>,
+    angle: F32<S>,
+) -> F32<S> {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let grip = max_friction_accel(state, constants, i);
     let reach = grip / at_least(speed, constants.slip_speed);
     let asked = speed * angle / (vehicle.wheelbase + vehicle.understeer * (speed * speed));
-    let off = state.r[i] - clamp(asked, -reach, reach);
+    let off = state.motion.yaw_rate[i] - clamp(asked, -reach, reach);
     let off = off
         - clamp_to(
             off,
@@ -341,27 +370,27 @@ fn leaning_step<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    rides: M<S>,
-    accel_lon: V<S>,
-    (inverse_speed, angle): (V<S>, V<S>),
+    rides: Mask<S>,
+    accel_lon: F32<S>,
+    (inverse_speed, angle): (F32<S>, F32<S>),
     stride: &StepLength,
     motion: &mut MotionStep<S>,
 ) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let grip = max_friction_accel(state, constants, i);
     let lean = clamp(
-        angle + state.wind_force[i] * vehicle.inverse_mass,
+        angle + state.friction_and_wind.wind_force[i] * vehicle.inverse_mass,
         -grip,
         grip,
     );
     let r = lean * inverse_speed;
-    let vx = state.vx[i] + stride.length * accel_lon;
-    motion.vx = choose(rides, vx, motion.vx);
-    motion.vy = choose(rides, splat(params.simd, 0.0), motion.vy);
-    motion.yaw_rate = choose(rides, r, motion.yaw_rate);
-    motion.mean_yaw_rate = choose(rides, r, motion.mean_yaw_rate);
-    put(&mut state.a_lon[i], rides, accel_lon);
-    put(&mut state.a_lat[i], rides, lean);
+    let vx = state.motion.vx[i] + stride.length * accel_lon;
+    motion.vx = select(rides, vx, motion.vx);
+    motion.vy = select(rides, splat(params.simd, 0.0), motion.vy);
+    motion.yaw_rate = select(rides, r, motion.yaw_rate);
+    motion.mean_yaw_rate = select(rides, r, motion.mean_yaw_rate);
+    assign_where(&mut state.motion.accel_lon[i], rides, accel_lon);
+    assign_where(&mut state.motion.accel_lat[i], rides, lean);
 }
 
 /// New place of vehicle `i` with the mean of the old and the new velocity.
@@ -373,45 +402,54 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     motion: MotionStep<S>,
     stride: &StepLength,
 ) {
-    let wrecked = state.crashed[i].simd_gt(0.0);
-    let (sine, cosine) = (state.sine[i], state.cosine[i]);
-    let along = state.vx[i] * cosine - state.vy[i] * sine;
-    let across = state.vx[i] * sine + state.vy[i] * cosine;
+    let wrecked = state.motion.is_wreck[i].simd_gt(0.0);
+    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
+    let along = state.motion.vx[i] * cosine - state.motion.vy[i] * sine;
+    let across = state.motion.vx[i] * sine + state.motion.vy[i] * cosine;
     let mut r = motion.yaw_rate;
     let mut kept = splat(params.simd, 1.0);
     if wrecked.any_true() {
         (r, kept) = slide_wreck(state, params, i, wrecked, (along, across), r, stride);
     }
-    let mean_r = choose(wrecked, 0.5 * (state.r[i] + r), motion.mean_yaw_rate);
-    state.psi[i] += stride.length * mean_r;
+    let mean_r = select(
+        wrecked,
+        0.5 * (state.motion.yaw_rate[i] + r),
+        motion.mean_yaw_rate,
+    );
+    state.motion.heading[i] += stride.length * mean_r;
     let mut slides = (along, across);
     if VARIES {
-        let turned = stride.length * (state.curve[i] * (along + stride.half * state.a_lon[i]));
-        state.psi[i] -= turned;
+        let turned = stride.length
+            * (state.road.curvature[i] * (along + stride.half * state.motion.accel_lon[i]));
+        state.motion.heading[i] -= turned;
         let (aside, ahead) = sincos(turned);
         slides = (
             along * ahead + across * aside,
             across * ahead - along * aside,
         );
     }
-    let (sine, cosine) = sincos(state.psi[i]);
-    (state.sine[i], state.cosine[i]) = (sine, cosine);
+    let (sine, cosine) = sincos(state.motion.heading[i]);
+    (state.motion.sin_heading[i], state.motion.cos_heading[i]) = (sine, cosine);
     let mut new_along = motion.vx * cosine - motion.vy * sine;
     let mut new_across = motion.vx * sine + motion.vy * cosine;
-    (state.vx[i], state.vy[i]) = (motion.vx, motion.vy);
+    (state.motion.vx[i], state.motion.vy[i]) = (motion.vx, motion.vy);
     if wrecked.any_true() {
-        new_along = choose(wrecked, slides.0 * kept, new_along);
-        new_across = choose(wrecked, slides.1 * kept, new_across);
+        new_along = select(wrecked, slides.0 * kept, new_along);
+        new_across = select(wrecked, slides.1 * kept, new_across);
         let ahead = new_along * cosine + new_across * sine;
         let aside = new_across * cosine - new_along * sine;
-        state.vx[i] = choose(wrecked, ahead, motion.vx);
-        state.vy[i] = choose(wrecked, aside, motion.vy);
+        state.motion.vx[i] = select(wrecked, ahead, motion.vx);
+        state.motion.vy[i] = select(wrecked, aside, motion.vy);
     }
     let way = stride.half * (along + new_along);
-    state.s[i] += if VARIES { way * state.stretch[i] } else { way };
-    state.d[i] += stride.half * (across + new_across);
-    state.yaw_accel[i] = (r - state.r[i]) * stride.inverse;
-    state.r[i] = r;
+    state.motion.s[i] += if VARIES {
+        way * state.road.station_per_metre[i]
+    } else {
+        way
+    };
+    state.motion.d[i] += stride.half * (across + new_across);
+    state.motion.yaw_accel[i] = (r - state.motion.yaw_rate[i]) * stride.inverse;
+    state.motion.yaw_rate[i] = r;
 }
 
 /// A wreck slides to rest with locked wheels: its new yaw rate, and the share of its velocity that is kept.
@@ -420,11 +458,11 @@ fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     i: usize,
-    wrecked: M<S>,
-    (along, across): (V<S>, V<S>),
-    r: V<S>,
+    wrecked: Mask<S>,
+    (along, across): (F32<S>, F32<S>),
+    r: F32<S>,
     stride: &StepLength,
-) -> (V<S>, V<S>) {
+) -> (F32<S>, F32<S>) {
     let (constants, vehicle) = (params.constants, &params.vehicles[i]);
     let friction = constants.sliding_ratio * max_friction_accel(state, constants, i);
     let speed = (along * along + across * across).sqrt();
@@ -432,8 +470,16 @@ fn slide_wreck<S: Simd, const N: usize>(
     let spin =
         friction * vehicle.mass * vehicle.inverse_inertia * 0.5 * vehicle.wheelbase * stride.length;
     let rate = -(lost * stride.inverse);
-    state.a_lon[i] = choose(wrecked, rate * state.vx[i], state.a_lon[i]);
-    state.a_lat[i] = choose(wrecked, rate * state.vy[i], state.a_lat[i]);
-    let turned = state.r[i] - clamp(state.r[i], -spin, spin);
-    (choose(wrecked, turned, r), 1.0 - lost)
+    state.motion.accel_lon[i] = select(
+        wrecked,
+        rate * state.motion.vx[i],
+        state.motion.accel_lon[i],
+    );
+    state.motion.accel_lat[i] = select(
+        wrecked,
+        rate * state.motion.vy[i],
+        state.motion.accel_lat[i],
+    );
+    let turned = state.motion.yaw_rate[i] - clamp(state.motion.yaw_rate[i], -spin, spin);
+    (select(wrecked, turned, r), 1.0 - lost)
 }

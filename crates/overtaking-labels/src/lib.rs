@@ -48,7 +48,6 @@ pub use span_scans::{
 /// The engine's vectors; each lane holds one frame here.
 mod vectors {
     pub use overtaking_core::math::vectors::{
-        LANES as SIMD_LANES, M as Mask, V as F32, at_least, at_most, choose as select, max, min,
-        put as assign_where, splat,
+        F32, Mask, SIMD_LANES, assign_where, at_least, at_most, max, min, select, splat,
     };
 }

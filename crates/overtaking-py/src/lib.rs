@@ -259,7 +259,7 @@ mod _core {
     #[pymodule_export]
     const MAX_PERCEPTS: usize = overtaking_core::MAX_PERCEPTS;
     #[pymodule_export]
-    const SIMD_LANES: usize = overtaking_core::LANES;
+    const SIMD_LANES: usize = overtaking_core::SIMD_LANES;
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 

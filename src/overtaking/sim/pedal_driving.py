@@ -106,11 +106,12 @@ class EnginePedalDriving:
 
 
 def _table(state: State) -> NDArray[np.float32]:
-    """What changes, shape (field, vehicle)."""
-    return np.concatenate([getattr(state, name) for name in TABLE_FIELDS], axis=1).T.copy()
+    """The fields of a state that a tick changes, shape (field, vehicle)."""
+    columns = [getattr(getattr(state, group), name) for group, name in TABLE_FIELDS]
+    return np.concatenate(columns, axis=1).T.copy()
 
 
 def _spread(state: State, table: NDArray[np.float32]) -> None:
-    """Put the rows of a table back where they came from."""
-    for name, row in zip(TABLE_FIELDS, table[:, :, None], strict=True):
-        setattr(state, name, row)
+    """Write the rows of a table into the fields of a state."""
+    for (group, name), row in zip(TABLE_FIELDS, table[:, :, None], strict=True):
+        setattr(getattr(state, group), name, row)

@@ -17,10 +17,12 @@ JERK = {"up": 2.5, "down": 5.0, "urgent": 6.0 / 0.6, "release": 5.0}
 def press(now: float, leader: float, old_leader: float = 1e9) -> float:
     """Acceleration after one decision that wants what both leaders allow [m/s^2]."""
     m = moment([Vehicle(speed=20.0)])
-    m.state.accel = np.full_like(m.state.accel, now)
-    wanted = [np.full_like(m.state.accel, value) for value in (leader, old_leader)]
+    m.state.controls.requested_accel = np.full_like(m.state.controls.requested_accel, now)
+    wanted = [
+        np.full_like(m.state.controls.requested_accel, value) for value in (leader, old_leader)
+    ]
     acceleration.apply_pedals(m.state, m.given, *wanted)
-    return float(m.state.accel[0, 0])
+    return float(m.state.controls.requested_accel[0, 0])
 
 
 @pytest.mark.parametrize(
@@ -57,18 +59,18 @@ def test_in_an_emergency_the_brakes_are_the_limit_and_not_the_believed_grip():
 
 def test_a_wreck_has_no_pedals():
     m = moment([Vehicle(speed=20.0)])
-    m.state.accel = np.full_like(m.state.accel, -4.0)
-    m.state.crashed = np.ones_like(m.state.crashed)
-    still = np.zeros_like(m.state.accel)
+    m.state.controls.requested_accel = np.full_like(m.state.controls.requested_accel, -4.0)
+    m.state.motion.is_wreck = np.ones_like(m.state.motion.is_wreck)
+    still = np.zeros_like(m.state.controls.requested_accel)
     acceleration.apply_pedals(m.state, m.given, still, still)
-    assert (m.state.accel == 0.0).all()
+    assert (m.state.controls.requested_accel == 0.0).all()
 
 
 def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
     believed = m.look()
     following = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
-    m.state.stage[EGO_SLOT] = np.float32(Stage.PASS)
+    m.state.overtake.stage[EGO_SLOT] = np.float32(Stage.PASS)
     passing = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
@@ -80,15 +82,15 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     """Whether somebody at 30 m/s who leaves the lane of one at 20 m/s still brakes for it."""
     length = 4.4
     m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=gap + length, lane=0, speed=20.0)])
-    low, high = float(m.state.d[1, 0]), float(m.state.d[0, 0])
-    zero = np.zeros_like(m.state.s)
-    m.state.path[0] = m.state.d
-    m.state.path[0][0] = low
+    low, high = float(m.state.motion.d[1, 0]), float(m.state.motion.d[0, 0])
+    zero = np.zeros_like(m.state.motion.s)
+    m.state.path.coefficients[0] = m.state.motion.d
+    m.state.path.coefficients[0][0] = low
     mask = zero == 1.0
     mask[0] = True
     steering.start_path(m.state, mask, zero + np.float32(high), zero + np.float32(duration))
-    m.state.path_time[0] = done
-    m.state.d[0] = float(steering.path_position(m.state)[0][0, 0])
+    m.state.path.elapsed[0] = done
+    m.state.motion.d[0] = float(steering.path_position(m.state)[0][0, 0])
     near, believed = m.neighbours(), m.look()
     wanted = acceleration.accel_behind_old_leader(m.state, m.given, near, believed, None)
     return bool(wanted[0, 0] < 0.0)
@@ -116,8 +118,8 @@ def test_who_keeps_the_lane_does_not_brake_for_the_next():
 @pytest.mark.parametrize(("kind", "share"), [("L", 0.6), ("MC", 0.95)])
 def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str, share: float):
     m = moment([Vehicle(kind=kind, speed=30.0)])
-    load = np.full_like(m.state.s, 8000.0)
-    grip = float(m.state.mu_fast[0, 0]) * 8000.0
+    load = np.full_like(m.state.motion.s, 8000.0)
+    grip = float(m.state.friction_and_wind.mu_left[0, 0]) * 8000.0
     for force, expected in ((1e6, share), (-1e6, -0.95)):
         asked = np.full_like(load, force)
         axle = vehicle_dynamics.axle_forces(m.given, m.state, asked, load)

@@ -27,18 +27,18 @@ FAR_AWAY = Vehicle(s=5000.0, lane=0)
 def changed(*others: Vehicle, lanes: int = 3) -> np.ndarray:
     """By how many lanes each of the others sets out to change, to the fast side positive."""
     m = moment([FAR_AWAY, *others], road=wide_road(lanes=lanes))
-    before = m.state.lane.copy()
+    before = m.state.lane_choice.lane.copy()
     for _ in range(2):  # Nobody sets out at the first look.
         decide(m)
-    return (m.state.lane - before)[1 : 1 + len(others), 0]
+    return (m.state.lane_choice.lane - before)[1 : 1 + len(others), 0]
 
 
 def decide(m: Moment) -> None:
     """One look around of everybody, a fifth of a second after the last one."""
-    looks = np.ones(m.state.s.shape, np.bool_)
+    looks = np.ones(m.state.motion.s.shape, np.bool_)
     believed = m.look()
     own = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
-    m.state.wanted_time += np.float32(0.2)
+    m.state.lane_choice.time_wanted += np.float32(0.2)
     lane_change.change_lanes_by_mobil(m.state, m.given, believed, own, looks, m.decision)
 
 
@@ -67,8 +67,8 @@ def test_nobody_moves_over_before_having_wanted_to_for_as_long_as_they_signal():
     moved = []
     for _ in range(5):
         decide(m)
-        moved.append(float(m.state.lane[1, 0]))
-        assert float(m.state.indicator[1, 0]) == 1.0
+        moved.append(float(m.state.lane_choice.lane[1, 0]))
+        assert float(m.state.controls.indicator[1, 0]) == 1.0
     assert moved == [1.0, 1.0, 1.0, 2.0, 2.0]  # Five looks a second: after 0.6 s.
 
 
@@ -79,13 +79,13 @@ def test_who_changes_their_mind_begins_to_wait_anew():
     )
     decide(m)
     decide(m)
-    m.state.s[2] += 900.0
+    m.state.motion.s[2] += 900.0
     decide(m)
-    assert float(m.state.wanted_time[1, 0]) == 0.0
-    m.state.s[2] -= 900.0
+    assert float(m.state.lane_choice.time_wanted[1, 0]) == 0.0
+    m.state.motion.s[2] -= 900.0
     decide(m)
     decide(m)
-    assert float(m.state.lane[1, 0]) == 1.0
+    assert float(m.state.lane_choice.lane[1, 0]) == 1.0
 
 
 def test_nobody_returns_to_a_lane_that_is_not_free_far_ahead():
@@ -132,31 +132,33 @@ def test_politeness_lets_a_follower_by():
 
 def test_after_a_change_there_is_a_pause():
     m = moment([FAR_AWAY, car(0.0, 2, 30.0)])
-    m.state.path_time[1] = m.state.path_duration[1] = 1.0
-    m.state.since_change[1] = 9.9
-    before = m.state.lane.copy()
+    m.state.path.elapsed[1] = m.state.path.duration[1] = 1.0
+    m.state.lane_choice.time_since_lane_change[1] = 9.9
+    before = m.state.lane_choice.lane.copy()
     decide(m)
-    np.testing.assert_array_equal(m.state.lane, before)
-    m.state.since_change[1] = 10.1
+    np.testing.assert_array_equal(m.state.lane_choice.lane, before)
+    m.state.lane_choice.time_since_lane_change[1] = 10.1
     decide(m)
-    np.testing.assert_array_equal(m.state.lane, before)  # Nobody sets out at the first look.
+    np.testing.assert_array_equal(
+        m.state.lane_choice.lane, before
+    )  # Nobody sets out at the first look.
     decide(m)
-    assert float(m.state.lane[1, 0]) == 1.0
+    assert float(m.state.lane_choice.lane[1, 0]) == 1.0
 
 
 def test_the_ego_and_wrecks_and_empty_slots_do_not_change_lanes():
     m = moment([car(0.0, 2, 30.0), car(500.0, 2, 30.0)])
-    m.state.crashed[1] = 1.0
-    before = m.state.lane.copy()
+    m.state.motion.is_wreck[1] = 1.0
+    before = m.state.lane_choice.lane.copy()
     decide(m)
-    np.testing.assert_array_equal(m.state.lane, before)
+    np.testing.assert_array_equal(m.state.lane_choice.lane, before)
 
 
 def test_a_change_is_signalled_by_who_uses_the_indicator():
     for uses in (0.0, 1.0):
         m = moment([FAR_AWAY, car(0.0, 2, 30.0, uses_indicator=uses)])
         decide(m)
-        assert float(m.state.indicator[1, 0]) == -uses
+        assert float(m.state.controls.indicator[1, 0]) == -uses
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -196,8 +198,8 @@ def test_of_two_who_signal_for_one_place_the_one_behind_waits():
     # Both want the lane in the middle, from either side; neither sees the other's lane.
     for ahead, first in ((5.0, 2), (-5.0, 1)):
         m = moment([FAR_AWAY, car(0.0, 0, 25.0), car(ahead, 2, 25.0)], road=wide_road(lanes=3))
-        m.state.indicator[1:3, 0] = 1.0, -1.0
-        side = np.zeros_like(m.state.s)
+        m.state.controls.indicator[1:3, 0] = 1.0, -1.0
+        side = np.zeros_like(m.state.motion.s)
         side[1:3, 0] = 1.0, -1.0
         waits = lane_change.gives_way(m.state, m.given, side, lane_change.lane_claims(m.state))
         assert [bool(one) for one in waits[1:3, 0]] == [first == 2, first == 1]
@@ -206,17 +208,22 @@ def test_of_two_who_signal_for_one_place_the_one_behind_waits():
 def test_who_meets_danger_goes_back_and_does_not_retreat_from_a_retreat():
     # Halfway into a lane in which somebody drives beside it.
     m = moment([FAR_AWAY, car(0.0, 0, 25.0), car(-1.0, 1, 25.0)], road=wide_road(lanes=3))
-    m.state.lane[1] = 1.0
-    centre = m.state.d[2].copy()
-    everybody = np.ones(m.state.s.shape, np.bool_)
-    start_path(m.state, everybody, np.broadcast_to(centre, m.state.s.shape), m.state.s * 0 + 8.0)
-    m.state.path_time[:] = 1.0
-    m.state.path_duration[2] = m.state.path_time[2] = 1.0
+    m.state.lane_choice.lane[1] = 1.0
+    centre = m.state.motion.d[2].copy()
+    everybody = np.ones(m.state.motion.s.shape, np.bool_)
+    start_path(
+        m.state,
+        everybody,
+        np.broadcast_to(centre, m.state.motion.s.shape),
+        m.state.motion.s * 0 + 8.0,
+    )
+    m.state.path.elapsed[:] = 1.0
+    m.state.path.duration[2] = m.state.path.elapsed[2] = 1.0
     decide(m)
-    assert float(m.state.lane[1, 0]) == 0.0
-    m.state.path_time[:] = 0.5
+    assert float(m.state.lane_choice.lane[1, 0]) == 0.0
+    m.state.path.elapsed[:] = 0.5
     decide(m)
-    assert float(m.state.lane[1, 0]) == 0.0
+    assert float(m.state.lane_choice.lane[1, 0]) == 0.0
 
 
 def test_a_follower_must_be_safe_in_two_seconds_as_well():
@@ -232,10 +239,10 @@ def test_who_would_reach_the_leader_hurries():
     # At 10 m/s more the gap of 60 m is closed after 6 s: clear 2 s before, at 0.6 of the path.
     for closing, expected in ((0.0, 9.0), (10.0, (6.0 - 2.0) / 0.6), (30.0, 4.0)):
         m = moment([FAR_AWAY, car(0.0, 0, 25.0, lane_change_duration=9.0)])
-        shape = m.state.s.shape
+        shape = m.state.motion.s.shape
         moved, nobody = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
         moved[1] = True
         believed = m.look()
         believed.gap[LEADER], believed.closing_speed[LEADER] = 60.0, closing
         lane_change.start_lane_changes(m.state, m.given, (moved, nobody, nobody), believed, 0)
-        assert float(m.state.path_duration[1, 0]) == pytest.approx(expected, rel=1e-5)
+        assert float(m.state.path.duration[1, 0]) == pytest.approx(expected, rel=1e-5)

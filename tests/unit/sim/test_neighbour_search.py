@@ -22,16 +22,16 @@ vehicles = st.builds(
 def searched(m: Moment, me: int, role: int) -> tuple[int, float]:
     """Slot and gap of the neighbour in a role, by looking at everyone in turn."""
     number = lambda values, i: float(values[i, 0])  # noqa: E731
-    lane = number(m.state.lane, me) + (0, 1, -1)[role // 2]
+    lane = number(m.state.lane_choice.lane, me) + (0, 1, -1)[role // 2]
     low, high = -LANES * WIDTH + lane * WIDTH, -LANES * WIDTH + (lane + 1) * WIDTH
     best, nearest = -1, float("inf")
     for other in range(8):
         if other == me or not number(m.p.valid, other):
             continue
-        d, half = number(m.state.d, other), number(m.p.half_width, other)
+        d, half = number(m.state.motion.d, other), number(m.p.half_width, other)
         if d + half <= low + MARGIN or d - half >= high - MARGIN:
             continue
-        away = number(m.state.s, other) - number(m.state.s, me)
+        away = number(m.state.motion.s, other) - number(m.state.motion.s, me)
         if (away >= 0.0) != (role % 2 == 0) or abs(away) >= nearest:
             continue
         best, nearest = other, abs(away)
@@ -43,7 +43,7 @@ def searched(m: Moment, me: int, role: int) -> tuple[int, float]:
 
 def roles_of(m: Moment, me: int) -> list[int]:
     """The roles whose lane exists."""
-    lane = int(m.state.lane[me, 0])
+    lane = int(m.state.lane_choice.lane[me, 0])
     return [role for role in range(6) if 0 <= lane + (0, 1, -1)[role // 2] < LANES]
 
 
@@ -58,7 +58,7 @@ def test_neighbours_are_those_that_a_plain_search_finds(
 ):
     m = moment(traffic)
     for i in range(len(traffic)):
-        m.state.d[i] += shifts[i]
+        m.state.motion.d[i] += shifts[i]
     near = m.neighbours()
     for me in range(len(traffic)):
         for role in roles_of(m, me):
@@ -71,7 +71,7 @@ def test_neighbours_are_those_that_a_plain_search_finds(
 
 def test_who_straddles_a_line_is_seen_from_both_lanes():
     m = moment([Vehicle(s=0.0, lane=0), Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
-    m.state.d[2] = -2.0 * WIDTH  # On the line between lanes 0 and 1.
+    m.state.motion.d[2] = -2.0 * WIDTH  # On the line between lanes 0 and 1.
     near = m.neighbours()
     assert int(near.slot[AHEAD_OF_OWN, 0, 0]) == 2
     assert int(near.slot[AHEAD_OF_OWN, 1, 0]) == 2
@@ -79,16 +79,16 @@ def test_who_straddles_a_line_is_seen_from_both_lanes():
 
 def test_treading_on_a_line_is_not_being_in_the_lane():
     m = moment([Vehicle(s=0.0, lane=0), Vehicle(s=40.0, lane=1)])
-    m.state.d[1] = -2.0 * WIDTH + float(m.p.half_width[1, 0]) - 0.15
+    m.state.motion.d[1] = -2.0 * WIDTH + float(m.p.half_width[1, 0]) - 0.15
     assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
 def seen_changing(signal: float, done: float, crashed: float = 0.0) -> int:
     """Whom a driver sees ahead when another has done a part of its change into the lane."""
     m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)])
-    m.state.lane[1], m.state.indicator[1] = 1.0, signal
-    m.state.path_time[1], m.state.path_duration[1] = 5.0 * done, 5.0
-    m.state.crashed[1] = crashed
+    m.state.lane_choice.lane[1], m.state.controls.indicator[1] = 1.0, signal
+    m.state.path.elapsed[1], m.state.path.duration[1] = 5.0 * done, 5.0
+    m.state.motion.is_wreck[1] = crashed
     near = m.neighbours()
     assert int(near.slot[AHEAD_OF_OWN, 2, 0]) == 1  # From where it still is.
     return int(near.slot[AHEAD_OF_OWN, 0, 0])
@@ -110,7 +110,7 @@ def test_a_wreck_is_seen_only_where_it_lies():
 
 def test_an_indicator_alone_is_not_a_lane_change():
     m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
-    m.state.indicator[1] = 1.0
+    m.state.controls.indicator[1] = 1.0
     assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 

@@ -80,7 +80,7 @@ def test_in_fog_by_day_an_unlit_car_is_seen_as_far_as_koschmieder_says(fog: floa
     m.p.inverse_tail_lamp[:] = 1e9  # All lamps off.
     reach = math.log(0.8 / 0.05) / beta
     for share, noticed in ((0.98, True), (1.02, False)):
-        m.state.s[1] = share * reach + CAR
+        m.state.motion.s[1] = share * reach + CAR
         assert bool(m.look().is_detected[LEADER, 0, 0]) is noticed
 
 
@@ -100,7 +100,7 @@ def test_a_braking_leader_is_seen_farther_in_fog_at_night():
     coasting = range_of_sight(ONLY_RANGE, weather)
     m = one_ahead(1.15 * coasting, speed=0.0, effects=ONLY_RANGE, weather=weather)
     assert not seen(m)
-    m.state.accel[1] = -3.0
+    m.state.controls.requested_accel[1] = -3.0
     assert seen(m)
 
 
@@ -123,8 +123,10 @@ DELAYED = dataclasses.replace(CLEAR_MINDED, delay=True)
 def test_a_newcomer_is_noticed_after_the_detection_time(night: float, seconds: float):
     m = moment([Vehicle(s=0.0), Vehicle(s=30.0, lane=2)], effects=DELAYED, weather={"night": night})
     m.look()
-    m.state.d[1] = m.state.d[0]  # Out of nowhere, near: no extra time at the limit of sight.
-    m.state.lane[1] = 0.0
+    m.state.motion.d[1] = m.state.motion.d[
+        0
+    ]  # Out of nowhere, near: no extra time at the limit of sight.
+    m.state.lane_choice.lane[1] = 0.0
     count = 0
     while not seen(m):
         count += 1
@@ -145,8 +147,8 @@ def test_a_driver_acts_on_what_was_a_reaction_time_ago_carried_on(reaction: floa
         m.look()
         m.pass_time()
     # The leader jumps on by 7 m and is 5 m/s slower: nobody knows before a reaction time is over.
-    m.state.s[1] += 7.0
-    m.state.vx[1] = 15.0
+    m.state.motion.s[1] += 7.0
+    m.state.motion.vx[1] = 15.0
     gaps, closings = [], []
     for _ in range(ticks + 2):
         believed = m.look()
@@ -156,7 +158,7 @@ def test_a_driver_acts_on_what_was_a_reaction_time_ago_carried_on(reaction: floa
     np.testing.assert_allclose(gaps[:ticks], 60.0, atol=1e-3)
     np.testing.assert_allclose(closings[:ticks], 0.0, atol=1e-4)
     # Then it is known, and what happened since is extrapolated rightly, as it kept its speed.
-    truth = float(m.state.s[1, 0] - m.state.s[0, 0]) - CAR + 0.05 * 5.0
+    truth = float(m.state.motion.s[1, 0] - m.state.motion.s[0, 0]) - CAR + 0.05 * 5.0
     assert gaps[-1] == pytest.approx(truth, abs=1e-3)
     assert closings[-1] == pytest.approx(5.0, abs=1e-4)
 
@@ -216,7 +218,7 @@ def test_an_approach_is_felt_from_the_distance_of_looming_on(
 def test_distances_are_misjudged_by_a_lognormal_factor():
     m = one_ahead(80.0, effects=dataclasses.replace(CLEAR_MINDED, distance_error=True))
     for z in (-2.0, 0.0, 1.5):
-        m.state.distance_error = np.full_like(m.state.s, z)
+        m.state.noise.distance_error = np.full_like(m.state.motion.s, z)
         gap = float(m.look().gap[LEADER, 0, 0])
         # A coefficient of variation of 0.10 by day.
         assert gap == pytest.approx(80.0 * math.exp(0.10 * z), rel=1e-5)
@@ -251,7 +253,7 @@ def test_the_braking_of_those_ahead_is_seen_but_not_their_accelerating(
     m = moment([Vehicle(speed=20.0), leader], effects=effects)
     for _ in range(10):
         m.look()
-        m.state.vx[1] += np.float32(0.05 * change)
+        m.state.motion.vx[1] += np.float32(0.05 * change)
     seen = m.look().accel[LEFT_LEADER if lane else LEADER, 0, 0]
     assert float(seen) == pytest.approx(expected, rel=1e-4)
 
@@ -260,7 +262,7 @@ def test_errors_of_distance_fade_as_contact_comes_near():
     for closing, gap, share in ((0.0, 20.0, 1.0), (4.0, 20.0, 1.0), (10.0, 20.0, 0.5)):
         effects = dataclasses.replace(CLEAR_MINDED, distance_error=True)
         m = one_ahead(gap, speed=20.0 + closing, ahead=20.0, effects=effects)
-        m.state.distance_error = np.ones_like(m.state.s)
+        m.state.noise.distance_error = np.ones_like(m.state.motion.s)
         expected = gap * (1.0 + share * (math.exp(0.10) - 1.0))
         assert float(m.look().gap[LEADER, 0, 0]) == pytest.approx(expected, rel=1e-4)
 
@@ -272,7 +274,7 @@ def test_after_a_lane_change_a_known_neighbour_stays_known():
         road=wide_road(),
     )
     m.look()
-    m.state.lane[0] += 1.0
+    m.state.lane_choice.lane[0] += 1.0
     believed = m.look()
     assert bool(believed.is_detected[LEADER, 0, 0])
     assert bool(believed.is_detected[FOLLOWER, 0, 0])
@@ -287,7 +289,7 @@ def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
         weather={"night": 1.0},
     )
     assert bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])
-    m.state.s[1] = 1.0
+    m.state.motion.s[1] = 1.0
     believed = m.look()
     assert bool(believed.is_detected[LEFT_LEADER, 0, 0])
     # The one far behind was never nearest before: it takes its time to be noticed.
@@ -309,19 +311,19 @@ def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():
 
 def test_who_has_signalled_for_long_enough_looks_once_more_and_who_moves_over_looks_often():
     m = moment([Vehicle(), Vehicle(s=50.0, driver={"indicator_lead_time": 2.0})])
-    m.state.wanted[1], m.state.wanted_time[1] = 1.0, 1.9
+    m.state.lane_choice.wanted_side[1], m.state.lane_choice.time_wanted[1] = 1.0, 1.9
     assert not looks(m, 3).any()
-    m.state.wanted_time[1] = 2.0
+    m.state.lane_choice.time_wanted[1] = 2.0
     assert [bool(one) for one in looks(m, 3)[:2, 0]] == [False, True]
-    m.state.wanted[:] = 0.0
-    m.state.path_time[1], m.state.path_duration[1] = 1.0, 8.0
+    m.state.lane_choice.wanted_side[:] = 0.0
+    m.state.path.elapsed[1], m.state.path.duration[1] = 1.0, 8.0
     assert [int(looks(m, k)[1, 0]) for k in range(21, 26)] == [0, 0, 0, 0, 1]
 
 
 @pytest.mark.ci
 def test_looks_over_the_shoulder_fail_in_the_share_of_the_trait():
     m = moment(*[[Vehicle(driver={"checks_blind_spot": 0.9})]] * 4000)
-    share = m.state.checks[0].mean()
+    share = m.state.lane_choice.checks_blind_spot[0].mean()
     assert share == pytest.approx(0.9, abs=4.0 * math.sqrt(0.9 * 0.1 / 4000))
 
 
@@ -331,5 +333,7 @@ def test_who_comes_near_from_the_side_is_noticed_without_a_look_over_the_shoulde
         road=wide_road(),
     )
     assert not bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])
-    m.state.d[0] += m.state.d[1, 0] - m.state.d[0, 0] - np.float32(2.5)  # 0.7 m between them.
+    m.state.motion.d[0] += (
+        m.state.motion.d[1, 0] - m.state.motion.d[0, 0] - np.float32(2.5)
+    )  # 0.7 m between them.
     assert bool(m.look().is_detected[LEFT_FOLLOWER, 0, 0])

@@ -20,9 +20,11 @@ def moment(r: float, wheel: float = 0.0, friction: float = 0.9) -> float:
     """The yaw moment at 30 m/s, as a share of the largest."""
     b = bench(Vehicle(speed=SPEED), friction=friction)
     given = replace(b.given, constants=b.c.replace(stability_threshold=THRESHOLD))
-    b.state.r[:] = r
-    angle = np.full_like(b.state.s, wheel)
-    found = float(vehicle_dynamics._stability_control(b.state, given, b.state.vx, angle)[0, 0])
+    b.state.motion.yaw_rate[:] = r
+    angle = np.full_like(b.state.motion.s, wheel)
+    found = float(
+        vehicle_dynamics._stability_control(b.state, given, b.state.motion.vx, angle)[0, 0]
+    )
     wheel_force = friction * 9.81 * float(b.p.mass[0, 0]) / 4.0
     return found / (wheel_force * float(b.p.half_track[0, 0]))
 
@@ -54,8 +56,8 @@ def test_a_skid_ends_sooner():
     for threshold in (THRESHOLD, 1e9):
         b = bench(Vehicle(speed=SPEED), friction=0.3)
         b = dataclasses.replace(b, c=b.c.replace(stability_threshold=threshold))
-        b.state.r[:] = 0.5
+        b.state.motion.yaw_rate[:] = 0.5
         for _ in range(20):
-            b.move(np.zeros_like(b.state.s))
-        left[threshold] = abs(float(b.state.r[0, 0]))
+            b.move(np.zeros_like(b.state.motion.s))
+        left[threshold] = abs(float(b.state.motion.yaw_rate[0, 0]))
     assert left[THRESHOLD] < 0.8 * left[1e9]

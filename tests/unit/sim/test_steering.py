@@ -36,7 +36,7 @@ def quintic(start: tuple[float, float, float], end: float, duration: float) -> n
 
 
 def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
-    b.state.path_time = np.full_like(b.state.path_time, time)
+    b.state.path.elapsed = np.full_like(b.state.path.elapsed, time)
     place, speed = (float(part[0, 0]) for part in steering.path_position(b.state))
     return place, speed, float(steering.path_accel(b.state)[0, 0])
 
@@ -50,9 +50,9 @@ def test_a_path_is_the_quintic_through_where_the_last_one_was_left(
     end: float, duration: float, turn: float, back: float, second: float, at: float
 ):
     b = bench(Vehicle())
-    b.state.path[:] = 0.0
-    everyone = np.ones_like(b.state.s, bool)
-    zero = np.zeros_like(b.state.s)
+    b.state.path.coefficients[:] = 0.0
+    everyone = np.ones_like(b.state.motion.s, bool)
+    zero = np.zeros_like(b.state.motion.s)
     steering.start_path(b.state, everyone, zero + np.float32(end), zero + np.float32(duration))
     left = follow_path(b, turn * duration)
     steering.start_path(b.state, everyone, zero + np.float32(back), zero + np.float32(second))
@@ -68,8 +68,8 @@ def test_a_path_is_the_quintic_through_where_the_last_one_was_left(
 
 def test_a_path_stays_at_its_end():
     b = bench(Vehicle())
-    b.state.path[:] = 0.0
-    zero = np.zeros_like(b.state.s)
+    b.state.path.coefficients[:] = 0.0
+    zero = np.zeros_like(b.state.motion.s)
     steering.start_path(b.state, zero == 0, zero + 3.5, zero + 4.0)
     assert follow_path(b, 4.0) == pytest.approx((3.5, 0.0, 0.0), abs=1e-5)
     assert follow_path(b, 400.0) == pytest.approx((3.5, 0.0, 0.0), abs=1e-5)
@@ -79,8 +79,8 @@ def test_a_path_stays_at_its_end():
 def test_the_peaks_of_a_lane_change_are_those_of_the_literature(duration: float):
     # Peak speed 1.875 D / T and peak acceleration 5.77 D / T^2 of a quintic from rest to rest.
     b = bench(Vehicle())
-    b.state.path[:] = 0.0
-    zero = np.zeros_like(b.state.s)
+    b.state.path.coefficients[:] = 0.0
+    zero = np.zeros_like(b.state.motion.s)
     steering.start_path(b.state, zero == 0, zero + LANE_WIDTH, zero + duration)
     rows = np.array([follow_path(b, t) for t in np.linspace(0.0, duration, 401)])
     assert rows[:, 1].max() == pytest.approx(1.875 * LANE_WIDTH / duration, rel=1e-3)
@@ -102,8 +102,8 @@ def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("kind", SPEEDS)
 def test_every_class_returns_to_its_lane_without_weaving(kind: str):
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]))
-    centre = float(b.state.d[0, 0])
-    b.state.d = b.state.d + np.float32(0.5)
+    centre = float(b.state.motion.d[0, 0])
+    b.state.motion.d = b.state.motion.d + np.float32(0.5)
     away = drive(b, 15.0)["d"] - centre
     # A damping ratio of 0.4 lets a step overshoot by a quarter; weaving grows instead.
     assert away.min() > -0.25 * 0.5
@@ -116,7 +116,7 @@ def test_every_class_returns_to_its_lane_without_weaving(kind: str):
 def test_a_lane_change_ends_in_the_lane(kind: str):
     duration = 6.5 if kind == "T" else 5.0  # Lorries take 1.3 times as long.
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]))
-    centre = b.state.d.copy()
+    centre = b.state.motion.d.copy()
     zero = np.zeros_like(centre)
     steering.start_path(b.state, zero == 0, centre + LANE_WIDTH, zero + np.float32(duration))
     ran = drive(b, 16.0)
@@ -124,7 +124,7 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     # Wheels and tyres answer late, and the driver asks for the path as much earlier.
     assert place.max() < LANE_WIDTH + (0.1 if kind == "T" else 0.06)
     assert np.abs(place[260:] - LANE_WIDTH).max() < 0.05
-    assert np.abs(ran["a_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
+    assert np.abs(ran["accel_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
 
 
 @pytest.mark.ci
@@ -132,7 +132,7 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
 def test_a_steady_gale_is_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]), sky=sky)
-    centre = float(b.state.d[0, 0])
+    centre = float(b.state.motion.d[0, 0])
     away = drive(b, 10.0)["d"] - centre
     # 12 m/s from the side: the driver answers it from the first frame on, the wheel and the slight
     # crab angle follow within a second. Nobody corrects the last decimetres.
@@ -144,7 +144,7 @@ def test_a_steady_gale_is_steered_out(kind: str):
 def test_a_sudden_side_wind_blows_aside_and_is_then_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]), sky=sky)
-    centre = float(b.state.d[0, 0])
+    centre = float(b.state.motion.d[0, 0])
     drive_calm = b.blows
     b.blows = False
     drive(b, 0.5)
@@ -168,11 +168,11 @@ def drive_after_start(b: Bench, duration: float) -> np.ndarray:
 
 def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
     b = bench(Vehicle(speed=20.0))
-    b.state.d = b.state.d + np.float32(30.0)
+    b.state.motion.d = b.state.motion.d + np.float32(30.0)
     before = 0.0
     for _ in range(60):
         middle = b.steer(np.full_like(b.q.max_lateral_accel, 50.0))
-        wheel = float(b.state.wheel[0, 0])
+        wheel = float(b.state.controls.wheel_angle[0, 0])
         assert abs(wheel - before) <= 0.4 * DECISION + 1e-6
         assert float(middle[0, 0]) == pytest.approx(0.5 * (wheel + before), abs=1e-6)
         assert abs(wheel) <= 0.5 + 1e-6
@@ -183,13 +183,13 @@ def test_a_sliding_car_is_steered_into_the_slide():
     # The tail has come round by 20 degrees to the left: vy < 0, the car yaws to the left. A driver
     # who only wanted to the left (the path is there) would hold on; the front wheels go right.
     b = bench(Vehicle(speed=25.0), friction=0.4)
-    b.state.d = b.state.d - np.float32(1.0)
-    b.state.vy = np.full_like(b.state.vy, -9.0)
-    b.state.r = np.full_like(b.state.r, 0.3)
+    b.state.motion.d = b.state.motion.d - np.float32(1.0)
+    b.state.motion.vy = np.full_like(b.state.motion.vy, -9.0)
+    b.state.motion.yaw_rate = np.full_like(b.state.motion.yaw_rate, 0.3)
     for _ in range(20):
         b.steer(np.full_like(b.q.max_lateral_accel, 3.0))
     slip = (-9.0 + 0.3 * float(b.p.cg_front[0, 0])) / 25.0
-    wheel = float(b.state.wheel[0, 0])
+    wheel = float(b.state.controls.wheel_angle[0, 0])
     assert wheel < 0.0
     # At most two thirds of the slip at which the tyre slides, 3 mu / C.
     # Five time constants of the hands later.
@@ -198,7 +198,7 @@ def test_a_sliding_car_is_steered_into_the_slide():
 
 def test_a_wreck_is_not_steered():
     b = bench(Vehicle(speed=20.0))
-    b.state.crashed = np.ones_like(b.state.crashed)
-    b.state.d = b.state.d + np.float32(2.0)
+    b.state.motion.is_wreck = np.ones_like(b.state.motion.is_wreck)
+    b.state.motion.d = b.state.motion.d + np.float32(2.0)
     assert float(b.steer(np.full_like(b.q.max_lateral_accel, 4.0))[0, 0]) == 0.0
-    assert float(b.state.wheel[0, 0]) == 0.0
+    assert float(b.state.controls.wheel_angle[0, 0]) == 0.0

@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::math::elementary::{exp, log, sincos};
 use crate::math::philox;
-use crate::math::vectors::{LANES, V, dispatch};
+use crate::math::vectors::{F32, SIMD_LANES, dispatch};
 use crate::run::engine::require_level;
 
 /// A block of draws of every simulation and stream.
@@ -117,14 +117,18 @@ pub fn normal_pairs_in_place(
 fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
     let key = [block.seed as u32, (block.seed >> 32) as u32];
     let [a, b, c, d] = out;
-    let out = a.chunks_mut(LANES).zip(b.chunks_mut(LANES));
-    let out = out.zip(c.chunks_mut(LANES).zip(d.chunks_mut(LANES)));
-    let given = block.index.chunks(LANES).zip(block.stream.chunks(LANES));
+    let out = a.chunks_mut(SIMD_LANES).zip(b.chunks_mut(SIMD_LANES));
+    let out = out.zip(c.chunks_mut(SIMD_LANES).zip(d.chunks_mut(SIMD_LANES)));
+    let given = block
+        .index
+        .chunks(SIMD_LANES)
+        .zip(block.stream.chunks(SIMD_LANES));
     for ((index, stream), ((a, b), (c, d))) in given.zip(out) {
         simd.vectorize(
             #[inline(always)]
             || {
-                let (mut low, mut high, mut streams) = ([0; LANES], [0; LANES], [0; LANES]);
+                let (mut low, mut high, mut streams) =
+                    ([0; SIMD_LANES], [0; SIMD_LANES], [0; SIMD_LANES]);
                 for (lane, (&index, &stream)) in index.iter().zip(stream).enumerate() {
                     low[lane] = index as u32;
                     high[lane] = (index >> 32) as u32;
@@ -140,7 +144,7 @@ fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
 }
 
 fn fill_exponentials<S: Simd>(simd: S, values: &mut [f32]) {
-    for row in values.chunks_mut(LANES) {
+    for row in values.chunks_mut(SIMD_LANES) {
         simd.vectorize(
             #[inline(always)]
             || store(row, exp(load(simd, row))),
@@ -149,7 +153,7 @@ fn fill_exponentials<S: Simd>(simd: S, values: &mut [f32]) {
 }
 
 fn fill_logarithms<S: Simd>(simd: S, values: &mut [f32]) {
-    for row in values.chunks_mut(LANES) {
+    for row in values.chunks_mut(SIMD_LANES) {
         simd.vectorize(
             #[inline(always)]
             || store(row, log(load(simd, row))),
@@ -158,7 +162,7 @@ fn fill_logarithms<S: Simd>(simd: S, values: &mut [f32]) {
 }
 
 fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
-    for (u, v) in u.chunks_mut(LANES).zip(v.chunks_mut(LANES)) {
+    for (u, v) in u.chunks_mut(SIMD_LANES).zip(v.chunks_mut(SIMD_LANES)) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -173,14 +177,14 @@ fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
 
 /// At most sixteen numbers, and ones beyond them.
 #[inline(always)]
-fn load<S: Simd>(simd: S, row: &[f32]) -> V<S> {
-    let mut values = [1.0; LANES];
+fn load<S: Simd>(simd: S, row: &[f32]) -> F32<S> {
+    let mut values = [1.0; SIMD_LANES];
     values[..row.len()].copy_from_slice(row);
-    V::simd_from(simd, values)
+    F32::simd_from(simd, values)
 }
 
 #[inline(always)]
-fn store<S: Simd>(row: &mut [f32], values: V<S>) {
-    let values: [f32; LANES] = values.to_array();
+fn store<S: Simd>(row: &mut [f32], values: F32<S>) {
+    let values: [f32; SIMD_LANES] = values.to_array();
     row.copy_from_slice(&values[..row.len()]);
 }

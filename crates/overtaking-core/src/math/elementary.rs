@@ -6,22 +6,22 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
-use crate::math::vectors::{V, at_least, choose, clamp_to, splat};
+use crate::math::vectors::{F32, at_least, clamp_to, select, splat};
 
 #[inline(always)]
-fn bits_as_int<S: Simd>(x: V<S>) -> i32x16<S> {
+fn bits_as_int<S: Simd>(x: F32<S>) -> i32x16<S> {
     x.to_bits().bitcast()
 }
 
 #[inline(always)]
-fn int_as_float<S: Simd>(x: i32x16<S>) -> V<S> {
+fn int_as_float<S: Simd>(x: i32x16<S>) -> F32<S> {
     let bits: u32x16<S> = x.bitcast();
-    V::from_bits(bits)
+    F32::from_bits(bits)
 }
 
 /// e to the power `x`, `x` clamped to [-87, 88].
 #[inline(always)]
-pub fn exp<S: Simd>(x: V<S>) -> V<S> {
+pub fn exp<S: Simd>(x: F32<S>) -> F32<S> {
     let x = clamp_to(x, -87.0, 88.0);
     let k = (x * 1.442_695_04).round_ties_even();
     let r = x - k * 0.693_359_375 - k * -2.121_944_4e-4;
@@ -37,14 +37,14 @@ pub fn exp<S: Simd>(x: V<S>) -> V<S> {
 
 /// Natural logarithm of a positive normal `x`.
 #[inline(always)]
-pub fn log<S: Simd>(x: V<S>) -> V<S> {
+pub fn log<S: Simd>(x: F32<S>) -> F32<S> {
     let x = at_least(x, 1.175_494_4e-38);
     let bits = bits_as_int(x);
-    let exponent: V<S> = ((bits >> 23) - 126).to_float();
+    let exponent: F32<S> = ((bits >> 23) - 126).to_float();
     let m = int_as_float((bits & 0x007F_FFFF) | 0x3F00_0000);
     let low = m.simd_lt(0.707_106_77);
-    let e = choose(low, exponent - 1.0, exponent);
-    let m = choose(low, m + m, m) - 1.0;
+    let e = select(low, exponent - 1.0, exponent);
+    let m = select(low, m + m, m) - 1.0;
     let z = m * m;
     let p = 7.037_683_6e-2 * m + -1.151_461e-1;
     let p = p * m + 1.167_699_9e-1;
@@ -60,7 +60,7 @@ pub fn log<S: Simd>(x: V<S>) -> V<S> {
 
 /// Sine and cosine; angles up to an eighth of a turn need no reduction, which changes no bit.
 #[inline(always)]
-pub fn sincos<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
+pub fn sincos<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     if x.abs().simd_lt(0.78).all_true() {
         return sincos_reduced(x + 0.0);
     }
@@ -71,7 +71,7 @@ pub fn sincos<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
 }
 
 #[inline(always)]
-fn sincos_reduced<S: Simd>(r: V<S>) -> (V<S>, V<S>) {
+fn sincos_reduced<S: Simd>(r: F32<S>) -> (F32<S>, F32<S>) {
     let z = r * r;
     let s = -1.951_529_6e-4 * z + 8.332_161e-3;
     let s = s * z + -1.666_665_5e-1;
@@ -83,39 +83,39 @@ fn sincos_reduced<S: Simd>(r: V<S>) -> (V<S>, V<S>) {
 }
 
 #[inline(always)]
-fn sincos_full<S: Simd>(x: V<S>) -> (V<S>, V<S>) {
+fn sincos_full<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     let k = (x * 0.636_619_77).round_ties_even();
     let r = x - k * 1.570_312_5 - k * 4.837_512_969_970_703e-4 - k * 7.549_789_95e-8;
     let number: i32x16<S> = k.to_int();
     let quadrant = number & 3;
     let (s, c) = sincos_reduced(r);
     let odd = (quadrant & 1).simd_eq(1);
-    let sine = choose(odd, c, s);
-    let cosine = choose(odd, s, c);
-    let sine = choose(quadrant.simd_ge(2), -sine, sine);
+    let sine = select(odd, c, s);
+    let cosine = select(odd, s, c);
+    let sine = select(quadrant.simd_ge(2), -sine, sine);
     let flip = quadrant.simd_eq(1) | quadrant.simd_eq(2);
-    (sine, choose(flip, -cosine, cosine))
+    (sine, select(flip, -cosine, cosine))
 }
 
 /// Inverse tangent.
 #[inline(always)]
-pub fn atan<S: Simd>(x: V<S>) -> V<S> {
+pub fn atan<S: Simd>(x: F32<S>) -> F32<S> {
     let simd = x.simd;
     let magnitude = x.abs();
     let far = magnitude.simd_gt(2.414_213_7);
     let middle = magnitude.simd_gt(0.414_213_57) & !far;
-    let divisor = choose(far, magnitude, magnitude + 1.0);
-    let numerator = choose(far, splat(simd, -1.0), magnitude - 1.0);
-    let r = choose(far | middle, numerator / divisor, magnitude);
-    let base = choose(
+    let divisor = select(far, magnitude, magnitude + 1.0);
+    let numerator = select(far, splat(simd, -1.0), magnitude - 1.0);
+    let r = select(far | middle, numerator / divisor, magnitude);
+    let base = select(
         far,
         splat(simd, 1.570_796_4),
-        choose(middle, splat(simd, 0.785_398_2), splat(simd, 0.0)),
+        select(middle, splat(simd, 0.785_398_2), splat(simd, 0.0)),
     );
     let z = r * r;
     let p = 8.053_744_5e-2 * z + -1.387_768_6e-1;
     let p = p * z + 1.997_771_1e-1;
     let p = p * z + -3.333_294_9e-1;
     let y = base + (p * z * r + r);
-    choose(x.simd_lt(0.0), -y, y)
+    select(x.simd_lt(0.0), -y, y)
 }

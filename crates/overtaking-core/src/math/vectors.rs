@@ -6,22 +6,22 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, mask32x16};
 
 /// Simulations in a block.
-pub const LANES: usize = 16;
+pub const SIMD_LANES: usize = 16;
 
 /// One number of each simulation of a block.
-pub type V<S> = f32x16<S>;
+pub type F32<S> = f32x16<S>;
 /// One truth value of each simulation of a block.
-pub type M<S> = mask32x16<S>;
+pub type Mask<S> = mask32x16<S>;
 
 /// The same number in every lane.
 #[inline(always)]
-pub fn splat<S: Simd>(simd: S, value: f32) -> V<S> {
-    V::splat(simd, value)
+pub fn splat<S: Simd>(simd: S, value: f32) -> F32<S> {
+    F32::splat(simd, value)
 }
 
 /// `a` where `mask` holds, else `b`.
 #[inline(always)]
-pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
+pub fn select<S: Simd>(mask: Mask<S>, a: F32<S>, b: F32<S>) -> F32<S> {
     mask.select(a, b)
 }
 
@@ -30,10 +30,10 @@ pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
 /// The fence, which is no instruction, lies between the load and the store: else LLVM 22 makes one masked store of both,
 /// which AMD's CPUs up to Zen 3 take a dozen cycles for (llvm-project, issue 213195).
 #[inline(always)]
-pub fn put<S: Simd>(place: &mut V<S>, mask: M<S>, value: V<S>) {
+pub fn assign_where<S: Simd>(place: &mut F32<S>, mask: Mask<S>, value: F32<S>) {
     let before = *place;
     compiler_fence(Ordering::SeqCst);
-    *place = choose(mask, value, before);
+    *place = select(mask, value, before);
 }
 
 /// Whether the CPU's own minimum and maximum return the second value where both are equal, as zeros
@@ -42,7 +42,7 @@ const SECOND_OF_EQUALS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_
 
 /// The smaller of two values; `b` where they are equal.
 #[inline(always)]
-pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+pub fn min<S: Simd>(a: F32<S>, b: F32<S>) -> F32<S> {
     if SECOND_OF_EQUALS {
         a.min(b)
     } else {
@@ -52,7 +52,7 @@ pub fn min<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
 
 /// The larger of two values; `b` where they are equal.
 #[inline(always)]
-pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
+pub fn max<S: Simd>(a: F32<S>, b: F32<S>) -> F32<S> {
     if SECOND_OF_EQUALS {
         a.max(b)
     } else {
@@ -62,57 +62,57 @@ pub fn max<S: Simd>(a: V<S>, b: V<S>) -> V<S> {
 
 /// `max` with a number.
 #[inline(always)]
-pub fn at_least<S: Simd>(a: V<S>, b: f32) -> V<S> {
+pub fn at_least<S: Simd>(a: F32<S>, b: f32) -> F32<S> {
     max(a, splat(a.simd, b))
 }
 
 /// `min` with a number.
 #[inline(always)]
-pub fn at_most<S: Simd>(a: V<S>, b: f32) -> V<S> {
+pub fn at_most<S: Simd>(a: F32<S>, b: f32) -> F32<S> {
     min(a, splat(a.simd, b))
 }
 
 /// `value` limited to [low, high].
 #[inline(always)]
-pub fn clamp<S: Simd>(value: V<S>, low: V<S>, high: V<S>) -> V<S> {
+pub fn clamp<S: Simd>(value: F32<S>, low: F32<S>, high: F32<S>) -> F32<S> {
     min(max(value, low), high)
 }
 
 /// `value` limited to an interval between numbers.
 #[inline(always)]
-pub fn clamp_to<S: Simd>(value: V<S>, low: f32, high: f32) -> V<S> {
+pub fn clamp_to<S: Simd>(value: F32<S>, low: f32, high: f32) -> F32<S> {
     clamp(value, splat(value.simd, low), splat(value.simd, high))
 }
 
 /// Largest whole number not above `x`, |x| < 2^22; never -0.
 #[inline(always)]
-pub fn floor<S: Simd>(x: V<S>) -> V<S> {
+pub fn floor<S: Simd>(x: F32<S>) -> F32<S> {
     let nearest = x.round_ties_even();
-    choose(nearest.simd_gt(x), nearest - 1.0, nearest)
+    select(nearest.simd_gt(x), nearest - 1.0, nearest)
 }
 
 /// Numbers of a block in which those of one simulation can be replaced by those of another.
-pub trait Seats {
+pub trait CopyLane {
     /// Put what belongs to lane `other` of `from` into lane `lane`.
-    fn seat(&mut self, lane: usize, from: &Self, other: usize);
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize);
 }
 
-impl<S: Simd> Seats for V<S> {
-    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+impl<S: Simd> CopyLane for F32<S> {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
         self.as_mut_slice()[lane] = from.as_slice()[other];
     }
 }
 
-impl Seats for [u32; LANES] {
-    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+impl CopyLane for [u32; SIMD_LANES] {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
         self[lane] = from[other];
     }
 }
 
-impl<T: Seats, const K: usize> Seats for [T; K] {
-    fn seat(&mut self, lane: usize, from: &Self, other: usize) {
+impl<T: CopyLane, const K: usize> CopyLane for [T; K] {
+    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
         for (mine, theirs) in self.iter_mut().zip(from) {
-            mine.seat(lane, theirs, other);
+            mine.copy_lane(lane, theirs, other);
         }
     }
 }
@@ -165,7 +165,7 @@ macro_rules! at_slot {
             $value
         };
         for $j in 1..$count {
-            picked = $crate::math::vectors::choose(slot.simd_eq($j as i32 as f32), $value, picked);
+            picked = $crate::math::vectors::select(slot.simd_eq($j as i32 as f32), $value, picked);
         }
         picked
     }};
@@ -183,7 +183,7 @@ macro_rules! each_at_slot {
         for $j in 1..$count {
             let here = slot.simd_eq($j as i32 as f32);
             for (picked, value) in picked.iter_mut().zip($values) {
-                *picked = $crate::math::vectors::choose(here, value, *picked);
+                *picked = $crate::math::vectors::select(here, value, *picked);
             }
         }
         picked

@@ -3,7 +3,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
-use crate::math::vectors::LANES;
+use crate::math::vectors::SIMD_LANES;
 use crate::recorder::output::Output;
 
 /// Frames that are collected before they are moved.
@@ -76,7 +76,7 @@ macro_rules! frame_layout {
 
         /// Put sixteen frames of word `k` of vehicle `i` to their place.
         #[inline(always)]
-        pub fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; LANES]) {
+        pub fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
             let place = i * out.frames + start;
             if k == 0 {
                 out.written[i] = out.written[i].max((start + FRAMES_PER_TILE) as i32);
@@ -125,12 +125,12 @@ pub struct FrameTile<const N: usize>(pub(crate) Vec<Row>);
 /// A number of each simulation, where a vector does not cross a line of the cache.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub struct Row(pub [i32; LANES]);
+pub struct Row(pub [i32; SIMD_LANES]);
 
 impl<const N: usize> Default for FrameTile<N> {
     fn default() -> Self {
         Self(vec![
-            Row([0; LANES]);
+            Row([0; SIMD_LANES]);
             NUM_PACKED_WORDS * N * FRAMES_PER_TILE
         ])
     }
@@ -138,16 +138,16 @@ impl<const N: usize> Default for FrameTile<N> {
 
 /// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
 #[inline(always)]
-pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; LANES] {
-    let mut turned = [i32x16::splat(simd, 0); LANES];
+pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; SIMD_LANES] {
+    let mut turned = [i32x16::splat(simd, 0); SIMD_LANES];
     for (vector, row) in turned.iter_mut().zip(rows) {
         *vector = i32x16::simd_from(simd, row.0);
     }
     // Four perfect shuffles of the rows turn the square.
     for _ in 0..4 {
         let before = turned;
-        for k in 0..LANES / 2 {
-            (turned[2 * k], turned[2 * k + 1]) = before[k].interleave(before[k + LANES / 2]);
+        for k in 0..SIMD_LANES / 2 {
+            (turned[2 * k], turned[2 * k + 1]) = before[k].interleave(before[k + SIMD_LANES / 2]);
         }
     }
     turned.map(|vector| Row(vector.to_array()))
@@ -155,8 +155,8 @@ pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; LANES] {
 
 /// Sixteen numbers to their place.
 #[inline(always)]
-fn put<T: Copy>(out: &mut [T], place: usize, row: [T; LANES]) {
-    if let Some(to) = out[place..].first_chunk_mut::<LANES>() {
+fn put<T: Copy>(out: &mut [T], place: usize, row: [T; SIMD_LANES]) {
+    if let Some(to) = out[place..].first_chunk_mut::<SIMD_LANES>() {
         *to = row;
     }
 }

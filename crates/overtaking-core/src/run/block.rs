@@ -11,7 +11,7 @@ use crate::SLOT_CAPACITIES;
 use crate::collisions::Pairs;
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::{ActionLog, EgoAction};
-use crate::math::vectors::{LANES, Seats, V, splat, with_cpu_features};
+use crate::math::vectors::{CopyLane, F32, SIMD_LANES, splat, with_cpu_features};
 use crate::names::{ModelConstants, SimulationParams, VehicleParams};
 use crate::params::{DerivedConstants, Params, Road, SUBSTEPS, StepLength};
 use crate::recorder::Recorder;
@@ -47,7 +47,7 @@ pub fn run<'a, S: Simd, const N: usize>(
     let road = Road::of(inputs);
     let ThreadMemory { tile, histories } = scratch;
     histories.resize_with(
-        histories.len().max(share.len().div_ceil(LANES)),
+        histories.len().max(share.len().div_ceil(SIMD_LANES)),
         History::default,
     );
     let mut share = share.into_iter();
@@ -93,9 +93,9 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
     pub(crate) recorder: Recorder<'a, N>,
     pub(crate) pairs: Pairs<S>,
     /// Angle of the ego's front wheels that another driver ordered at the last decision.
-    wheel: Option<V<S>>,
+    wheel: Option<F32<S>>,
     /// Number of the simulation in each lane within the batch; free lanes repeat another one.
-    pub(crate) simulations: [usize; LANES],
+    pub(crate) simulations: [usize; SIMD_LANES],
 }
 
 impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
@@ -107,10 +107,10 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         share: &mut impl Iterator<Item = SimulationOutput<'a>>,
         history: &'a mut HistoryRows<N>,
     ) -> Option<Box<Self>> {
-        let mut out: [Option<Output<'a>>; LANES] = core::array::from_fn(|_| None);
-        let mut simulations = [0; LANES];
+        let mut out: [Option<Output<'a>>; SIMD_LANES] = core::array::from_fn(|_| None);
+        let mut simulations = [0; SIMD_LANES];
         let mut taken = 0;
-        for (simulation, results) in share.take(LANES) {
+        for (simulation, results) in share.take(SIMD_LANES) {
             simulations[taken..].fill(simulation);
             out[taken] = Some(results);
             taken += 1;
@@ -210,8 +210,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             self.world.scenario_index_low[lane] = number as u32;
             self.world.scenario_index_high[lane] = (number >> 32) as u32;
             if let Some(errors) = later.judgement_errors {
-                self.state.distance_error[EGO_SLOT][lane] = errors[simulation];
-                self.state.speed_error[EGO_SLOT][lane] =
+                self.state.noise.distance_error[EGO_SLOT][lane] = errors[simulation];
+                self.state.noise.speed_error[EGO_SLOT][lane] =
                     errors[later.scenario_index.len() + simulation];
             }
             for (slot, (old, new)) in before.iter().zip(&self.world.vehicles).enumerate() {
@@ -263,7 +263,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
     /// Finish the simulations that have ended before `step`; whether others still run.
     pub(crate) fn finish_ended(&mut self, step: u32) -> bool {
-        for lane in 0..LANES {
+        for lane in 0..SIMD_LANES {
             if self.state.end_step[lane] < step as f32 {
                 let (simd, state, world) = (self.world.simd, &self.state, &self.world);
                 with_cpu_features!(simd, self.recorder.finish(lane, state, world));
@@ -279,7 +279,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         is_over: impl Fn(&Self, usize) -> bool,
     ) -> Vec<(usize, Output<'a>)> {
         let mut freed = Vec::new();
-        for lane in 0..LANES {
+        for lane in 0..SIMD_LANES {
             if self.recorder.is_busy(lane) && is_over(self, lane) {
                 let out = self.recorder.release(lane);
                 freed.extend(out.map(|out| (self.simulations[lane], out)));
@@ -293,20 +293,20 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
     /// How many simulations it holds.
     pub(crate) fn num_running(&self) -> usize {
-        (0..LANES)
+        (0..SIMD_LANES)
             .filter(|lane| self.recorder.is_busy(*lane))
             .count()
     }
 
     /// A lane that is free.
     fn free_lane(&self) -> Option<usize> {
-        (0..LANES).find(|lane| !self.recorder.is_busy(*lane))
+        (0..SIMD_LANES).find(|lane| !self.recorder.is_busy(*lane))
     }
 
     /// Take over the simulation in lane `other` of another block that has come as far.
     fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
-        self.world.seat(lane, &from.world, other);
-        self.state.seat(lane, &from.state, other);
+        self.world.copy_lane(lane, &from.world, other);
+        self.state.copy_lane(lane, &from.state, other);
         self.recorder.seat(lane, &mut from.recorder, other);
         self.simulations[lane] = from.simulations[other];
         self.world.num_slots_in_use = slots_in_use(&self.world, &self.recorder);
@@ -319,7 +319,8 @@ fn slots_in_use<S: Simd, const N: usize>(
     recorder: &Recorder<'_, N>,
 ) -> usize {
     let is_used = |slot: &usize| {
-        (0..LANES).any(|lane| recorder.is_busy(lane) && params.vehicles[*slot].valid[lane] > 0.0)
+        (0..SIMD_LANES)
+            .any(|lane| recorder.is_busy(lane) && params.vehicles[*slot].valid[lane] > 0.0)
     };
     (0..N).rev().find(is_used).map_or(1, |last| last + 1)
 }
@@ -329,7 +330,7 @@ pub(crate) fn merge<'a, S: Simd, const N: usize>(
     blocks: &mut Vec<Box<Block<'a, S, N>>>,
 ) -> Vec<Box<Block<'a, S, N>>> {
     let running: usize = blocks.iter().map(|block| block.num_running()).sum();
-    let needed = running.div_ceil(LANES);
+    let needed = running.div_ceil(SIMD_LANES);
     if needed == blocks.len() {
         return Vec::new();
     }
@@ -337,7 +338,7 @@ pub(crate) fn merge<'a, S: Simd, const N: usize>(
     blocks.sort_by_key(|block| std::cmp::Reverse(block.num_running()));
     let mut leaving = blocks.split_off(needed);
     for from in &mut leaving {
-        for other in 0..LANES {
+        for other in 0..SIMD_LANES {
             if !from.recorder.is_busy(other) {
                 continue;
             }
@@ -359,7 +360,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
     vehicle: &[f32],
     simulation: &[f32],
     inputs: &Inputs<'_>,
-    simulations: &[usize; LANES],
+    simulations: &[usize; SIMD_LANES],
 ) -> ([VehicleParams<S>; N], SimulationParams<S>) {
     let batch = inputs.scenario_index.len();
     let slots = inputs.num_slots;
@@ -371,7 +372,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
         if slot < slots {
             VehicleParams::load(simd, |field| row(vehicle, field * slots + slot))
         } else {
-            VehicleParams::load(simd, |_| [0.0; LANES])
+            VehicleParams::load(simd, |_| [0.0; SIMD_LANES])
         }
     });
     (
@@ -382,7 +383,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
 
 /// Whether the road of any simulation is a ring.
 fn has_ring<S: Simd>(simulation: &SimulationParams<S>) -> bool {
-    (0..LANES).any(|lane| simulation.ring_length[lane] != 0.0)
+    (0..SIMD_LANES).any(|lane| simulation.ring_length[lane] != 0.0)
 }
 
 fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {

@@ -4,7 +4,7 @@ use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 use crate::ego_action::ActionLog;
-use crate::math::vectors::LANES;
+use crate::math::vectors::SIMD_LANES;
 use crate::names::{ModelConstants, SIMULATION_NAMES};
 use crate::params::RoadDirections;
 use crate::recorder::output::Output;
@@ -126,9 +126,9 @@ pub fn simulate<S: Simd>(
     switches: &[ParameterSwitch<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
-    if !out.frames.is_multiple_of(LANES) {
+    if !out.frames.is_multiple_of(SIMD_LANES) {
         return Err(format!(
-            "room for {} frames is not a multiple of {LANES}",
+            "room for {} frames is not a multiple of {SIMD_LANES}",
             out.frames
         ));
     }
@@ -194,13 +194,13 @@ pub(crate) fn order_by_similarity(inputs: &Inputs<'_>) -> Vec<usize> {
 /// Simulations in portions for the threads: several blocks each, so that they can be merged, but
 /// enough portions for every thread.
 pub(crate) fn shares(mut seats: Vec<SimulationOutput<'_>>) -> Vec<Vec<SimulationOutput<'_>>> {
-    let portions = seats.len().div_ceil(LANES * BLOCKS_PER_SHARE);
+    let portions = seats.len().div_ceil(SIMD_LANES * BLOCKS_PER_SHARE);
     let wanted = portions.max(rayon::current_num_threads());
     let size = seats
         .len()
         .div_ceil(wanted)
-        .next_multiple_of(LANES)
-        .max(LANES);
+        .next_multiple_of(SIMD_LANES)
+        .max(SIMD_LANES);
     let mut shares = Vec::with_capacity(wanted);
     while !seats.is_empty() {
         let rest = seats.split_off(size.min(seats.len()));

@@ -9,7 +9,7 @@ use crate::collisions::{Pairs, pairs_that_may_touch, resolve_contacts, wreck_off
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::EgoAction;
 use crate::lane_change;
-use crate::math::vectors::{M, V, min, splat, with_cpu_features};
+use crate::math::vectors::{F32, Mask, min, splat, with_cpu_features};
 use crate::neighbour_search::{VisibleBody, find_neighbours};
 use crate::oncoming::observe_oncoming;
 use crate::overtake;
@@ -110,7 +110,13 @@ pub fn perceive<S: Simd, const N: usize>(
     }
     with_cpu_features!(
         params.simd,
-        *waits = lane_change::gives_way(state, params, bodies, EGO_SLOT, state.wanted[EGO_SLOT])
+        *waits = lane_change::gives_way(
+            state,
+            params,
+            bodies,
+            EGO_SLOT,
+            state.lane_choice.wanted_side[EGO_SLOT]
+        )
     );
 }
 
@@ -120,7 +126,7 @@ fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     (i, decision, any_time): (usize, u32, bool),
-    looks: &mut M<S>,
+    looks: &mut Mask<S>,
 ) -> bool {
     if decision == 0 {
         let drawn = params.vehicles[i].valid.simd_gt(0.0);
@@ -129,9 +135,9 @@ fn update_gaze<S: Simd, const N: usize>(
     *looks = perception::checks_mirrors_now(state, params, i, decision);
     if params.road.directions.has_oncoming_traffic {
         // Who is in the lane of others looks all the time.
-        *looks |= state.lane[i].simd_ge(1.0);
+        *looks |= state.lane_choice.lane[i].simd_ge(1.0);
     }
-    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    let changing = state.path.elapsed[i].simd_lt(state.path.duration[i]);
     // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
     let forced = params.simulations.forced_decision.simd_gt(0.0);
     let told = (params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0) | forced).any_true();
@@ -282,10 +288,10 @@ fn update_surroundings<S: Simd, const N: usize>(
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
             if params.road.can_overtake(i) {
-                state.stage_time[i] += params.constants.decision;
+                state.overtake.time_in_stage[i] += params.constants.decision;
             }
-            state.since_change[i] += params.constants.decision;
-            state.wanted_time[i] += params.constants.decision;
+            state.lane_choice.time_since_lane_change[i] += params.constants.decision;
+            state.lane_choice.time_wanted[i] += params.constants.decision;
         }
         wreck_off_road_vehicles(state, params, step);
     });
@@ -334,7 +340,7 @@ pub fn update_slip_reach<S: Simd, const N: usize>(
 ) {
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
-            state.reach[i] = steering::slip_reach(state, params, i);
+            state.controls.slip_reach[i] = steering::slip_reach(state, params, i);
         }
     });
 }
@@ -348,7 +354,7 @@ pub fn advance<S: Simd, const N: usize>(
     before: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
     stride: &StepLength,
-    wheel: Option<V<S>>,
+    wheel: Option<F32<S>>,
 ) {
     // A step on roads that are straight and level is compiled by itself, and pays nothing for bends.
     if params.road.varies_along_road() {
@@ -376,11 +382,11 @@ fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
     pairs: &Pairs<S>,
     before: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     stride: &StepLength,
-    wheel: Option<V<S>>,
+    wheel: Option<F32<S>>,
 ) {
     if !pairs.is_empty() {
         for i in 0..params.num_slots_in_use {
-            (before.0[i], before.1[i]) = (state.s[i], state.d[i]);
+            (before.0[i], before.1[i]) = (state.motion.s[i], state.motion.d[i]);
         }
     }
     // Short passes over all vehicles, so that the CPU works on several of them at once.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
-use crate::math::vectors::{LANES, M, with_cpu_features};
+use crate::math::vectors::{Mask, SIMD_LANES, with_cpu_features};
 use crate::neighbour_search::Neighbours;
 use crate::observation_table::{
     OBSERVATION_SIZE, ObservationSource, ObservationTable, observation_table,
@@ -118,7 +118,7 @@ pub fn stepped_batch<S: Simd>(simd: S, inputs: &Inputs<'_>, talk: &Talk) -> Resu
 fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) {
     let batch = inputs.scenario_index.len();
     let road = Road::of(inputs);
-    let mut storage = Storage::new(batch, inputs.num_slots, LANES);
+    let mut storage = Storage::new(batch, inputs.num_slots, SIMD_LANES);
     // A block has one simulation at least, so there are never more of them.
     let mut histories = Vec::new();
     histories.resize_with(batch, || None::<History<N>>);
@@ -341,8 +341,8 @@ struct Kept<S: Simd> {
     near: Neighbours<S>,
     believed: Beliefs<S>,
     met: OncomingTraffic<S>,
-    looks: M<S>,
-    waits: M<S>,
+    looks: Mask<S>,
+    waits: Mask<S>,
 }
 
 impl<S: Simd> Kept<S> {
@@ -424,7 +424,7 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
         if (self.step / SUBSTEPS).is_multiple_of(MERGE_INTERVAL) {
             let left = merge(&mut self.blocks);
             self.spare
-                .extend(left.into_iter().map(|block| block.state.history));
+                .extend(left.into_iter().map(|block| block.state.attention.history));
         }
     }
 
@@ -446,7 +446,7 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                 self.blocks.push(block);
                 self.kept.push(kept);
             } else {
-                self.spare.push(block.state.history);
+                self.spare.push(block.state.attention.history);
             }
         }
     }
@@ -481,14 +481,14 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                     && !ended_before(lane)
                     && (writes == Writes::All || !runs(lane))
             };
-            if (0..LANES).any(is_written) {
+            if (0..SIMD_LANES).any(is_written) {
                 let mind = minds.of_ego();
                 let decision = (self.step / SUBSTEPS) as usize;
                 let table: ObservationTable<S> = with_cpu_features!(
                     world.simd,
                     observation_table(state, world, mind, rows.source, decision)
                 );
-                for lane in (0..LANES).filter(|lane| is_written(*lane)) {
+                for lane in (0..SIMD_LANES).filter(|lane| is_written(*lane)) {
                     let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {
                         continue;
                     };

@@ -9,15 +9,7 @@ from overtaking.sim.reference.car_following import acc_accel
 from overtaking.sim.reference.decision_context import Beliefs, Neighbours, OncomingTraffic
 from overtaking.sim.reference.neighbour_search import lane_borders
 from overtaking.sim.reference.passing import current_passing_speed, tall_vehicle_gap_factor
-from overtaking.sim.reference.state import (
-    LEADER,
-    LEFT_LEADER,
-    RIGHT_LEADER,
-    State,
-    is_before_return,
-    is_overtaking,
-    value_at_slot,
-)
+from overtaking.sim.reference.state import LEADER, LEFT_LEADER, RIGHT_LEADER, State, value_at_slot
 from overtaking.sim.reference.steering import start_path
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters
@@ -51,20 +43,26 @@ def accel_behind_leader(
     desired = _current_desired_speed(state, params, oncoming)
     constants = params.constants
     gap, closing = beliefs.gap[LEADER], beliefs.closing_speed[LEADER]
-    passing = is_before_return(state, slice(None))
+    passing = state.is_before_return(slice(None))
     # A driver about to pull out accepts a smaller gap.
-    about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
+    about_to = (state.overtake.time_indicating > 0) & (
+        state.overtake.stage == np.float32(Stage.FOLLOW)
+    )
     kept = np.where(about_to, constants.signalling_time_gap * vehicles.time_gap, vehicles.time_gap)
     if params.road.has_oncoming_traffic:
-        follows = state.stage == np.float32(Stage.FOLLOW)
+        follows = state.overtake.stage == np.float32(Stage.FOLLOW)
         kept = np.where(
             follows, kept * tall_vehicle_gap_factor(params, neighbours.slot[LEADER]), kept
         )
     wanted = acc_accel(
-        constants, vehicles, state.vx, desired, gap, closing, kept, beliefs.accel[LEADER]
+        constants, vehicles, state.motion.vx, desired, gap, closing, kept, beliefs.accel[LEADER]
     )
-    wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
-    eager = np.where(state.hurries > 0, constants.urgent_accel_factor, constants.accelerate_gain)
+    wanted = np.where(passing, wanted, minimum(wanted, state.road.accel_limit))
+    eager = np.where(
+        state.overtake.must_return_urgently > 0,
+        constants.urgent_accel_factor,
+        constants.accelerate_gain,
+    )
     return wanted * np.where(passing & (wanted > 0), eager, np.float32(1.0))
 
 
@@ -79,7 +77,7 @@ def _current_desired_speed(
             oncoming.is_being_passed, desired * vehicles.speed_factor_when_passed, desired
         )
     return minimum(
-        np.where(is_before_return(state, slice(None)), passing, desired), state.bend_speed
+        np.where(state.is_before_return(slice(None)), passing, desired), state.road.bend_speed
     )
 
 
@@ -105,8 +103,10 @@ def accel_behind_old_leader(
     """
     vehicles = params.vehicles
     constants = params.constants
-    changing = state.path_time < state.path_duration
-    to_fast = np.float32(0.5) * (neighbours.lane_right_edge + neighbours.lane_left_edge) > state.d
+    changing = state.path.elapsed < state.path.duration
+    to_fast = (
+        np.float32(0.5) * (neighbours.lane_right_edge + neighbours.lane_left_edge) > state.motion.d
+    )
     slot = np.where(to_fast, neighbours.slot[RIGHT_LEADER], neighbours.slot[LEFT_LEADER])
     gap = np.where(to_fast, beliefs.gap[RIGHT_LEADER], beliefs.gap[LEFT_LEADER])
     closing = np.where(
@@ -127,7 +127,7 @@ def accel_behind_old_leader(
         + constants.footprint_margin
     )
     left = maximum(
-        constants.lane_cleared_share * state.path_duration - state.path_time, np.float32(0.0)
+        constants.lane_cleared_share * state.path.duration - state.path.elapsed, np.float32(0.0)
     )
     needed = (
         _braking_until_clear(
@@ -137,7 +137,9 @@ def accel_behind_old_leader(
     )
     matters = changing & (slot >= 0) & overlaps & (needed > 0)
     desired = _current_desired_speed(state, params, oncoming)
-    kept = acc_accel(constants, vehicles, state.vx, desired, gap, closing, vehicles.time_gap, accel)
+    kept = acc_accel(
+        constants, vehicles, state.motion.vx, desired, gap, closing, vehicles.time_gap, accel
+    )
     return np.where(matters, maximum(kept, -needed), _FREE)
 
 
@@ -167,10 +169,15 @@ def apply_pedals(state: State, params: StepParameters, leader: F32, old_leader: 
     wanted = maximum(
         minimum(leader, old_leader), -(vehicles.max_brake_force * vehicles.inverse_mass)
     )
-    up = np.where(state.accel < 0, constants.jerk_release, constants.jerk_up) * constants.decision
+    up = (
+        np.where(state.controls.requested_accel < 0, constants.jerk_release, constants.jerk_up)
+        * constants.decision
+    )
     down = maximum(-wanted / constants.brake_ramp, constants.jerk_down) * constants.decision
-    changed = state.accel + clamp(wanted - state.accel, -down, up)
-    state.accel = np.where(state.crashed > 0, np.float32(0.0), changed)
+    changed = state.controls.requested_accel + clamp(
+        wanted - state.controls.requested_accel, -down, up
+    )
+    state.controls.requested_accel = np.where(state.motion.is_wreck > 0, np.float32(0.0), changed)
 
 
 def accel_for_oncoming(state: State, params: StepParameters, oncoming: OncomingTraffic) -> F32:
@@ -182,16 +189,18 @@ def accel_for_oncoming(state: State, params: StepParameters, oncoming: OncomingT
     """
     vehicles, constants = params.vehicles, params.constants
     in_own_lane = oncoming.in_own_lane
-    out = is_overtaking(state)
-    meets = in_own_lane.is_detected & (state.crashed == 0) & ~out
+    out = state.is_overtaking()
+    meets = in_own_lane.is_detected & (state.motion.is_wreck == 0) & ~out
     time = in_own_lane.believed_gap / maximum(in_own_lane.closing_speed, _MIN_SPEED)
     lifts, brakes = (
         meets & (time < constants.oncoming_flash_time),
         meets & (time < constants.oncoming_brake_time),
     )
-    state.flashes = np.where(lifts, np.float32(1.0), np.float32(0.0))
+    state.controls.flashes_high_beam = np.where(lifts, np.float32(1.0), np.float32(0.0))
     halved = np.float32(2.0) * maximum(time, _MIN_MEETING_TIME)
-    braking = clamp(state.vx / halved, constants.oncoming_min_decel, constants.oncoming_max_decel)
+    braking = clamp(
+        state.motion.vx / halved, constants.oncoming_min_decel, constants.oncoming_max_decel
+    )
     _shift_to_edge(
         state,
         params,
@@ -217,12 +226,16 @@ def _shift_to_edge(
     vehicles = params.vehicles
     constants = params.constants
     wanted = np.where(brakes, constants.edge_shift, room)
-    arrived = state.path_time >= state.path_duration
-    moved = (wanted > state.aside) | (arrived & (wanted < state.aside))
-    moved = moved & (state.crashed == 0) & (vehicles.valid > 0) & ~out
+    arrived = state.path.elapsed >= state.path.duration
+    moved = (wanted > state.lane_choice.edge_shift) | (
+        arrived & (wanted < state.lane_choice.edge_shift)
+    )
+    moved = moved & (state.motion.is_wreck == 0) & (vehicles.valid > 0) & ~out
     low, high = lane_borders(state, params, 0.0)
     duration = np.where(
         brakes, constants.edge_shift_duration, np.float32(2.0) * constants.edge_shift_duration
     )
     start_path(state, moved, _HALF * (low + high) - wanted, duration)
-    state.aside = np.where(out, np.float32(0.0), np.where(moved, wanted, state.aside))
+    state.lane_choice.edge_shift = np.where(
+        out, np.float32(0.0), np.where(moved, wanted, state.lane_choice.edge_shift)
+    )

@@ -63,13 +63,15 @@ def pairs_that_may_touch(state: State, params: StepParameters) -> Pairs:
     found: Pairs = {}
     for i in range(len(vehicles.valid)):
         rest = slice(i + 1, None)
-        s, d = pair_frame(params, i, rest).in_first_frame(state.s[rest], state.d[rest])
+        s, d = pair_frame(params, i, rest).in_first_frame(
+            state.motion.s[rest], state.motion.d[rest]
+        )
         along = (
-            np.abs(s - state.s[i])
+            np.abs(s - state.motion.s[i])
             < vehicles.half_length[i] + vehicles.half_length[rest] + constants.near_gap
         )
         aside = (
-            np.abs(d - state.d[i])
+            np.abs(d - state.motion.d[i])
             < vehicles.half_width[i] + vehicles.half_width[rest] + constants.near_side
         )
         near = along & aside & (vehicles.valid[i] > 0) & (vehicles.valid[rest] > 0)
@@ -87,22 +89,24 @@ def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> 
     """
     vehicles, constants, road = params.vehicles, params.constants, params.road
     right_edge, left_edge = road.boundaries[0], road.boundaries[road.num_lanes]
-    beyond = (state.d < right_edge - constants.edge_margin) | (
-        state.d > left_edge + constants.edge_margin
+    beyond = (state.motion.d < right_edge - constants.edge_margin) | (
+        state.motion.d > left_edge + constants.edge_margin
     )
     lost = (
-        (beyond | (np.abs(state.psi) > constants.spin_angle))
+        (beyond | (np.abs(state.motion.heading) > constants.spin_angle))
         & (vehicles.valid > 0)
-        & (state.crashed == 0)
+        & (state.motion.is_wreck == 0)
     )
-    state.crashed = np.where(lost, np.float32(1.0), state.crashed)
+    state.motion.is_wreck = np.where(lost, np.float32(1.0), state.motion.is_wreck)
     end_after_ego_accident(state, params, lost[EGO_SLOT], step)
 
 
 def end_after_ego_accident(state: State, params: StepParameters, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
     constants = params.constants
-    state.stage[EGO_SLOT] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[EGO_SLOT])
+    state.overtake.stage[EGO_SLOT] = np.where(
+        crashed, np.float32(Stage.CRASHED), state.overtake.stage[EGO_SLOT]
+    )
     after = np.float32(step) + np.rint(constants.after_collision / constants.step)
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 
@@ -127,11 +131,11 @@ def resolve_contacts(
         step: Number of the step that began at `before`.
         step_length: Its length [s].
     """
-    was_sound = state.crashed[EGO_SLOT] == 0
+    was_sound = state.motion.is_wreck[EGO_SLOT] == 0
     for (i, j), near in pairs.items():
         frame = pair_frame(params, i, j)
         _resolve_pair(state, params, near, before, (step, step_length), (i, j), frame)
-    end_after_ego_accident(state, params, was_sound & (state.crashed[EGO_SLOT] > 0), step)
+    end_after_ego_accident(state, params, was_sound & (state.motion.is_wreck[EGO_SLOT] > 0), step)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -197,9 +201,9 @@ def _find_impact(
     (step, step_length), (i, j) = during, pair
     one = np.float32(1.0)
     was_s, was_d = frame.in_first_frame(before[0][j], before[1][j])
-    is_s, is_d = frame.in_first_frame(state.s[j], state.d[j])
+    is_s, is_d = frame.in_first_frame(state.motion.s[j], state.motion.d[j])
     then = (was_s - before[0][i], was_d - before[1][i])
-    now = (is_s - state.s[i], is_d - state.d[i])
+    now = (is_s - state.motion.s[i], is_d - state.motion.d[i])
     zero = np.zeros_like(now[0])
     unturned = PairFrame(
         turn=np.ones_like(zero), road_length=frame.road_length, edge_sum=frame.edge_sum
@@ -261,13 +265,17 @@ def _record_contact(state: State, hit: Impact, impulse: F32, own: int, other: in
 
     Pairs are looked at by slot, so of two contacts in one step the earlier may come second.
     """
-    sooner = (state.contact_partner[own] < 0) | (hit.time < state.contact_time[own])
+    sooner = (state.first_contact.partner[own] < 0) | (hit.time < state.first_contact.time[own])
     first = hit.mask & sooner
-    state.contact_partner[own] = np.where(first, np.float32(other), state.contact_partner[own])
-    state.contact_time[own] = np.where(first, hit.time, state.contact_time[own])
-    state.contact_impulse[own] = np.where(first, impulse, state.contact_impulse[own])
-    state.contact_speed[own] = np.where(first, hit.closing_speed, state.contact_speed[own])
-    state.crashed[own] = np.where(hit.mask, np.float32(1.0), state.crashed[own])
+    state.first_contact.partner[own] = np.where(
+        first, np.float32(other), state.first_contact.partner[own]
+    )
+    state.first_contact.time[own] = np.where(first, hit.time, state.first_contact.time[own])
+    state.first_contact.impulse[own] = np.where(first, impulse, state.first_contact.impulse[own])
+    state.first_contact.closing_speed[own] = np.where(
+        first, hit.closing_speed, state.first_contact.closing_speed[own]
+    )
+    state.motion.is_wreck[own] = np.where(hit.mask, np.float32(1.0), state.motion.is_wreck[own])
 
 
 def _box_at(
@@ -281,9 +289,9 @@ def _box_at(
 ) -> OrientedBox:
     """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
     vehicles = params.vehicles
-    sine, cosine = sincos(state.psi[i] - left * state.r[i])
-    s = state.s[i] - share * (state.s[i] - before[0][i])
-    d = state.d[i] - share * (state.d[i] - before[1][i])
+    sine, cosine = sincos(state.motion.heading[i] - left * state.motion.yaw_rate[i])
+    s = state.motion.s[i] - share * (state.motion.s[i] - before[0][i])
+    d = state.motion.d[i] - share * (state.motion.d[i] - before[1][i])
     s, d = frame.in_first_frame(s, d)
     return OrientedBox(
         s=s,
@@ -371,9 +379,15 @@ def _nearest_point(box: OrientedBox, ahead: F32, aside: F32) -> tuple[F32, F32]:
 
 def _point_velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F32, F32]:
     """Velocity of a point of a vehicle, along and across, in a frame that is turned or not."""
-    sine, cosine = sincos(state.psi[i])
-    along = turn * (state.vx[i] * cosine - state.vy[i] * sine) - state.r[i] * arm[1]
-    across = turn * (state.vx[i] * sine + state.vy[i] * cosine) + state.r[i] * arm[0]
+    sine, cosine = sincos(state.motion.heading[i])
+    along = (
+        turn * (state.motion.vx[i] * cosine - state.motion.vy[i] * sine)
+        - state.motion.yaw_rate[i] * arm[1]
+    )
+    across = (
+        turn * (state.motion.vx[i] * sine + state.motion.vy[i] * cosine)
+        + state.motion.yaw_rate[i] * arm[0]
+    )
     return along, across
 
 
@@ -387,10 +401,10 @@ def _apply_impulse(
     along, across = _point_velocity(state, i, (zero, zero), np.ones_like(lever))
     along, across = along + change * hit.normal_s, across + change * hit.normal_d
     spin = impulse * lever * vehicles.inverse_inertia[i]
-    state.s[i] = state.s[i] + hit.remaining_time * (change * hit.normal_s)
-    state.d[i] = state.d[i] + hit.remaining_time * (change * hit.normal_d)
-    state.psi[i] = state.psi[i] + hit.remaining_time * spin
-    state.r[i] = state.r[i] + spin
-    sine, cosine = sincos(state.psi[i])
-    state.vx[i] = np.where(hit.mask, along * cosine + across * sine, state.vx[i])
-    state.vy[i] = np.where(hit.mask, across * cosine - along * sine, state.vy[i])
+    state.motion.s[i] = state.motion.s[i] + hit.remaining_time * (change * hit.normal_s)
+    state.motion.d[i] = state.motion.d[i] + hit.remaining_time * (change * hit.normal_d)
+    state.motion.heading[i] = state.motion.heading[i] + hit.remaining_time * spin
+    state.motion.yaw_rate[i] = state.motion.yaw_rate[i] + spin
+    sine, cosine = sincos(state.motion.heading[i])
+    state.motion.vx[i] = np.where(hit.mask, along * cosine + across * sine, state.motion.vx[i])
+    state.motion.vy[i] = np.where(hit.mask, across * cosine - along * sine, state.motion.vy[i])

@@ -16,7 +16,7 @@ from overtaking.sim.reference.gap_acceptance import (
     update_indicator,
 )
 from overtaking.sim.reference.pass_continuation import can_abort_pass
-from overtaking.sim.reference.state import State, has_finished_lane_change, is_in_stage
+from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
@@ -84,22 +84,22 @@ def set_requested_indicator(state: State, action: EgoAction) -> None:
     if action.kind not in ("accel_move", "accel_steer_signal"):
         return
     side = _requested_side(action)
-    told = (state.crashed[EGO_SLOT] == 0) & (action.steers_wheels | (side != 0))
-    state.indicator[EGO_SLOT] = np.where(told, side, state.indicator[EGO_SLOT])
+    told = (state.motion.is_wreck[EGO_SLOT] == 0) & (action.steers_wheels | (side != 0))
+    state.controls.indicator[EGO_SLOT] = np.where(told, side, state.controls.indicator[EGO_SLOT])
 
 
 def can_pull_out(state: State, params: StepParameters) -> Mask:
     """Whether there is a faster lane for the ego, and no lane change under way, (simulation,)."""
-    settled = is_in_stage(state, EGO_SLOT, Stage.FOLLOW) | is_in_stage(state, EGO_SLOT, Stage.PASS)
-    has_lane = state.lane[EGO_SLOT] < np.float32(params.road.num_lanes - 1)
-    return settled & has_finished_lane_change(state, EGO_SLOT) & has_lane
+    settled = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) | state.is_in_stage(Stage.PASS, EGO_SLOT)
+    has_lane = state.lane_choice.lane[EGO_SLOT] < np.float32(params.road.num_lanes - 1)
+    return settled & state.has_finished_lane_change(EGO_SLOT) & has_lane
 
 
 def can_return(state: State) -> Mask:
     """Whether there is a slower lane, and no change under way that cannot be given up."""
-    follows = is_in_stage(state, EGO_SLOT, Stage.FOLLOW) & has_finished_lane_change(state, EGO_SLOT)
-    return (follows | is_in_stage(state, EGO_SLOT, Stage.PASS)) & (
-        state.lane[EGO_SLOT] >= np.float32(1.0)
+    follows = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & state.has_finished_lane_change(EGO_SLOT)
+    return (follows | state.is_in_stage(Stage.PASS, EGO_SLOT)) & (
+        state.lane_choice.lane[EGO_SLOT] >= np.float32(1.0)
     )
 
 
@@ -109,8 +109,10 @@ def intent_from_action(state: State, params: StepParameters, action: EgoAction) 
         return _intent_from_position(state, params)
     side = _requested_side(action)
     # Who changes their mind shows the other side for as long.
-    turned = state.wanted[EGO_SLOT] * side < 0
-    state.signalled[EGO_SLOT] = np.where(turned, np.float32(0.0), state.signalled[EGO_SLOT])
+    turned = state.lane_choice.wanted_side[EGO_SLOT] * side < 0
+    state.overtake.time_indicating[EGO_SLOT] = np.where(
+        turned, np.float32(0.0), state.overtake.time_indicating[EGO_SLOT]
+    )
     start = can_pull_out(state, params) & (side > 0)
     back = can_return(state) & (side < 0)
     update_indicator(state, params, EGO_SLOT, start, back)
@@ -125,7 +127,7 @@ def intent_from_action(state: State, params: StepParameters, action: EgoAction) 
         | (can_abort_pass(state, params, EGO_SLOT) & falls_in),
         cancels_return=can_cancel_return(state, params, EGO_SLOT) & drops_back,
         has_passed_target=has_passed_target(state, params, EGO_SLOT),
-        has_finished_lane_change=has_finished_lane_change(state, EGO_SLOT),
+        has_finished_lane_change=state.has_finished_lane_change(EGO_SLOT),
     )
 
 
@@ -143,7 +145,7 @@ def _moves_over_now(state: State, params: StepParameters, action: EgoAction) -> 
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
     vehicles = params.vehicles
     if (move := action.value("move")) is None:
-        return state.signalled[EGO_SLOT] > vehicles.indicator_lead_time[EGO_SLOT]
+        return state.overtake.time_indicating[EGO_SLOT] > vehicles.indicator_lead_time[EGO_SLOT]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
@@ -158,13 +160,16 @@ def _requested_cancels(action: EgoAction) -> tuple[Mask, Mask, Mask]:
 def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
     road = params.road
-    lane = np.zeros_like(state.stage[EGO_SLOT])
+    lane = np.zeros_like(state.overtake.stage[EGO_SLOT])
     for k in range(1, road.num_lanes):
-        lane = np.where(state.d[EGO_SLOT] >= road.boundaries[k], np.float32(k), lane)
-    faster, slower = lane > state.lane[EGO_SLOT], lane < state.lane[EGO_SLOT]
-    out = is_in_stage(state, EGO_SLOT, Stage.PULL_OUT)
-    comes_back = is_in_stage(state, EGO_SLOT, Stage.RETURN) | is_in_stage(
-        state, EGO_SLOT, Stage.ABORT
+        lane = np.where(state.motion.d[EGO_SLOT] >= road.boundaries[k], np.float32(k), lane)
+    faster, slower = (
+        lane > state.lane_choice.lane[EGO_SLOT],
+        lane < state.lane_choice.lane[EGO_SLOT],
+    )
+    out = state.is_in_stage(Stage.PULL_OUT, EGO_SLOT)
+    comes_back = state.is_in_stage(Stage.RETURN, EGO_SLOT) | state.is_in_stage(
+        Stage.ABORT, EGO_SLOT
     )
     never = np.zeros_like(out)
     update_indicator(state, params, EGO_SLOT, never, never)
@@ -176,5 +181,5 @@ def _intent_from_position(state: State, params: StepParameters) -> Intent:
         cancels_pull_out=slower & out,
         cancels_return=faster & comes_back,
         has_passed_target=has_passed_target(state, params, EGO_SLOT),
-        has_finished_lane_change=has_finished_lane_change(state, EGO_SLOT),
+        has_finished_lane_change=state.has_finished_lane_change(EGO_SLOT),
     )

@@ -30,8 +30,6 @@ from overtaking.sim.reference.state import (
     RIGHT_LEADER,
     SlotSelection,
     State,
-    has_finished_lane_change,
-    is_in_stage,
     value_at_slot,
 )
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
@@ -126,7 +124,7 @@ def gap_acceptance_inputs(
     """
     vehicles, simulations = params.vehicles, params.simulations
     own = vehicles.at_slots(slots)
-    waited = state.waited[slots] * own.inverse_patience
+    waited = state.overtake.time_waiting[slots] * own.inverse_patience
     impatience = maximum(exp(-waited), params.constants.patience_floor)
     gap, closing = beliefs.gap[:, slots], beliefs.closing_speed[:, slots]
     demand = own.gap_demand_factor * impatience
@@ -141,11 +139,11 @@ def gap_acceptance_inputs(
     return GapAcceptanceInputs(
         slots=slots,
         vehicle=own,
-        speed=state.vx[slots],
+        speed=state.motion.vx[slots],
         gap=gap,
         closing_speed=closing,
         is_detected=beliefs.is_detected[:, slots],
-        leader_speed=state.vx[slots] - closing[LEADER],
+        leader_speed=state.motion.vx[slots] - closing[LEADER],
         gap_factor=demand,
         acceptable_imposed_decel=minimum(bounded, own.max_assumed_decel),
         patience_left=impatience,
@@ -168,7 +166,9 @@ def is_scripted(params: StepParameters) -> Mask:
 
 def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
     """By how much the ego is in truth faster than its leader, which decides where it is told."""
-    return state.vx[EGO_SLOT] - value_at_slot(state.vx, neighbours.slot[LEADER, EGO_SLOT])
+    return state.motion.vx[EGO_SLOT] - value_at_slot(
+        state.motion.vx, neighbours.slot[LEADER, EGO_SLOT]
+    )
 
 
 def imposed_accel_on_driver(
@@ -324,12 +324,12 @@ def form_intent(
     """
     inputs = gap_acceptance_inputs(state, params, context.neighbours, context.beliefs, slots)
     checks_mirrors = context.checks_mirrors[slots]
-    arrived = has_finished_lane_change(state, slots)
+    arrived = state.has_finished_lane_change(slots)
     passed = has_passed_target(state, params, slots)
     start = _wants_to_pull_out(state, params, context, inputs, arrived)
     back = _wants_to_return(state, params, inputs, passed, checks_mirrors, continuation)
     update_indicator(state, params, slots, start, back)
-    ready = state.signalled[slots] > inputs.vehicle.indicator_lead_time
+    ready = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
     sure = (checks_mirrors & ~context.gives_way[slots]) | inputs.is_scripted
     abort = _cancels_pull_out(state, params, inputs, checks_mirrors)
     remain = _cancels_return(state, params, inputs, checks_mirrors)
@@ -364,9 +364,9 @@ def _wants_to_pull_out(
 ) -> Mask:
     """Whether an overtake is wanted and looked possible, or is forced by a branch."""
     constants, slots, oncoming = params.constants, inputs.slots, context.oncoming
-    rested = state.since_change[slots] >= constants.abort_cooldown
-    has_lane = state.lane[slots] < np.float32(params.road.num_lanes - 1)
-    free = is_in_stage(state, slots, Stage.FOLLOW) & arrived & rested & has_lane
+    rested = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
+    has_lane = state.lane_choice.lane[slots] < np.float32(params.road.num_lanes - 1)
+    free = state.is_in_stage(Stage.FOLLOW, slots) & arrived & rested & has_lane
     seen = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
     if oncoming is not None:
         leader = inputs.gap[LEADER], inputs.leader_speed
@@ -379,10 +379,14 @@ def _wants_to_pull_out(
         seen = seen & ~oncoming.leader_pulls_out[slots]
     seen = np.where(inputs.is_scripted, inputs.pulls_out_by_script, seen)
     wanted = np.where(
-        context.checks_mirrors[slots] | inputs.is_scripted, seen, state.wanted[slots] > 0
+        context.checks_mirrors[slots] | inputs.is_scripted,
+        seen,
+        state.lane_choice.wanted_side[slots] > 0,
     )
     wanted = wanted & (inputs.forced_decision != ForcedDecision.STAY)
-    forced = (inputs.forced_decision == ForcedDecision.PULL_OUT) & (state.attempted == 0)
+    forced = (inputs.forced_decision == ForcedDecision.PULL_OUT) & (
+        state.overtake.has_attempted == 0
+    )
     return free & (wanted | forced)
 
 
@@ -396,21 +400,27 @@ def _wants_to_return(
 ) -> Mask:
     """Whether drivers may return: past the target, or stuck beside it, or forced by a branch."""
     constants, slots = params.constants, inputs.slots
-    has_lane = is_in_stage(state, slots, Stage.PASS) & (state.lane[slots] >= np.float32(1.0))
-    late = state.stage_time[slots] > constants.give_up_after
-    stuck = late & (state.s[slots] < value_at_slot(state.s, state.target[slots]))
-    rested = state.since_change[slots] >= constants.abort_cooldown
+    has_lane = state.is_in_stage(Stage.PASS, slots) & (
+        state.lane_choice.lane[slots] >= np.float32(1.0)
+    )
+    late = state.overtake.time_in_stage[slots] > constants.give_up_after
+    stuck = late & (
+        state.motion.s[slots] < value_at_slot(state.motion.s, state.overtake.target_slot[slots])
+    )
+    rested = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
     if continuation is None:
         may = accepts_return_gaps(params, inputs) & (passed | stuck)
     else:
-        room = tall_vehicle_gap_factor(params, state.target[slots])
+        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[slots])
         hurried = (
             continuation.accepts_small_gap & accepts_urgent_return_gaps(params, inputs) & passed
         )
         may = (accepts_return_gaps(params, inputs, room) & (passed | stuck)) | hurried
         rested = rested | hurried
     seen = np.where(inputs.is_scripted, passed, may) & rested
-    wanted = np.where(checks_mirrors | inputs.is_scripted, seen, state.wanted[slots] < 0)
+    wanted = np.where(
+        checks_mirrors | inputs.is_scripted, seen, state.lane_choice.wanted_side[slots] < 0
+    )
     return has_lane & (wanted | (inputs.forced_decision == ForcedDecision.RETURN))
 
 
@@ -446,24 +456,28 @@ def _cancels_return(
 def has_passed_target(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether the target's front is visibly behind the own rear."""
     vehicles = params.vehicles
-    behind = state.s[slots] - value_at_slot(state.s, state.target[slots])
-    bodies = vehicles.half_length[slots] + value_at_slot(vehicles.half_length, state.target[slots])
+    behind = state.motion.s[slots] - value_at_slot(
+        state.motion.s, state.overtake.target_slot[slots]
+    )
+    bodies = vehicles.half_length[slots] + value_at_slot(
+        vehicles.half_length, state.overtake.target_slot[slots]
+    )
     return behind > bodies + params.constants.return_clearance
 
 
 def is_quicker_to_turn_back(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether going back is shorter than going on."""
-    return state.path_time[slots] < params.constants.abort_until * state.path_duration[slots]
+    return state.path.elapsed[slots] < params.constants.abort_until * state.path.duration[slots]
 
 
 def can_cancel_pull_out(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether drivers pull out, and going back is shorter than going on."""
-    return is_in_stage(state, slots, Stage.PULL_OUT) & is_quicker_to_turn_back(state, params, slots)
+    return state.is_in_stage(Stage.PULL_OUT, slots) & is_quicker_to_turn_back(state, params, slots)
 
 
 def can_cancel_return(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether drivers change back by a whole lane, and going back is shorter than going on."""
-    comes_back = is_in_stage(state, slots, Stage.RETURN) | is_in_stage(state, slots, Stage.ABORT)
+    comes_back = state.is_in_stage(Stage.RETURN, slots) | state.is_in_stage(Stage.ABORT, slots)
     _, whole = lane_change_direction(state, params)
     return comes_back & is_quicker_to_turn_back(state, params, slots) & whole[slots]
 
@@ -473,7 +487,9 @@ def update_indicator(
 ) -> None:
     """Remember the side that is wanted, and for how long it has been shown."""
     decision_index, zero, one = params.constants.decision, np.float32(0.0), np.float32(1.0)
-    state.wanted[slots] = np.where(start, one, np.where(back, -one, zero))
+    state.lane_choice.wanted_side[slots] = np.where(start, one, np.where(back, -one, zero))
     # Doubts while waiting do not switch the indicator off at once.
-    fading = maximum(state.signalled[slots] - decision_index, zero)
-    state.signalled[slots] = np.where(start | back, state.signalled[slots] + decision_index, fading)
+    fading = maximum(state.overtake.time_indicating[slots] - decision_index, zero)
+    state.overtake.time_indicating[slots] = np.where(
+        start | back, state.overtake.time_indicating[slots] + decision_index, fading
+    )

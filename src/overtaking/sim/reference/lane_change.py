@@ -157,22 +157,28 @@ def change_lanes_by_mobil(
     """
     vehicles = params.vehicles
     claims = lane_claims(state)
-    to_fast, to_slow = mobil_incentives(params, vehicles, state.vx, beliefs, own, state.most_accel)
+    to_fast, to_slow = mobil_incentives(
+        params, vehicles, state.motion.vx, beliefs, own, state.road.accel_limit
+    )
     ready = checks_mirrors & _is_ready_for_lane_change(state, params)
-    has_fast = state.lane < np.float32(params.road.num_lanes - 1)
-    has_slow = state.lane >= np.float32(1.0)
-    safe_fast = is_safe_lane_change(params, vehicles, state.vx, beliefs, LEFT_LEADER, LEFT_FOLLOWER)
+    has_fast = state.lane_choice.lane < np.float32(params.road.num_lanes - 1)
+    has_slow = state.lane_choice.lane >= np.float32(1.0)
+    safe_fast = is_safe_lane_change(
+        params, vehicles, state.motion.vx, beliefs, LEFT_LEADER, LEFT_FOLLOWER
+    )
     safe_slow = is_safe_lane_change(
-        params, vehicles, state.vx, beliefs, RIGHT_LEADER, RIGHT_FOLLOWER
+        params, vehicles, state.motion.vx, beliefs, RIGHT_LEADER, RIGHT_FOLLOWER
     )
     # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
-    worth = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.vx
+    worth = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.motion.vx
     fast = ready & has_fast & safe_fast & (to_fast > vehicles.lane_change_threshold)
     slow = ready & has_slow & safe_slow & (to_slow > vehicles.lane_change_threshold) & worth & ~fast
     wanted = _signed_side(fast, slow)
-    shows = checks_mirrors & (state.path_time >= state.path_duration)
+    shows = checks_mirrors & (state.path.elapsed >= state.path.duration)
     shows[EGO_SLOT] = False
-    state.indicator = np.where(shows, wanted * vehicles.uses_indicator, state.indicator)
+    state.controls.indicator = np.where(
+        shows, wanted * vehicles.uses_indicator, state.controls.indicator
+    )
     decided = update_wanted_side(state, params, wanted, checks_mirrors) & ~gives_way(
         state, params, wanted, claims
     )
@@ -187,19 +193,21 @@ def update_wanted_side(
 ) -> Mask:
     """Who has wanted the same for as long as they signal; remembers what is wanted."""
     vehicles = params.vehicles
-    same = (wanted == state.wanted) & (wanted != 0)
+    same = (wanted == state.lane_choice.wanted_side) & (wanted != 0)
     others = checks_mirrors.copy()
     others[EGO_SLOT] = False
     restarts = others & ~same
-    state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
-    state.wanted = np.where(others, wanted, state.wanted)
-    return others & same & (state.wanted_time >= vehicles.indicator_lead_time)
+    state.lane_choice.time_wanted = np.where(
+        restarts, np.float32(0.0), state.lane_choice.time_wanted
+    )
+    state.lane_choice.wanted_side = np.where(others, wanted, state.lane_choice.wanted_side)
+    return others & same & (state.lane_choice.time_wanted >= vehicles.indicator_lead_time)
 
 
 def lane_claims(state: State) -> LaneClaims:
     """The lane of each vehicle, and to which side it signals without moving over yet."""
-    waits = (state.path_time >= state.path_duration) & (state.crashed == 0)
-    return state.lane.copy(), np.where(waits, state.indicator, np.float32(0.0))
+    waits = (state.path.elapsed >= state.path.duration) & (state.motion.is_wreck == 0)
+    return state.lane_choice.lane.copy(), np.where(waits, state.controls.indicator, np.float32(0.0))
 
 
 def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
@@ -214,11 +222,15 @@ def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaim
         claims: `claimed` at the begin of the decision.
     """
     constants = params.constants
-    waits = np.zeros(state.s.shape, bool)
-    for lane, towards, place in zip(*claims, state.s, strict=True):
-        ahead = nearest_image(params, place - state.s)
-        same = (towards == -side) & (lane == state.lane + np.float32(2.0) * side) & (side != 0)
-        close = np.abs(ahead) < constants.claim_time * state.vx
+    waits = np.zeros(state.motion.s.shape, bool)
+    for lane, towards, place in zip(*claims, state.motion.s, strict=True):
+        ahead = nearest_image(params, place - state.motion.s)
+        same = (
+            (towards == -side)
+            & (lane == state.lane_choice.lane + np.float32(2.0) * side)
+            & (side != 0)
+        )
+        close = np.abs(ahead) < constants.claim_time * state.motion.vx
         waits = waits | (same & close & ((ahead > 0) | ((ahead == 0) & (side < 0))))
     return waits
 
@@ -227,7 +239,7 @@ def lane_change_direction(state: State, params: StepParameters) -> tuple[Mask, M
     """Whether each lane change is to the fast side, and whole: a retreat has less far to go."""
     low, high = lane_borders(state, params, 0.0)
     half = np.float32(0.5)
-    way = half * (low + high) - state.path[0]
+    way = half * (low + high) - state.path.coefficients[0]
     return way > 0, np.abs(way) > half * (high - low)
 
 
@@ -237,7 +249,7 @@ def _cancels_lane_change(
     """Who gives up a lane change that has turned dangerous, and whether it is to the fast side."""
     vehicles = params.vehicles
     constants = params.constants
-    v, gap, closing = state.vx, beliefs.gap, beliefs.closing_speed
+    v, gap, closing = state.motion.vx, beliefs.gap, beliefs.closing_speed
     to_fast, whole = lane_change_direction(state, params)
     front, behind = (
         tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
@@ -250,8 +262,8 @@ def _cancels_lane_change(
     bad_front = own < -(constants.abort_factor * vehicles.decel)
     back = cah_accel(constants, v, front[0], front[1], _STEADY)
     room = (back >= -vehicles.max_assumed_decel) & (behind[0] > constants.min_rear_gap)
-    early = state.path_time < constants.abort_until * state.path_duration
-    sound = (state.crashed == 0) & (vehicles.valid > 0)
+    early = state.path.elapsed < constants.abort_until * state.path.duration
+    sound = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
     sound[EGO_SLOT] = False
     return (bad_rear | bad_front) & room & early & whole & sound, to_fast
 
@@ -259,9 +271,9 @@ def _cancels_lane_change(
 def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
     """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
     vehicles = params.vehicles
-    arrived = state.path_time >= state.path_duration
-    rested = state.since_change >= params.constants.cooldown
-    ready = arrived & rested & (state.crashed == 0) & (vehicles.valid > 0)
+    arrived = state.path.elapsed >= state.path.duration
+    rested = state.lane_choice.time_since_lane_change >= params.constants.cooldown
+    ready = arrived & rested & (state.motion.is_wreck == 0) & (vehicles.valid > 0)
     ready[EGO_SLOT] = False
     return ready
 
@@ -290,7 +302,7 @@ def start_lane_changes(
     vehicles = params.vehicles
     constants, (fast, slow, back) = params.constants, sides
     step, moved = _signed_side(fast, slow), fast | slow
-    state.lane = state.lane + step
+    state.lane_choice.lane = state.lane_choice.lane + step
     low, high = lane_borders(state, params, 0.0)
     left = beliefs.gap[LEADER] / maximum(beliefs.closing_speed[LEADER], _MIN_SPEED)
     hurried = maximum(
@@ -302,8 +314,10 @@ def start_lane_changes(
     if hasty is not None:
         duration = np.where(hasty > 0, hasty, duration)
     start_path(state, moved, np.float32(0.5) * (low + high), duration)
-    state.indicator = np.where(moved, step * vehicles.uses_indicator, state.indicator)
-    state.wanted = np.where(moved, np.float32(0.0), state.wanted)
+    state.controls.indicator = np.where(
+        moved, step * vehicles.uses_indicator, state.controls.indicator
+    )
+    state.lane_choice.wanted_side = np.where(moved, np.float32(0.0), state.lane_choice.wanted_side)
     draw_shoulder_check(state, params, moved, decision_index)
 
 

@@ -17,8 +17,12 @@ _LANE_OFFSETS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, fro
 def lane_borders(state: State, params: StepParameters, shift: float) -> tuple[F32, F32]:
     """Borders of the lane `shift` lanes from each vehicle's own [m]."""
     road = params.road
-    low = value_of_lane(road.boundaries, state.lane + np.float32(shift), road.num_lanes + 1)
-    high = value_of_lane(road.boundaries, state.lane + np.float32(shift + 1.0), road.num_lanes + 1)
+    low = value_of_lane(
+        road.boundaries, state.lane_choice.lane + np.float32(shift), road.num_lanes + 1
+    )
+    high = value_of_lane(
+        road.boundaries, state.lane_choice.lane + np.float32(shift + 1.0), road.num_lanes + 1
+    )
     return low, high
 
 
@@ -32,14 +36,19 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
     """
     vehicles = params.vehicles
     bands = [lane_borders(state, params, shift) for shift in _LANE_OFFSETS]
-    found = _NearestByRole(state.s.shape)
-    for j in range(state.s.shape[0]):
-        ahead, beside = nearest_image(params, state.s[j] - state.s), state.d[j] - state.d
+    found = _NearestByRole(state.motion.s.shape)
+    for j in range(state.motion.s.shape[0]):
+        ahead, beside = (
+            nearest_image(params, state.motion.s[j] - state.motion.s),
+            state.motion.d[j] - state.motion.d,
+        )
         others = (vehicles.valid[j] > 0) & (vehicles.travel_sign[j] == vehicles.travel_sign)
         others[j] = False
         shows = visibly_changes_lane(state, params, j)
         for k, (low, high) in enumerate(bands):
-            heading = shows & (state.lane[j] - state.lane == _LANE_OFFSETS[k])
+            heading = shows & (
+                state.lane_choice.lane[j] - state.lane_choice.lane == _LANE_OFFSETS[k]
+            )
             inside = others & (_is_in_lane(state, params, j, low, high) | heading)
             found.consider(2 * k, j, inside & (ahead >= 0), ahead, beside)
             found.consider(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
@@ -64,16 +73,19 @@ def nearest_image(params: StepParameters, distance: F32) -> F32:
 
 def visibly_changes_lane(state: State, params: StepParameters, j: int) -> Mask:
     """Whether others can tell to which lane vehicle `j` is changing."""
-    changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
-    moves = state.path_time[j] > params.constants.visible_fraction * state.path_duration[j]
-    return changing & ((state.indicator[j] != 0) | moves)
+    changing = (state.path.elapsed[j] < state.path.duration[j]) & (state.motion.is_wreck[j] == 0)
+    moves = state.path.elapsed[j] > params.constants.visible_fraction * state.path.duration[j]
+    return changing & ((state.controls.indicator[j] != 0) | moves)
 
 
 def _is_in_lane(state: State, params: StepParameters, j: int, low: F32, high: F32) -> Mask:
     """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
     vehicles = params.vehicles
     margin = params.constants.corridor_margin
-    low_side, high_side = state.d[j] - vehicles.half_width[j], state.d[j] + vehicles.half_width[j]
+    low_side, high_side = (
+        state.motion.d[j] - vehicles.half_width[j],
+        state.motion.d[j] + vehicles.half_width[j],
+    )
     return (high_side > low + margin) & (low_side < high - margin)
 
 

@@ -28,15 +28,7 @@ from overtaking.sim.reference.gap_acceptance import (
 from overtaking.sim.reference.oncoming import expected_closing_speed, observe_second_oncoming
 from overtaking.sim.reference.pass_continuation import can_abort_pass, decide_pass_continuation
 from overtaking.sim.reference.passing import gap_ahead_of, line_is_solid, tall_vehicle_gap_factor
-from overtaking.sim.reference.state import (
-    LEADER,
-    State,
-    has_finished_lane_change,
-    is_in_stage,
-    position_seen_by_each,
-    road_velocity,
-    value_at_slot,
-)
+from overtaking.sim.reference.state import LEADER, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
 
 _HALF = np.float32(0.5)
@@ -78,7 +70,7 @@ def observation_table(
         decision_index: Number of the decision.
         observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
-    table = np.zeros((state.s.shape[1], OBSERVATION_SIZE), np.float32)
+    table = np.zeros((state.motion.s.shape[1], OBSERVATION_SIZE), np.float32)
     ego, neighbours, passing = split_observation(table)
     neighbours[:, :, NeighbourColumns._fields.index("gap")] = params.constants.unseen_gap
     _fill_columns(ego, _ego_columns(state, params, context))
@@ -112,25 +104,27 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
     ego, neighbours = EGO_SLOT, context.neighbours
     lane_centre = _HALF * (neighbours.lane_right_edge[ego] + neighbours.lane_left_edge[ego])
     return EgoColumns(
-        speed=state.vx[ego],
-        requested_accel=state.accel[ego],
-        s=state.s[ego],
-        lateral_position=state.d[ego],
-        lane_offset=state.d[ego] - lane_centre,
-        heading=state.psi[ego],
-        yaw_rate=state.r[ego],
-        lane=state.lane[ego],
-        stage=state.stage[ego],
-        time_in_stage=state.stage_time[ego],
-        time_waiting=state.waited[ego],
-        time_indicating=state.signalled[ego],
-        wanted_side=state.wanted[ego],
-        time_since_lane_change=state.since_change[ego],
-        has_finished_lane_change=_flag(has_finished_lane_change(state, ego)),
+        speed=state.motion.vx[ego],
+        requested_accel=state.controls.requested_accel[ego],
+        s=state.motion.s[ego],
+        lateral_position=state.motion.d[ego],
+        lane_offset=state.motion.d[ego] - lane_centre,
+        heading=state.motion.heading[ego],
+        yaw_rate=state.motion.yaw_rate[ego],
+        lane=state.lane_choice.lane[ego],
+        stage=state.overtake.stage[ego],
+        time_in_stage=state.overtake.time_in_stage[ego],
+        time_waiting=state.overtake.time_waiting[ego],
+        time_indicating=state.overtake.time_indicating[ego],
+        wanted_side=state.lane_choice.wanted_side[ego],
+        time_since_lane_change=state.lane_choice.time_since_lane_change[ego],
+        has_finished_lane_change=_flag(state.has_finished_lane_change(ego)),
         checks_mirrors=_flag(context.checks_mirrors[ego]),
         gives_way=_flag(context.gives_way[ego]),
         has_passed_target=_flag(has_passed_target(state, params, ego)),
-        is_behind_target=_flag(state.s[ego] < value_at_slot(state.s, state.target[ego])),
+        is_behind_target=_flag(
+            state.motion.s[ego] < value_at_slot(state.motion.s, state.overtake.target_slot[ego])
+        ),
         can_pull_out=_flag(can_pull_out(state, params)),
         can_return=_flag(can_return(state)),
         can_cancel_lane_change=_flag(
@@ -161,7 +155,7 @@ def _true_motion(
     """The true motion of a neighbour; a large gap and zeros without one."""
     slot, zero = neighbours.slot[role, EGO_SLOT], np.float32(0.0)
     exists = slot >= 0
-    speeds, _ = road_velocity(state)
+    speeds, _ = state.road_velocity()
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
     is_ahead = role % 2 == 0
     closing_speed = ego_speed - speed if is_ahead else speed - ego_speed
@@ -169,7 +163,7 @@ def _true_motion(
         is_detected=exists,
         gap=np.where(exists, neighbours.gap[role, EGO_SLOT], params.constants.unseen_gap),
         closing_speed=np.where(exists, closing_speed, zero),
-        accel=np.where(exists, value_at_slot(state.a_lon, slot), zero),
+        accel=np.where(exists, value_at_slot(state.motion.accel_lon, slot), zero),
     )
 
 
@@ -184,8 +178,8 @@ def _neighbour_columns(
     """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
     vehicles, constants = params.vehicles, params.constants
     slot = neighbours.slot[role, EGO_SLOT]
-    brakes = (value_at_slot(state.accel, slot) < -constants.stop_lamp_decel) | (
-        value_at_slot(state.crashed, slot) > 0
+    brakes = (value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel) | (
+        value_at_slot(state.motion.is_wreck, slot) > 0
     )
 
     def if_detected(values: F32) -> F32:
@@ -197,7 +191,7 @@ def _neighbour_columns(
         closing_speed=motion.closing_speed,
         accel=motion.accel,
         lateral_distance=if_detected(neighbours.lateral_distance[role, EGO_SLOT]),
-        indicator=if_detected(value_at_slot(state.indicator, slot)),
+        indicator=if_detected(value_at_slot(state.controls.indicator, slot)),
         stop_lamp=if_detected(_flag(brakes)),
         length=if_detected(_TWO * neighbours.half_length[role, EGO_SLOT]),
         is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
@@ -215,13 +209,15 @@ def _oncoming_columns(
     """One oncoming vehicle; a large gap and zeros without one."""
     vehicles = params.vehicles
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
-    speeds, _ = road_velocity(state)
-    d = np.stack([position_seen_by_each(state, params, j)[1][ego] for j in range(len(state.s))])
+    speeds, _ = state.road_velocity()
+    d = np.stack(
+        [state.position_seen_by_each(params, j)[1][ego] for j in range(len(state.motion.s))]
+    )
     if observes_truth:
         is_detected, gap = slot >= 0, vehicle.gap[ego]
         closing_speed, accel = (
             speeds[ego] + value_at_slot(speeds, slot),
-            value_at_slot(state.a_lon, slot),
+            value_at_slot(state.motion.accel_lon, slot),
         )
     else:
         is_detected, gap = vehicle.is_detected[ego], vehicle.believed_gap[ego]
@@ -235,8 +231,8 @@ def _oncoming_columns(
         gap=np.where(is_detected, gap, params.constants.unseen_gap),
         closing_speed=if_detected(closing_speed),
         accel=if_detected(accel),
-        lateral_distance=if_detected(value_at_slot(d, slot) - state.d[ego]),
-        indicator=if_detected(-value_at_slot(state.indicator, slot)),
+        lateral_distance=if_detected(value_at_slot(d, slot) - state.motion.d[ego]),
+        indicator=if_detected(-value_at_slot(state.controls.indicator, slot)),
         stop_lamp=np.zeros_like(gap),
         length=if_detected(_TWO * vehicle.half_length[ego]),
         is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
@@ -255,7 +251,9 @@ def _passing_columns(
     ego = EGO_SLOT
     continuation = decide_pass_continuation(state, params, context, ego)
     leader = context.neighbours.slot[LEADER, ego]
-    overtaken = np.where(is_in_stage(state, ego, Stage.FOLLOW), leader, state.target[ego])
+    overtaken = np.where(
+        state.is_in_stage(Stage.FOLLOW, ego), leader, state.overtake.target_slot[ego]
+    )
     gap_ahead_of_leader = gap_ahead_of(state, params, leader, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],

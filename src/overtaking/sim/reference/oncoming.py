@@ -13,17 +13,7 @@ from overtaking.sim.reference.perception import (
     sense_looming,
     sight_range_ratio,
 )
-from overtaking.sim.reference.state import (
-    LEADER,
-    NEVER_LOOKED,
-    NO_SLOT,
-    State,
-    is_overtaking,
-    position_seen_by_each,
-    road_position,
-    road_velocity,
-    value_at_slot,
-)
+from overtaking.sim.reference.state import LEADER, NEVER_LOOKED, NO_SLOT, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Sight past nobody [m].
@@ -51,7 +41,7 @@ def observe_oncoming(
     Source:
         Farber and Silver 1967, ARRB 1978 (a usual speed); Levulis 2015 (small oncomers).
     """
-    oncoming = nearest_oncoming(state, params, np.full_like(state.s, NO_SLOT))
+    oncoming = nearest_oncoming(state, params, np.full_like(state.motion.s, NO_SLOT))
     sight = _sight_distance(state, params, neighbours)
     coming, facing = (
         _judged(state, params, neighbours, oncoming[lanes], sight, decision_index, lanes)
@@ -62,7 +52,7 @@ def observe_oncoming(
         nearest=coming,
         in_own_lane=facing,
         is_being_passed=is_being_passed(state, params),
-        leader_pulls_out=(leader >= 0) & (value_at_slot(state.indicator, leader) > 0),
+        leader_pulls_out=(leader >= 0) & (value_at_slot(state.controls.indicator, leader) > 0),
     )
 
 
@@ -99,7 +89,7 @@ def _sight_distance(
     """How far drivers see the other lane: by the road, the weather, and past a high leader."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
-    place, _ = road_position(state, params)
+    place, _ = state.road_position(params)
     by_road = np.where(
         vehicles.travel_sign < 0, *(_interpolate_knots(table, place) for table in road.sight[::-1])
     )
@@ -111,12 +101,14 @@ def _sight_distance(
         - constants.eye_offset
     )
     middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
-    beside = middle - state.d - constants.eye_offset
+    beside = middle - state.motion.d - constants.eye_offset
     hides = (
         (lead >= 0) & (value_at_slot(vehicles.blocks_view, lead) > 0) & (edge > 0) & (beside > 0)
     )
     past = np.where(hides, beside * (reach / maximum(edge, MIN_SIGHT_LINE)), _FAR)
-    return minimum(minimum(minimum(by_road, state.shown), past), simulations.oncoming_sight)
+    return minimum(
+        minimum(minimum(by_road, state.road.sight_distance), past), simulations.oncoming_sight
+    )
 
 
 def _interpolate_knots(table: F32, place: F32) -> F32:
@@ -148,7 +140,9 @@ def _judged(
     )
     depths = extinction_ahead(state, params, neighbours)
     effort = sight_range_ratio(params, true_gap, shines, depths, is_front=True)
-    reach = minimum(constants.oncoming_range, sight if lanes == _IN_ANY_LANE else state.shown)
+    reach = minimum(
+        constants.oncoming_range, sight if lanes == _IN_ANY_LANE else state.road.sight_distance
+    )
     visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
     if noticed is None:
         needed = simulations.detection_time * (
@@ -156,18 +150,18 @@ def _judged(
         )
         needed = np.where(visible, needed, simulations.detection_time)
         update_time_in_view(state, params, lanes, np.where(visible, slot, NO_SLOT))
-        sure = state.oncoming_time[lanes] >= needed
+        sure = state.attention.oncoming_time_in_view[lanes] >= needed
     else:
         sure = noticed
     detected = visible & sure
-    own_speed, _ = road_velocity(state)
-    urgent = true_gap < constants.urgent_time * (own_speed + value_at_slot(state.vx, slot))
+    own_speed, _ = state.road_velocity()
+    urgent = true_gap < constants.urgent_time * (own_speed + value_at_slot(state.motion.vx, slot))
     ticks = np.where(urgent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
     then = maximum(np.float32(decision_index) - ticks, np.float32(0.0))
     elapsed = (np.float32(decision_index) - then) * constants.decision
     place, speed = recall_motion(state, then, slot)
     place = place + speed * elapsed
-    gap = (params.road.length - place) - state.s - (half + vehicles.half_length)
+    gap = (params.road.length - place) - state.motion.s - (half + vehicles.half_length)
     closing = own_speed + speed
     _, clear, share, sensed = sense_looming(
         state, params, gap, closing, value_at_slot(vehicles.looming_width, slot)
@@ -175,7 +169,7 @@ def _judged(
     small = np.where(
         value_at_slot(vehicles.two_wheeler, slot) > 0, constants.two_wheeler_distance_factor, one
     )
-    judged = exp(simulations.oncoming_error * state.distance_error) * small
+    judged = exp(simulations.oncoming_error * state.noise.distance_error) * small
     habit = expected_closing_speed(state, params)
     return OncomingVehicle(
         slot=slot,
@@ -194,20 +188,22 @@ def _judged(
 def expected_closing_speed(state: State, params: StepParameters) -> F32:
     """Speed of approach that drivers expect of who comes, (vehicle, simulation) [m/s]."""
     simulations = params.simulations
-    own_speed, _ = road_velocity(state)
+    own_speed, _ = state.road_velocity()
     return own_speed + simulations.expected_oncoming_speed
 
 
 def update_time_in_view(state: State, params: StepParameters, lanes: int, seen: F32) -> None:
     """Count for how long drivers have seen what they see in some lanes now: slots `seen`."""
-    constants, before = params.constants, state.oncoming_id[lanes]
+    constants, before = params.constants, state.attention.oncoming_slot[lanes]
     longer = np.where(
-        seen == before, state.oncoming_time[lanes] + constants.decision, np.float32(0.0)
+        seen == before,
+        state.attention.oncoming_time_in_view[lanes] + constants.decision,
+        np.float32(0.0),
     )
-    state.oncoming_time[lanes] = np.where(
+    state.attention.oncoming_time_in_view[lanes] = np.where(
         before == NEVER_LOOKED, constants.initial_time_in_view, longer
     )
-    state.oncoming_id[lanes] = seen
+    state.attention.oncoming_slot[lanes] = seen
 
 
 def nearest_oncoming(
@@ -221,14 +217,14 @@ def nearest_oncoming(
     constants, road = params.constants, params.road
     low, high = lane_borders(state, params, 0.0)
     edges = road.boundaries[0], road.boundaries[road.num_lanes]
-    slot = np.full((2, *state.s.shape), NO_SLOT)
+    slot = np.full((2, *state.motion.s.shape), NO_SLOT)
     distance = np.full_like(slot, _FAR)
-    for j in range(len(state.s)):
-        s, d = position_seen_by_each(state, params, j)
-        ahead = s - state.s
+    for j in range(len(state.motion.s)):
+        s, d = state.position_seen_by_each(params, j)
+        ahead = s - state.motion.s
         low_side, high_side = d - vehicles.half_width[j], d + vehicles.half_width[j]
-        lane = np.float32(road.num_lanes - 1) - state.lane[j]
-        comes = visibly_changes_lane(state, params, j) & (lane == state.lane)
+        lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[j]
+        comes = visibly_changes_lane(state, params, j) & (lane == state.lane_choice.lane)
         opposed = (
             (vehicles.valid[j] > 0)
             & (vehicles.travel_sign[j] != vehicles.travel_sign)
@@ -249,11 +245,13 @@ def nearest_oncoming(
 def is_being_passed(state: State, params: StepParameters) -> Mask:
     """Whom others pass in the next lane, as they notice it, (vehicle, simulation)."""
     vehicles = params.vehicles
-    out, passed = is_overtaking(state), np.zeros(state.s.shape, bool)
-    for j in range(len(state.s)):
-        apart = np.abs(state.s - state.s[j]) - (vehicles.half_length + vehicles.half_length[j])
+    out, passed = state.is_overtaking(), np.zeros(state.motion.s.shape, bool)
+    for j in range(len(state.motion.s)):
+        apart = np.abs(state.motion.s - state.motion.s[j]) - (
+            vehicles.half_length + vehicles.half_length[j]
+        )
         beside = (apart < params.constants.passed_awareness_margin) & (
             vehicles.travel_sign == vehicles.travel_sign[j]
         )
-        passed = passed | (beside & (state.lane[j] > state.lane) & out[j])
-    return passed & (state.crashed == 0)
+        passed = passed | (beside & (state.lane_choice.lane[j] > state.lane_choice.lane) & out[j])
+    return passed & (state.motion.is_wreck == 0)

@@ -33,7 +33,6 @@ from overtaking.sim.reference.state import (
     RIGHT_LEADER,
     SlotSelection,
     State,
-    is_in_stage,
 )
 from overtaking.world.constants import SUBSTEPS
 from overtaking.world.step_parameters import StepParameters
@@ -98,15 +97,17 @@ def decide_others(
     stage = _next_stage(state, params, context.neighbours, OTHERS, intent)
     _carry_out_intent(state, params, context, OTHERS, intent, step // SUBSTEPS)
     done = stage == np.float32(Stage.DONE)
-    state.waited[OTHERS] = np.where(done, _ZERO, state.waited[OTHERS])
+    state.overtake.time_waiting[OTHERS] = np.where(done, _ZERO, state.overtake.time_waiting[OTHERS])
     _set_stage(state, OTHERS, np.where(done, np.float32(Stage.FOLLOW), stage))
 
 
 def _set_stage(state: State, slots: SlotSelection, stage: F32) -> None:
     """Go on to the next stage, or stay."""
-    changed = stage != state.stage[slots]
-    state.stage_time[slots] = np.where(changed, _ZERO, state.stage_time[slots])
-    state.stage[slots] = stage
+    changed = stage != state.overtake.stage[slots]
+    state.overtake.time_in_stage[slots] = np.where(
+        changed, _ZERO, state.overtake.time_in_stage[slots]
+    )
+    state.overtake.stage[slots] = stage
 
 
 def _update_pass_continuation(
@@ -119,8 +120,10 @@ def _update_pass_continuation(
     if context.oncoming is None:
         return None
     continuation = decide_pass_continuation(state, params, context, slots)
-    state.yields[slots] = np.where(continuation.must_abort, _ONE, _ZERO)
-    state.hurries[slots] = np.where(continuation.must_return_urgently, _ONE, _ZERO)
+    state.overtake.must_abort[slots] = np.where(continuation.must_abort, _ONE, _ZERO)
+    state.overtake.must_return_urgently[slots] = np.where(
+        continuation.must_return_urgently, _ONE, _ZERO
+    )
     return continuation
 
 
@@ -130,9 +133,11 @@ def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSe
     At a walking pace a change takes longer, as the wheels turn only so far.
     """
     simulations, constants = params.simulations, params.constants
-    hasty = np.zeros_like(state.s)
-    hurried = (state.hurries[slots] > 0) | (state.yields[slots] > 0)
-    turned = constants.min_change_distance / maximum(state.vx[slots], constants.slip_speed)
+    hasty = np.zeros_like(state.motion.s)
+    hurried = (state.overtake.must_return_urgently[slots] > 0) | (
+        state.overtake.must_abort[slots] > 0
+    )
+    turned = constants.min_change_distance / maximum(state.motion.vx[slots], constants.slip_speed)
     hasty[slots] = np.where(hurried, maximum(simulations.urgent_change_duration, turned), _ZERO)
     return hasty
 
@@ -142,13 +147,13 @@ def _count_waiting_time(
 ) -> None:
     """Count the time behind a slower leader."""
     vehicles = params.vehicles
-    constants, speed = params.constants, state.vx[slots]
+    constants, speed = params.constants, state.motion.vx[slots]
     queues = beliefs.gap[LEADER, slots] < constants.waiting_time_gap * speed
     slower = vehicles.desired_speed[slots] > speed - beliefs.closing_speed[LEADER, slots]
-    follows = is_in_stage(state, slots, Stage.FOLLOW)
+    follows = state.is_in_stage(Stage.FOLLOW, slots)
     waits = follows & beliefs.is_detected[LEADER, slots] & queues & slower
-    waited = state.waited[slots]
-    state.waited[slots] = np.where(waits, waited + constants.decision, waited)
+    waited = state.overtake.time_waiting[slots]
+    state.overtake.time_waiting[slots] = np.where(waits, waited + constants.decision, waited)
 
 
 def _next_stage(
@@ -162,21 +167,23 @@ def _next_stage(
     centre = np.float32(0.5) * (
         neighbours.lane_right_edge[slots] + neighbours.lane_left_edge[slots]
     )
-    settled = np.abs(state.d[slots] - centre) < params.constants.settled_offset
+    settled = np.abs(state.motion.d[slots] - centre) < params.constants.settled_offset
     finished = intent.has_finished_lane_change & settled
     returning = np.where(
         intent.has_passed_target, np.float32(Stage.RETURN), np.float32(Stage.ABORT)
     )
-    stage = np.where(intent.starts_pull_out, np.float32(Stage.PULL_OUT), state.stage[slots])
-    entered = is_in_stage(state, slots, Stage.PULL_OUT) & intent.has_finished_lane_change
+    stage = np.where(
+        intent.starts_pull_out, np.float32(Stage.PULL_OUT), state.overtake.stage[slots]
+    )
+    entered = state.is_in_stage(Stage.PULL_OUT, slots) & intent.has_finished_lane_change
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.cancels_pull_out, np.float32(Stage.ABORT), stage)
-    stage = np.where(intent.starts_return & is_in_stage(state, slots, Stage.PASS), returning, stage)
+    stage = np.where(intent.starts_return & state.is_in_stage(Stage.PASS, slots), returning, stage)
     stage = np.where(
-        is_in_stage(state, slots, Stage.RETURN) & finished, np.float32(Stage.DONE), stage
+        state.is_in_stage(Stage.RETURN, slots) & finished, np.float32(Stage.DONE), stage
     )
     stage = np.where(
-        is_in_stage(state, slots, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage
+        state.is_in_stage(Stage.ABORT, slots) & finished, np.float32(Stage.FOLLOW), stage
     )
     return np.where(intent.cancels_return, np.float32(Stage.PASS), stage)
 
@@ -191,14 +198,18 @@ def _carry_out_intent(
 ) -> None:
     """Move over and show it; who pulls out remembers whom to overtake."""
     neighbours = context.neighbours
-    target = np.where(intent.starts_pull_out, neighbours.slot[LEADER, slots], state.target[slots])
+    target = np.where(
+        intent.starts_pull_out, neighbours.slot[LEADER, slots], state.overtake.target_slot[slots]
+    )
     if params.road.has_oncoming_traffic:
         beside = overtakes_next_vehicle(state, params, context, slots)
         target = np.where(beside, neighbours.slot[RIGHT_LEADER, slots], target)
-    state.target[slots] = target
+    state.overtake.target_slot[slots] = target
     if slots == EGO_SLOT:
-        state.attempted = np.where(intent.starts_pull_out, _ONE, state.attempted)
-    fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))
+        state.overtake.has_attempted = np.where(
+            intent.starts_pull_out, _ONE, state.overtake.has_attempted
+        )
+    fast, slow, back = (np.zeros(state.motion.s.shape, bool) for _ in range(3))
     fast[slots] = intent.starts_pull_out | intent.cancels_return
     slow[slots] = intent.starts_return | intent.cancels_pull_out
     back[slots] = intent.cancels_pull_out | intent.cancels_return
@@ -214,12 +225,12 @@ def _set_indicator(
 ) -> None:
     """Signal an intention while it lasts; during a lane change its own indicator stays on."""
     vehicles = params.vehicles
-    signalled, used = state.signalled[slots], vehicles.uses_indicator[slots]
-    kept = np.where(signalled > 0, state.indicator[slots], _ZERO)
+    signalled, used = state.overtake.time_indicating[slots], vehicles.uses_indicator[slots]
+    kept = np.where(signalled > 0, state.controls.indicator[slots], _ZERO)
     shown = np.where(intent.wants_to_pull_out, used, np.where(intent.wants_to_return, -used, kept))
     straight = intent.has_finished_lane_change & ~moved
-    state.indicator[slots] = np.where(straight, shown, state.indicator[slots])
-    state.signalled[slots] = np.where(moved, _ZERO, signalled)
+    state.controls.indicator[slots] = np.where(straight, shown, state.controls.indicator[slots])
+    state.overtake.time_indicating[slots] = np.where(moved, _ZERO, signalled)
 
 
 def _set_end_step(
@@ -233,9 +244,9 @@ def _set_end_step(
     simulations = params.simulations
     constants, done = params.constants, np.float32(Stage.DONE)
     now = np.float32(step)
-    over = (next_stage == done) & (state.stage[EGO_SLOT] != done)
+    over = (next_stage == done) & (state.overtake.stage[EGO_SLOT] != done)
     after = now + np.rint(constants.after_overtake / constants.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = is_in_stage(state, EGO_SLOT, Stage.FOLLOW) & ~intent.wants_to_pull_out
+    idle = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & ~intent.wants_to_pull_out
     late = idle & (now >= simulations.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

@@ -25,9 +25,6 @@ from overtaking.sim.reference.state import (
     RIGHT_LEADER,
     SlotSelection,
     State,
-    is_before_return,
-    is_in_stage,
-    road_velocity,
     value_at_slot,
 )
 from overtaking.world.constants import ModelConstants
@@ -89,9 +86,9 @@ def decide_pass_continuation(
     assert context.oncoming is not None
     constants, own, coming = params.constants, vehicles.at_slots(slots), context.oncoming.nearest
     neighbours, beliefs = context.neighbours, context.beliefs
-    out = is_before_return(state, slots)
-    along, _ = road_velocity(state)
-    speed, other = along[slots], value_at_slot(along, state.target[slots])
+    out = state.is_before_return(slots)
+    along, _ = state.road_velocity()
+    speed, other = along[slots], value_at_slot(along, state.overtake.target_slot[slots])
     lead, bodies = _target_lead(state, params, slots)
     faster = speed - other
     aside = _HALF * simulations.urgent_change_duration
@@ -109,12 +106,12 @@ def decide_pass_continuation(
     gives_up = (lead > 0) & (rest + constants.abort_margin > there) & (back < rest)
     no_time = _must_return_before_next(state, params, context)[slots]
     room = neighbours.gap[RIGHT_LEADER, slots] + neighbours.gap[RIGHT_FOLLOWER, slots]
-    left = own.return_time_gap * tall_vehicle_gap_factor(params, state.target[slots])
+    left = own.return_time_gap * tall_vehicle_gap_factor(params, state.overtake.target_slot[slots])
     cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
     too_slow = onwards / maximum(faster, MIN_CLOSING_SPEED) > back
     trapped = no_time & ((room < constants.min_return_space) | too_slow)
-    yields = (gives_up | trapped | (state.yields[slots] > 0)) & out
-    beyond = (out | is_in_stage(state, slots, Stage.RETURN)) & ~yields
+    yields = (gives_up | trapped | (state.overtake.must_abort[slots] > 0)) & out
+    beyond = (out | state.is_in_stage(Stage.RETURN, slots)) & ~yields
     pressed = beyond & ((there - rest < constants.urgent_return_margin) | cramped)
     late = line_is_solid(state, params, slots, maximum(speed, _ZERO) * rest) & (
         own.heeds_solid_lines > 0
@@ -159,20 +156,20 @@ def _must_return_before_next(
     vehicles, simulations = params.vehicles, params.simulations
     assert context.oncoming is not None
     constants, coming, everybody = params.constants, context.oncoming.nearest, slice(None)
-    past = is_in_stage(state, everybody, Stage.PASS) & (
-        state.s > value_at_slot(state.s, state.target)
+    past = state.is_in_stage(Stage.PASS, everybody) & (
+        state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
     gap, closing = context.beliefs.gap[RIGHT_LEADER], context.beliefs.closing_speed[RIGHT_LEADER]
-    next_one = state.vx - closing
+    next_one = state.motion.vx - closing
     bodies = _TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
     way = gap + bodies + constants.min_return_gap
-    longer = time_to_pass(constants, vehicles, way, state.vx, closing, next_one)
+    longer = time_to_pass(constants, vehicles, way, state.motion.vx, closing, next_one)
     longer = longer + _HALF * simulations.urgent_change_duration + constants.urgent_return_margin
     late = (
         assumed_oncoming_gap(vehicles, coming.believed_gap, coming.sight_distance)
         < longer * coming.closing_speed
     )
-    needed = cah_accel(constants, state.vx, gap, closing, _ZERO)
+    needed = cah_accel(constants, state.motion.vx, gap, closing, _ZERO)
     return past & late & (needed >= -(constants.abort_decel_share * vehicles.max_assumed_decel))
 
 
@@ -194,26 +191,28 @@ def overtakes_next_vehicle(
         context.neighbours,
         _must_return_before_next(state, params, context)[slots],
     )
-    past = is_in_stage(state, slots, Stage.PASS) & (
-        state.s[slots] > value_at_slot(state.s, state.target[slots])
+    past = state.is_in_stage(Stage.PASS, slots) & (
+        state.motion.s[slots] > value_at_slot(state.motion.s, state.overtake.target_slot[slots])
     )
     beside = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
-    follows = confined | (state.yields[slots] > 0)
+    follows = confined | (state.overtake.must_abort[slots] > 0)
     return past & beside & (neighbours.slot[RIGHT_LEADER, slots] >= 0) & ~follows
 
 
 def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
     lead, bodies = _target_lead(state, params, slots)
-    return is_before_return(state, slots) & (lead > bodies) & params.road.has_oncoming_traffic
+    return state.is_before_return(slots) & (lead > bodies) & params.road.has_oncoming_traffic
 
 
 def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> tuple[F32, F32]:
     """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
     vehicles = params.vehicles
-    target = state.target[slots]
+    target = state.overtake.target_slot[slots]
     bodies = vehicles.half_length[slots] + value_at_slot(vehicles.half_length, target)
-    return value_at_slot(state.s, target) - state.s[slots], bodies + params.constants.min_return_gap
+    return value_at_slot(state.motion.s, target) - state.motion.s[
+        slots
+    ], bodies + params.constants.min_return_gap
 
 
 def accel_limit_while_passing(
@@ -237,18 +236,29 @@ def accel_limit_while_passing(
     """
     vehicles = params.vehicles
     constants, neighbours, beliefs = params.constants, context.neighbours, context.beliefs
-    along, _ = road_velocity(state)
-    slow = along < value_at_slot(along, state.target) - constants.abort_speed_difference
+    along, _ = state.road_velocity()
+    slow = (
+        along < value_at_slot(along, state.overtake.target_slot) - constants.abort_speed_difference
+    )
     brake = np.where(slow, _ZERO, -(constants.abort_decel_share * vehicles.max_assumed_decel))
     gap, closing = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
     middle = _HALF * (neighbours.gap[RIGHT_LEADER] + neighbours.gap[RIGHT_FOLLOWER])
-    nearest = maximum(middle - vehicles.min_gap, _ZERO) / maximum(state.vx, constants.slip_speed)
+    nearest = maximum(middle - vehicles.min_gap, _ZERO) / maximum(
+        state.motion.vx, constants.slip_speed
+    )
     kept, wished = (
         minimum(constants.return_time_gap_share * vehicles.time_gap, nearest),
         current_passing_speed(state, params),
     )
     fitting = acc_accel(
-        constants, vehicles, state.vx, wished, gap, closing, kept, beliefs.accel[RIGHT_LEADER]
+        constants,
+        vehicles,
+        state.motion.vx,
+        wished,
+        gap,
+        closing,
+        kept,
+        beliefs.accel[RIGHT_LEADER],
     )
     fits_in = _must_return_before_next(state, params, context)
-    return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))
+    return np.where(state.overtake.must_abort > 0, brake, np.where(fits_in, fitting, _FAR))

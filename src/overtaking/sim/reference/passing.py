@@ -10,14 +10,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
 from overtaking.sim.reference.decision_context import Neighbours, OncomingVehicle
-from overtaking.sim.reference.state import (
-    LEADER,
-    SlotSelection,
-    State,
-    road_position,
-    road_velocity,
-    value_at_slot,
-)
+from overtaking.sim.reference.state import LEADER, SlotSelection, State, value_at_slot
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
@@ -86,12 +79,13 @@ def current_passing_speed(state: State, params: StepParameters) -> F32:
     """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
     vehicles = params.vehicles
     constants = params.constants
-    along, _ = road_velocity(state)
+    along, _ = state.road_velocity()
     top = passing_speed(
-        vehicles, constants.passing_speed_surplus, value_at_slot(along, state.target)
+        vehicles, constants.passing_speed_surplus, value_at_slot(along, state.overtake.target_slot)
     )
     return minimum(
-        np.where(state.hurries > 0, constants.urgent_speed_factor * top, top), vehicles.max_speed
+        np.where(state.overtake.must_return_urgently > 0, constants.urgent_speed_factor * top, top),
+        vehicles.max_speed,
     )
 
 
@@ -245,18 +239,20 @@ def accepts_oncoming_gap(
 def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSelection) -> F32:
     """Gap that drivers find between the vehicle in a slot and the one ahead of it [m]."""
     vehicles = params.vehicles
-    place = value_at_slot(state.s, slot)
+    place = value_at_slot(state.motion.s, slot)
     front = place + value_at_slot(vehicles.half_length, slot)
     room = np.full_like(front, _FAR)
-    numbers = np.arange(len(state.s), dtype=np.float32)[:, None][slots]
-    for j in range(len(state.s)):
+    numbers = np.arange(len(state.motion.s), dtype=np.float32)[:, None][slots]
+    for j in range(len(state.motion.s)):
         beyond = (
             (vehicles.valid[j] > 0)
             & (vehicles.travel_sign[j] == vehicles.travel_sign[slots])
-            & (state.s[j] > place)
+            & (state.motion.s[j] > place)
         )
         beyond = beyond & (slot != np.float32(j)) & (numbers != np.float32(j))
-        room = np.where(beyond, minimum(room, (state.s[j] - vehicles.half_length[j]) - front), room)
+        room = np.where(
+            beyond, minimum(room, (state.motion.s[j] - vehicles.half_length[j]) - front), room
+        )
     return room
 
 
@@ -276,7 +272,7 @@ def line_is_solid(
     """
     vehicles = params.vehicles
     stations, along, against = params.road.solid_line
-    here, direction = road_position(state, params)[0][slots], vehicles.travel_sign[slots]
+    here, direction = state.road_position(params)[0][slots], vehicles.travel_sign[slots]
     solid = np.zeros(here.shape, bool)
     for place in (here, here + direction * ahead):
         knot = np.searchsorted(stations, place, side="right") - 1

@@ -20,11 +20,15 @@ WHEEL_RATE = np.float32(6.0)
 
 
 TABLE_FIELDS = (
-    "s", "d", "psi", "vx", "vy", "r", "wheel", "accel", "a_lon", "a_lat", "gust",
-    "distance_error", "speed_error", "wander", "mu_fast", "mu_slow", "wind_force", "wind_moment",
-    "tail_wind",
+    ("motion", "s"), ("motion", "d"), ("motion", "heading"), ("motion", "vx"), ("motion", "vy"),
+    ("motion", "yaw_rate"), ("controls", "wheel_angle"), ("controls", "requested_accel"),
+    ("motion", "accel_lon"), ("motion", "accel_lat"), ("noise", "gust"),
+    ("noise", "distance_error"), ("noise", "speed_error"), ("noise", "lane_wander"),
+    ("friction_and_wind", "mu_left"), ("friction_and_wind", "mu_right"),
+    ("friction_and_wind", "wind_force"), ("friction_and_wind", "wind_moment"),
+    ("friction_and_wind", "tail_wind"),
 )  # fmt: skip
-"""Fields of the state that a tick changes, in the order of the engine's table."""
+"""Group and field of `State` for each row of the engine's table, which a tick changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,10 @@ def drive(state: State, params: StepParameters, controls: PedalControls, steps: 
     """Move every vehicle by some steps; contacts are not looked for."""
     constants = params.constants
     for _ in range(steps):
-        speed = maximum(state.vx + np.float32(0.5) * constants.step * state.a_lon, np.float32(0.0))
+        speed = maximum(
+            state.motion.vx + np.float32(0.5) * constants.step * state.motion.accel_lon,
+            np.float32(0.0),
+        )
         _apply_throttle_and_brake(state, params, controls, speed)
         angle = _turn_wheels(state, params, controls.wheel_angle, speed)
         vehicle_dynamics.advance_motion(state, params, angle, constants.step)
@@ -63,7 +70,7 @@ def drive(state: State, params: StepParameters, controls: PedalControls, steps: 
 def _wind_in_vehicle_axes(state: State, params: StepParameters) -> SimulationParameters:
     """The weather with the wind in the axes of each vehicle."""
     simulations = params.simulations
-    sine, cosine = sincos(state.psi)
+    sine, cosine = sincos(state.motion.heading)
     return simulations._replace(
         wind_along=simulations.wind_along * cosine + simulations.wind_across * sine,
         wind_across=simulations.wind_across * cosine - simulations.wind_along * sine,
@@ -79,11 +86,11 @@ def _apply_throttle_and_brake(
     pedals lets the vehicle coast.
     """
     vehicles, constants = params.vehicles, params.constants
-    air = speed - state.tail_wind
+    air = speed - state.friction_and_wind.tail_wind
     resistance = vehicles.drag * air * np.abs(air) + vehicles.rolling
     engine = minimum(vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed))
     force = controls.throttle * engine - controls.brake * vehicles.max_brake_force - resistance
-    state.accel = force * vehicles.inverse_mass
+    state.controls.requested_accel = force * vehicles.inverse_mass
 
 
 def _turn_wheels(state: State, params: StepParameters, angle: F32, speed: F32) -> F32:
@@ -95,13 +102,17 @@ def _turn_wheels(state: State, params: StepParameters, angle: F32, speed: F32) -
     vehicles, constants = params.vehicles, params.constants
     half = np.float32(0.5)
     most = WHEEL_RATE * constants.step
-    turn = clamp(angle - state.wheel, -most, most)
+    turn = clamp(angle - state.controls.wheel_angle, -most, most)
     sine, cosine = sincos(angle)
     curve = speed * speed * sine / (cosine * vehicles.wheelbase)
-    grip = constants.gravity * half * (state.mu_fast + state.mu_slow)
-    lean = clamp(curve, -grip, grip) - state.wheel
+    grip = (
+        constants.gravity
+        * half
+        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
+    )
+    lean = clamp(curve, -grip, grip) - state.controls.wheel_angle
     lean = lean * (constants.step / (constants.two_wheeler_lag + half * constants.step))
     moved = np.where(vehicles.two_wheeler > 0, lean, turn)
-    before = state.wheel
-    state.wheel = before + moved
+    before = state.controls.wheel_angle
+    state.controls.wheel_angle = before + moved
     return before + half * moved

@@ -14,7 +14,6 @@ from overtaking.sim.reference.state import (
     LEADER,
     NEVER_LOOKED,
     State,
-    road_velocity,
     value_at_slot,
 )
 from overtaking.world import road_surface
@@ -43,9 +42,9 @@ MIN_SIGHT_LINE = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 def record_history(state: State, decision_index: int) -> None:
     """Write down where everybody is now, to be seen after a reaction time."""
-    along, _ = road_velocity(state)
-    state.history_s[decision_index % HISTORY_LENGTH] = state.s
-    state.history_v[decision_index % HISTORY_LENGTH] = along
+    along, _ = state.road_velocity()
+    state.attention.past_s[decision_index % HISTORY_LENGTH] = state.motion.s
+    state.attention.past_speed[decision_index % HISTORY_LENGTH] = along
 
 
 def checks_mirrors_now(state: State, params: StepParameters, decision_index: int) -> Mask:
@@ -58,19 +57,21 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
     """
     vehicles = params.vehicles
-    constants, all_slots = params.constants, np.arange(state.s.shape[0])[:, None]
+    constants, all_slots = params.constants, np.arange(state.motion.s.shape[0])[:, None]
     interval = int(constants.glance_interval)
     regular = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
     regular = regular & (decision_index >= interval)
-    early = state.path_time < constants.abort_until * state.path_duration
+    early = state.path.elapsed < constants.abort_until * state.path.duration
     regular = regular | (early & (decision_index % int(constants.glance_moving) == 0))
-    signalled = state.wanted_time >= vehicles.indicator_lead_time
+    signalled = state.lane_choice.time_wanted >= vehicles.indicator_lead_time
     # These drivers overtake by gap acceptance; the others change lanes by MOBIL.
     slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
-    signalled[slots] = state.signalled[slots] > vehicles.indicator_lead_time[slots]
-    checks_mirrors = regular | ((state.wanted != 0) & signalled)
+    signalled[slots] = state.overtake.time_indicating[slots] > vehicles.indicator_lead_time[slots]
+    checks_mirrors = regular | ((state.lane_choice.wanted_side != 0) & signalled)
     # Who is in the lane of others looks all the time.
-    return checks_mirrors | ((state.lane >= np.float32(1.0)) & params.road.has_oncoming_traffic)
+    return checks_mirrors | (
+        (state.lane_choice.lane >= np.float32(1.0)) & params.road.has_oncoming_traffic
+    )
 
 
 def draw_shoulder_check(
@@ -80,12 +81,14 @@ def draw_shoulder_check(
     vehicles = params.vehicles
     if not drawn.any():
         return
-    slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
+    slots = np.arange(state.motion.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
     word = uniform_from_word(
         philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)[0]
     )
     checks = np.where(word < vehicles.checks_blind_spot, np.float32(1.0), np.float32(0.0))
-    state.checks = np.where(drawn, checks, state.checks)
+    state.lane_choice.checks_blind_spot = np.where(
+        drawn, checks, state.lane_choice.checks_blind_spot
+    )
 
 
 def extinction_ahead(
@@ -97,14 +100,14 @@ def extinction_ahead(
     vehicles, simulations = params.vehicles, params.simulations
     constants = params.constants
     air = simulations.fog_extinction + simulations.rain_extinction * (
-        np.float32(1.0) + state.vx / constants.rain_speed
+        np.float32(1.0) + state.motion.vx / constants.rain_speed
     )
-    path = value_of_lane(params.road.film_path, state.lane, params.road.num_lanes)
+    path = value_of_lane(params.road.film_path, state.lane_choice.lane, params.road.num_lanes)
     water = road_surface.lane_film(
         simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
     )
     lead = neighbours.slot[LEADER]
-    speed = value_at_slot(state.vx, lead) / constants.spray_speed
+    speed = value_at_slot(state.motion.vx, lead) / constants.spray_speed
     wetness = minimum(water / constants.spray_film, np.float32(1.0))
     spray = (
         constants.spray_coefficient
@@ -174,7 +177,7 @@ def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
     """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
     vehicles, constants = params.vehicles, params.constants
     lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
-    braking = value_at_slot(state.accel, slot) < -constants.stop_lamp_decel
+    braking = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
     return np.where(braking, minimum(lamp, constants.inverse_stop_lamp), lamp)
 
 
@@ -213,7 +216,9 @@ def detect(
         vehicles.half_width + value_at_slot(vehicles.half_width, slot)
     )
     hides = gap < (np.float32(0.0) if is_front else constants.blind_spot)
-    visible = visible & ~(hides & (aside > constants.alongside) & (state.checks == 0))
+    visible = visible & ~(
+        hides & (aside > constants.alongside) & (state.lane_choice.checks_blind_spot == 0)
+    )
     steadily, now = watches
     more = np.where(steadily, constants.decision, constants.glance_time)
     longer = np.zeros_like(gap)
@@ -223,19 +228,21 @@ def detect(
         before[0][role] == NEVER_LOOKED, constants.initial_time_in_view, longer + more
     )
     longer = np.where(visible, longer, np.float32(0.0))
-    state.seen_time[role] = np.where(now, longer, state.seen_time[role])
-    state.seen_id[role] = np.where(now, slot, state.seen_id[role])
+    state.attention.time_in_view[role] = np.where(now, longer, state.attention.time_in_view[role])
+    state.attention.slot_in_view[role] = np.where(now, slot, state.attention.slot_in_view[role])
     needed = simulations.detection_time * (
         np.float32(1.0) + constants.detection_growth * (effort * effort * effort)
     )
-    return now & visible & (state.seen_time[role] >= needed)
+    return now & visible & (state.attention.time_in_view[role] >= needed)
 
 
 def recall_motion(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
     """Where the vehicles in `slot` were at decisions `then`, and how fast [m, m/s]."""
     row, slots = then.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
-    column = np.arange(state.s.shape[1])
-    return state.history_s[row, slots, column], state.history_v[row, slots, column]
+    column = np.arange(state.motion.s.shape[1])
+    return state.attention.past_s[row, slots, column], state.attention.past_speed[
+        row, slots, column
+    ]
 
 
 def sense_looming(
@@ -270,7 +277,7 @@ def sense_looming(
     clear = clamp(excess / span, np.float32(0.0), one)
     fading = maximum(closing * constants.error_fade_time, _NEAREST_GAP)
     share = minimum(distance / fading, one)
-    sensed = closing * (one + share * (simulations.speed_error * state.speed_error))
+    sensed = closing * (one + share * (simulations.speed_error * state.noise.speed_error))
     return excess > 0, clear, share, sensed
 
 
@@ -295,10 +302,10 @@ def form_beliefs(
     vehicles, simulations = params.vehicles, params.simulations
     constants = params.constants
     depths = extinction_ahead(state, params, neighbours)
-    own_speed, _ = road_velocity(state)
-    judged = exp(simulations.distance_error * state.distance_error)
-    before = state.seen_id.copy(), state.seen_time.copy()
-    changing = state.path_time < state.path_duration
+    own_speed, _ = state.road_velocity()
+    judged = exp(simulations.distance_error * state.noise.distance_error)
+    before = state.attention.slot_in_view.copy(), state.attention.time_in_view.copy()
+    changing = state.path.elapsed < state.path.duration
     detected, gaps, closings, accels = [], [], [], []
     for role in range(6):
         slot = neighbours.slot[role]
@@ -314,7 +321,9 @@ def form_beliefs(
         elapsed = (np.float32(decision_index) - then) * constants.decision
         place, speed = recall_motion(state, then, slot)
         place = place + speed * elapsed
-        ahead = nearest_image(params, place - state.s if role % 2 == 0 else state.s - place)
+        ahead = nearest_image(
+            params, place - state.motion.s if role % 2 == 0 else state.motion.s - place
+        )
         gap = ahead - (neighbours.half_length[role] + vehicles.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
         width = value_at_slot(vehicles.looming_width, slot)
@@ -339,7 +348,7 @@ def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, r
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
     constants = params.constants
-    closing = state.vx - value_at_slot(state.vx, neighbours.slot[LEADER])
+    closing = state.motion.vx - value_at_slot(state.motion.vx, neighbours.slot[LEADER])
     return (role == LEADER) & (neighbours.gap[LEADER] < constants.urgent_time * closing)
 
 

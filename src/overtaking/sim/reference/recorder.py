@@ -23,13 +23,7 @@ from overtaking.model.trajectories import (
 )
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.decision_context import Beliefs, Neighbours, OncomingVehicle
-from overtaking.sim.reference.state import (
-    ONCOMING_ROLE,
-    State,
-    road_position,
-    road_velocity,
-    value_at_slot,
-)
+from overtaking.sim.reference.state import ONCOMING_ROLE, State, value_at_slot
 from overtaking.world.constants import STEP_MS
 from overtaking.world.step_parameters import StepParameters
 
@@ -90,7 +84,7 @@ def _recorded_belief(
     """What the ego believes of the neighbour in `role`, and the truth, by field of `Percepts`."""
     slot = neighbours.slot[role, EGO_SLOT]
     nobody = slot < 0
-    speed, _ = road_velocity(state)
+    speed, _ = state.road_velocity()
     own, other = speed[EGO_SLOT], value_at_slot(speed, slot)
     closing = own - other if role % 2 == 0 else other - own
     true_gap = to_recorded_integers(neighbours.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT)
@@ -114,7 +108,7 @@ def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[s
     ego = EGO_SLOT
     slot = oncoming.slot[ego]
     nobody = slot < 0
-    speed, _ = road_velocity(state)
+    speed, _ = state.road_velocity()
     zero = np.int32(0)
     closing = to_recorded_integers(speed[ego] + value_at_slot(speed, slot), _INTEGERS_PER_UNIT)
     return {
@@ -131,13 +125,15 @@ def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[s
 
 def _contacts(state: State) -> Contacts:
     """The first contact of each vehicle, (simulation, vehicle)."""
-    nobody = state.contact_partner < 0
-    partner = np.where(nobody, np.float32(NO_VEHICLE), state.contact_partner)
+    nobody = state.first_contact.partner < 0
+    partner = np.where(nobody, np.float32(NO_VEHICLE), state.first_contact.partner)
     return Contacts(
         partner=partner.T.astype(np.uint8),
-        time=to_recorded_integers(state.contact_time, _INTEGERS_PER_UNIT).T.copy(),
-        impulse=to_recorded_integers(state.contact_impulse, np.float32(1.0)).T.copy(),
-        closing_speed=to_recorded_integers(state.contact_speed, _INTEGERS_PER_UNIT).T.copy(),
+        time=to_recorded_integers(state.first_contact.time, _INTEGERS_PER_UNIT).T.copy(),
+        impulse=to_recorded_integers(state.first_contact.impulse, np.float32(1.0)).T.copy(),
+        closing_speed=to_recorded_integers(
+            state.first_contact.closing_speed, _INTEGERS_PER_UNIT
+        ).T.copy(),
     )
 
 
@@ -168,11 +164,11 @@ class Recorder:
         for name, recorded in values.items():
             rows = getattr(self.states, name)
             rows[is_running, :, number] = recorded.T[is_running].astype(rows.dtype)
-        stage = state.stage[EGO_SLOT].astype(np.int32)
+        stage = state.overtake.stage[EGO_SLOT].astype(np.int32)
         partner = np.where(
-            state.contact_partner[EGO_SLOT] < 0,
+            state.first_contact.partner[EGO_SLOT] < 0,
             np.int32(NO_VEHICLE),
-            state.contact_partner[EGO_SLOT].astype(np.int32),
+            state.first_contact.partner[EGO_SLOT].astype(np.int32),
         )
         self.stage[is_running, number] = stage[is_running]
         self.collided_with[is_running, number] = partner[is_running]
@@ -187,7 +183,7 @@ class Recorder:
     def _state_words(self, state: State, params: StepParameters) -> dict[str, NDArray[np.int32]]:
         vehicles = params.vehicles
         road, side = self.given.road, self.given.road.overtaking_sign
-        s, from_slow = road_position(state, params)
+        s, from_slow = state.road_position(params)
         d = side * from_slow
         lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
         for k in range(road.num_own_lanes + 1):
@@ -203,37 +199,49 @@ class Recorder:
             "s": to_recorded_integers(s, _INTEGERS_PER_UNIT),
             "d": to_recorded_integers(d, _INTEGERS_PER_UNIT),
             "speed": to_recorded_integers(
-                np.sqrt(state.vx * state.vx + state.vy * state.vy), _INTEGERS_PER_UNIT
+                np.sqrt(state.motion.vx * state.motion.vx + state.motion.vy * state.motion.vy),
+                _INTEGERS_PER_UNIT,
             ),
             "heading": to_recorded_integers(
-                wrap_angle(road.heading + side * state.psi + turned),
+                wrap_angle(road.heading + side * state.motion.heading + turned),
                 _INTEGERS_PER_RADIAN,
                 _INT16_LIMIT,
             ),
             "wheel_angle": to_recorded_integers(
-                side * np.where(vehicles.two_wheeler > 0, np.float32(0.0), state.wheel),
+                side
+                * np.where(vehicles.two_wheeler > 0, np.float32(0.0), state.controls.wheel_angle),
                 _INTEGERS_PER_RADIAN,
                 _INT16_LIMIT,
             ),
-            "accel_lon": to_recorded_integers(state.a_lon, _INTEGERS_PER_UNIT, _INT16_LIMIT),
-            "accel_lat": to_recorded_integers(side * state.a_lat, _INTEGERS_PER_UNIT, _INT16_LIMIT),
-            "yaw_rate": to_recorded_integers(side * state.r, _INTEGERS_PER_RADIAN, _INT16_LIMIT),
+            "accel_lon": to_recorded_integers(
+                state.motion.accel_lon, _INTEGERS_PER_UNIT, _INT16_LIMIT
+            ),
+            "accel_lat": to_recorded_integers(
+                side * state.motion.accel_lat, _INTEGERS_PER_UNIT, _INT16_LIMIT
+            ),
+            "yaw_rate": to_recorded_integers(
+                side * state.motion.yaw_rate, _INTEGERS_PER_RADIAN, _INT16_LIMIT
+            ),
             "lane": lane,
             "lights": self._lights(state, params),
         }
 
     def _lights(self, state: State, params: StepParameters) -> NDArray[np.int32]:
         vehicles = params.vehicles
-        towards_left = self.given.road.overtaking_sign * state.indicator
+        towards_left = self.given.road.overtaking_sign * state.controls.indicator
         left = np.where(towards_left > 0, np.int32(Lights.INDICATOR_LEFT), np.int32(0))
         right = np.where(towards_left < 0, np.int32(Lights.INDICATOR_RIGHT), np.int32(0))
-        braking = (state.accel < -self.given.constants.stop_lamp_decel) | (state.crashed > 0)
+        braking = (state.controls.requested_accel < -self.given.constants.stop_lamp_decel) | (
+            state.motion.is_wreck > 0
+        )
         return (
             vehicles.initial_lights.astype(np.int32)
             + left
             + right
             + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
-            + np.where(state.flashes > 0, np.int32(Lights.HIGH_BEAM), np.int32(0))
+            + np.where(
+                state.controls.flashes_high_beam > 0, np.int32(Lights.HIGH_BEAM), np.int32(0)
+            )
         )
 
     def record_percepts(

@@ -7,12 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import atan, clamp, exp, maximum, minimum, sincos
 from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
-from overtaking.sim.reference.state import (
-    NO_ACCEL_LIMIT,
-    State,
-    position_seen_by_each,
-    road_position,
-)
+from overtaking.sim.reference.state import NO_ACCEL_LIMIT, State
 from overtaking.world import road_surface
 from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
 from overtaking.world.road_parameters import allowed_speed, bend_speed, interpolate_course
@@ -53,22 +48,24 @@ def update_random_processes(
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     vehicles, simulations = params.vehicles, params.simulations
     constants = params.constants
-    slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
+    slots = np.arange(state.motion.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
     draw = [
         uniform_from_word(word)
         for word in philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
     ]
-    along = state.vx - vehicles.travel_sign * simulations.wind_along
+    along = state.motion.vx - vehicles.travel_sign * simulations.wind_along
     air_speed = np.sqrt(along * along + simulations.wind_across * simulations.wind_across)
     # The first draw is the stationary state: nothing of a past is kept.
     kept = np.float32(0.0 if decision_index == 0 else 1.0)
     keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale)
-    state.gust = _ornstein_uhlenbeck_step(state.gust, keep, draw[0])
+    state.noise.gust = _ornstein_uhlenbeck_step(state.noise.gust, keep, draw[0])
     keep_error = kept * exp(-constants.decision / constants.error_time)
-    state.distance_error = _ornstein_uhlenbeck_step(state.distance_error, keep_error, draw[1])
-    state.speed_error = _ornstein_uhlenbeck_step(state.speed_error, keep_error, draw[2])
-    state.wander = _ornstein_uhlenbeck_step(
-        state.wander, kept * exp(-constants.decision / constants.lane_time), draw[3]
+    state.noise.distance_error = _ornstein_uhlenbeck_step(
+        state.noise.distance_error, keep_error, draw[1]
+    )
+    state.noise.speed_error = _ornstein_uhlenbeck_step(state.noise.speed_error, keep_error, draw[2])
+    state.noise.lane_wander = _ornstein_uhlenbeck_step(
+        state.noise.lane_wander, kept * exp(-constants.decision / constants.lane_time), draw[3]
     )
 
 
@@ -84,19 +81,19 @@ def update_friction(state: State, params: StepParameters) -> None:
     """Friction under the wheels of either side."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
-    lane = np.zeros_like(state.d)
+    lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
-        lane = np.where(state.d >= road.boundaries[k], np.float32(k), lane)
+        lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
     path = value_of_lane(road.film_path, lane, road.num_lanes)
     water = road_surface.lane_film(
         simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
     )
     columns = road_surface.friction_at_speed(
-        constants, state.vx, vehicles.tyre_wear, vehicles.has_truck_tyres
+        constants, state.motion.vx, vehicles.tyre_wear, vehicles.has_truck_tyres
     )
     width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
     sides = []
-    s, d = road_position(state, params)
+    s, d = state.road_position(params)
     for offset in (vehicles.half_track, -vehicles.half_track):
         wheel_path = road_surface.floor(
             (d + vehicles.travel_sign * offset - road.boundaries[0]) / width
@@ -113,7 +110,7 @@ def update_friction(state: State, params: StepParameters) -> None:
             constants, columns, water + simulations.puddle_film * depth
         )
         sides.append(minimum(found, vehicles.max_friction))
-    state.mu_fast, state.mu_slow = sides
+    state.friction_and_wind.mu_left, state.friction_and_wind.mu_right = sides
 
 
 def update_road_course(state: State, params: StepParameters) -> None:
@@ -129,15 +126,15 @@ def update_road_course(state: State, params: StepParameters) -> None:
     one, half, table = np.float32(1.0), np.float32(0.5), road.course_table
     high = vehicles.has_truck_tyres > 0
     turned = vehicles.travel_sign < 0
-    offset = np.where(turned, state.d - road.edge_sum, state.d)
+    offset = np.where(turned, state.motion.d - road.edge_sum, state.motion.d)
     soon = half * constants.decision
     late = np.where(
         vehicles.two_wheeler > 0,
         constants.two_wheeler_lag,
-        constants.steering_lag + vehicles.side_lag * state.vx,
+        constants.steering_lag + vehicles.side_lag * state.motion.vx,
     )
-    here = state.s + soon * state.vx
-    there = state.s + (soon + late) * state.vx
+    here = state.motion.s + soon * state.motion.vx
+    there = state.motion.s + (soon + late) * state.motion.vx
 
     def at(row: F32, s: F32) -> F32:
         return interpolate_course(row, np.where(turned, road.length - s, s) * constants.per_station)
@@ -146,19 +143,21 @@ def update_road_course(state: State, params: StepParameters) -> None:
         return one / maximum(one - bend * offset, _MIN_RADIUS_SHARE)
 
     bend, ahead = (vehicles.travel_sign * at(table.curvature, s) for s in (here, there))
-    state.stretch = stretch(bend)
-    state.curve = bend * state.stretch
-    state.curve_ahead = ahead * stretch(ahead)
-    state.slope = vehicles.travel_sign * at(table.sine_of_slope, here)
+    state.road.station_per_metre = stretch(bend)
+    state.road.curvature = bend * state.road.station_per_metre
+    state.road.curvature_ahead = ahead * stretch(ahead)
+    state.road.sin_slope = vehicles.travel_sign * at(table.sine_of_slope, here)
     by_car, by_truck = (
-        np.where(turned, at(against, state.s), at(along, state.s))
+        np.where(turned, at(against, state.motion.s), at(along, state.motion.s))
         for along, against in (
             (table.sight_along, table.sight_against),
             (table.truck_sight_along, table.truck_sight_against),
         )
     )
-    state.bend_speed = bend_speed(constants, road, simulations.max_lateral_accel, state.s, turned)
-    state.shown = np.where(high, by_truck, by_car)
+    state.road.bend_speed = bend_speed(
+        constants, road, simulations.max_lateral_accel, state.motion.s, turned
+    )
+    state.road.sight_distance = np.where(high, by_truck, by_car)
 
 
 def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
@@ -186,14 +185,14 @@ def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
     )
     allowed, coming = (
         allowed_speed(constants, road, s, turned)
-        for s in (state.s, state.s + constants.decision * state.vx)
+        for s in (state.motion.s, state.motion.s + constants.decision * state.motion.vx)
     )
     here, soon = (
         minimum(adapted_speed(wish, limit), vehicles.desired_speed) for limit in (allowed, coming)
     )
     change = (soon - here) / constants.decision
-    eased = change + (here - state.vx) * constants.per_approach
-    state.most_accel = np.where(change < 0, maximum(eased, -vehicles.decel), NO_ACCEL_LIMIT)
+    eased = change + (here - state.motion.vx) * constants.per_approach
+    state.road.accel_limit = np.where(change < 0, maximum(eased, -vehicles.decel), NO_ACCEL_LIMIT)
     passing = minimum(here * constants.passing_speed_factor, vehicles.passing_speed)
     local = vehicles._replace(desired_speed=here, passing_speed=passing, speed_limit=allowed)
     return dataclasses.replace(params, local_vehicles=local)
@@ -208,11 +207,11 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants = params.constants
-    share = np.ones_like(state.s)
+    share = np.ones_like(state.motion.s)
     one = np.float32(1.0)
-    for j in range(state.s.shape[0]):
-        other_s, other_d = position_seen_by_each(state, params, j)
-        beyond = np.abs(state.s - other_s) - vehicles.half_length[j]
+    for j in range(state.motion.s.shape[0]):
+        other_s, other_d = state.position_seen_by_each(params, j)
+        beyond = np.abs(state.motion.s - other_s) - vehicles.half_length[j]
         u = clamp(
             beyond / (constants.shelter_release * np.float32(2.0) * vehicles.half_length[j]),
             np.float32(0.0),
@@ -221,7 +220,7 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
         open_share = constants.shelter_factor + (one - constants.shelter_factor) * (
             u * u * (np.float32(3.0) - np.float32(2.0) * u)
         )
-        aside = state.d - other_d
+        aside = state.motion.d - other_d
         reach = constants.shelter_reach + vehicles.half_width + vehicles.half_width[j]
         upwind = aside * (vehicles.travel_sign * simulations.wind_across) > 0
         beside = (
@@ -243,7 +242,7 @@ def discrete_gust(state: State, params: StepParameters) -> F32:
     """
     simulations = params.simulations
     constants = params.constants
-    s, _ = road_position(state, params)
+    s, _ = state.road_position(params)
     cell = s / constants.gust_spacing + simulations.gust_phase
     inside = (cell - road_surface.floor(cell)) * constants.gust_spacing / simulations.gust_length
     _, cosine = sincos(_TAU * minimum(inside, np.float32(1.0)))
@@ -263,17 +262,19 @@ def update_wind(state: State, params: StepParameters) -> None:
     constants = params.constants
     one = np.float32(1.0)
     bumps = simulations.gust_gain * discrete_gust(state, params)
-    strength = one + constants.turbulence_intensity * state.gust + bumps
+    strength = one + constants.turbulence_intensity * state.noise.gust + bumps
     strength = maximum(strength, np.float32(0.0))
     across = vehicles.travel_sign * simulations.wind_across * strength * wind_shelter(state, params)
-    state.tail_wind = vehicles.travel_sign * simulations.wind_along * strength
-    along = maximum(state.vx - state.tail_wind, _MIN_AIR_SPEED)
+    state.friction_and_wind.tail_wind = vehicles.travel_sign * simulations.wind_along * strength
+    along = maximum(state.motion.vx - state.friction_and_wind.tail_wind, _MIN_AIR_SPEED)
     angle = atan(np.abs(across) / along)
     sine, _ = sincos(minimum(constants.wind_angle_factor * angle, _HALF_PI))
     force = vehicles.side_wind * (along * along + across * across) * sine
-    state.wind_force = np.where(across < 0, -force, force)
+    state.friction_and_wind.wind_force = np.where(across < 0, -force, force)
     cosine = along / np.sqrt(along * along + across * across)
-    state.wind_moment = state.wind_force * (vehicles.wind_centre * cosine + vehicles.wind_arm)
+    state.friction_and_wind.wind_moment = state.friction_and_wind.wind_force * (
+        vehicles.wind_centre * cosine + vehicles.wind_arm
+    )
 
 
 def apply_study_push(state: State, params: StepParameters, decision_index: int) -> None:
@@ -288,5 +289,8 @@ def apply_study_push(state: State, params: StepParameters, decision_index: int) 
     pushed = (simulations.push_accel != 0) & (
         cell - road_surface.floor(cell) < simulations.push_duty_cycle
     )
-    force = state.wind_force + vehicles.travel_sign * simulations.push_accel * vehicles.mass
-    state.wind_force = np.where(pushed, force, state.wind_force)
+    force = (
+        state.friction_and_wind.wind_force
+        + vehicles.travel_sign * simulations.push_accel * vehicles.mass
+    )
+    state.friction_and_wind.wind_force = np.where(pushed, force, state.friction_and_wind.wind_force)

@@ -38,7 +38,7 @@ from overtaking.sim.reference.oncoming import observe_oncoming
 from overtaking.sim.reference.pass_continuation import accel_limit_while_passing
 from overtaking.sim.reference.recorder import Recorder
 from overtaking.sim.reference.road_conditions import with_local_speeds
-from overtaking.sim.reference.state import State, initial_state
+from overtaking.sim.reference.state import State
 from overtaking.world.constants import SUBSTEPS
 from overtaking.world.step_parameters import (
     ParameterSwitch,
@@ -79,7 +79,7 @@ class ReferenceStepper:
         self._params, self._kind, self._is_true = params, kind, observes_truth
         self._local_params = params
         self._stride = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
-        self._state, self._step = initial_state(params), 0
+        self._state, self._step = State.at_start(params), 0
         self._ran = np.ones(params.scenario_index.shape, np.bool_)
 
     def observe_start(self) -> SteppedObservation:
@@ -158,7 +158,7 @@ def run(
         switches: Parameters that take over at later steps, in their order.
         actions: What another driver did with the ego; None for the model's own.
     """
-    state = initial_state(params)
+    state = State.at_start(params)
     recorder = Recorder(scenario, params)
     pairs: collisions.Pairs = {}
     action: EgoAction | None = None
@@ -169,7 +169,9 @@ def run(
         for then in (one for at, one in switches if at == step):
             displace_vehicles(state, params.vehicles, then.vehicles)
             if then.judgement_errors is not None:
-                state.distance_error[EGO_SLOT], state.speed_error[EGO_SLOT] = then.judgement_errors
+                state.noise.distance_error[EGO_SLOT], state.noise.speed_error[EGO_SLOT] = (
+                    then.judgement_errors
+                )
             params = then
         if step % SUBSTEPS == 0:
             action = action_at(actions, step // SUBSTEPS)
@@ -187,10 +189,12 @@ def displace_vehicles(state: State, before: VehicleParameters, after: VehiclePar
     """Move vehicles by as much as their starts differ, as if they had always been there."""
     ahead, faster = after.start_s - before.start_s, after.start_speed - before.start_speed
     moved = (ahead != 0) | (faster != 0)
-    state.s = np.where(moved, state.s + ahead, state.s)
-    state.vx = np.where(moved, state.vx + faster, state.vx)
-    state.history_s = np.where(moved, state.history_s + ahead, state.history_s)
-    state.history_v = np.where(moved, state.history_v + faster, state.history_v)
+    state.motion.s = np.where(moved, state.motion.s + ahead, state.motion.s)
+    state.motion.vx = np.where(moved, state.motion.vx + faster, state.motion.vx)
+    state.attention.past_s = np.where(moved, state.attention.past_s + ahead, state.attention.past_s)
+    state.attention.past_speed = np.where(
+        moved, state.attention.past_speed + faster, state.attention.past_speed
+    )
 
 
 def decide(
@@ -212,9 +216,11 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     constants = params.constants
     decision_index = step // SUBSTEPS
     road = params.road
-    state.since_change = state.since_change + constants.decision
-    state.wanted_time = state.wanted_time + constants.decision
-    state.stage_time = state.stage_time + constants.decision
+    state.lane_choice.time_since_lane_change = (
+        state.lane_choice.time_since_lane_change + constants.decision
+    )
+    state.lane_choice.time_wanted = state.lane_choice.time_wanted + constants.decision
+    state.overtake.time_in_stage = state.overtake.time_in_stage + constants.decision
     collisions.wreck_off_road_vehicles(state, params, step)
     perception.record_history(state, decision_index)
     road_conditions.update_random_processes(state, params, decision_index)
@@ -235,7 +241,9 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
         else None
     )
     beliefs = perception.form_beliefs(state, params, neighbours, decision_index, checks_mirrors)
-    waits = lane_change.gives_way(state, params, state.wanted, lane_change.lane_claims(state))
+    waits = lane_change.gives_way(
+        state, params, state.lane_choice.wanted_side, lane_change.lane_claims(state)
+    )
     return DecisionContext(
         neighbours=neighbours,
         beliefs=beliefs,
@@ -283,7 +291,7 @@ def advance(
     simulations = params.simulations
     constants = params.constants
     step_length = constants.step if steps_at_once == 1 else constants.decision
-    before = (state.s, state.d)
+    before = (state.motion.s, state.motion.d)
     angle = steering.steer(
         state, params, simulations.max_lateral_accel, step_length, ordered_wheel_angle(action)
     )

@@ -1,6 +1,7 @@
-"""The state of a batch between two steps, and named access to its parameters."""
+"""The state of a batch between two steps, and the questions that many functions ask about it."""
 
 from dataclasses import dataclass
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -10,235 +11,372 @@ from overtaking.model.trajectories import Stage
 from overtaking.world.step_parameters import StepParameters
 
 HISTORY_LENGTH = 64
-"""Decisions whose kinematics are remembered; longer than any reaction time."""
+"""Decisions whose motion is remembered.
 
+It covers the longest reaction delay (58 decisions) and the four decisions before it, by which
+braking is judged. A power of two: the engine finds the row by a float32 floor, which is exact only
+then.
+"""
 
 NEVER_LOOKED = np.float32(-2.0)
-"""In `State.seen_id` before the first decision: nothing was looked at yet."""
-
+"""In `Attention.slot_in_view` and `Attention.oncoming_slot` before the first decision."""
 
 LEADER, FOLLOWER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(6)
-"""Neighbours of a vehicle: in its lane, in the next lane to the fast side, and to the slow side."""
-
+"""Roles of neighbours, as `model.neighbours.NeighbourRole`; left is the overtaking side."""
 
 ONCOMING_ROLE = 6
-"""Who comes the other way, among the roles of a decision that is written down."""
-
+"""Role of an oncoming vehicle among the three vehicles of a recorded percept."""
 
 NO_SLOT = np.float32(-1.0)
 """Slot of a neighbour, a target or a partner that does not exist."""
 
-
-# Before the first decision: no lane change holds anyone back, and on friction nothing depends yet.
-_LONG_AGO = np.float32(10.0)
-
-
-_ANY_FRICTION = np.float32(0.8)
-
-
-_ANY_SPEED = np.float32(1e9)
-
-
-_ANY_SIGHT = np.float32(1e9)
-
-
 NO_ACCEL_LIMIT = np.float32(1e9)
-"""In `State.most_accel` where no lower limit comes [m/s^2]."""
-
+"""An acceleration that limits nothing [m/s^2]."""
 
 SlotSelection = int | slice
-"""Of which vehicles arrays tell: (simulation,) of one slot, (vehicle, simulation) of several."""
+"""Slots of drivers. An int gives arrays of shape (simulation,), a slice (vehicle, simulation)."""
+
+Group = TypeVar("Group")
 
 
 @dataclass(slots=True, kw_only=True)
-class State:
-    """Everything that changes. Arrays are (vehicle, simulation), or (simulation,) for the ego.
+class Motion:
+    """Where vehicles are and how they move; arrays of shape (vehicle, simulation).
+
+    Coordinates follow each vehicle's direction of travel: for oncoming vehicles both axes are
+    reversed.
 
     Attributes:
-        s, d: Position of the centre; `d` grows towards the fast side [m].
-        psi: Heading relative to the road, positive towards the fast side [rad].
+        s: Station of the body's centre [m].
+        d: Lateral position of the centre, growing to the left [m].
+        heading: Angle to the road, positive to the left [rad].
         vx, vy: Velocity in the vehicle's axes [m/s].
-        r: Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
-        wheel: Front wheel angle, or the lateral acceleration of a two-wheeler [rad or m/s^2].
-        trim: Part of the wheel angle, or of the lean, that holds against the wind [rad or m/s^2].
-        accel: Acceleration asked of the vehicle [m/s^2].
-        a_lon, a_lat: Mean acceleration by tyre and wind forces in the vehicle's axes over the last
-            step [m/s^2].
+        yaw_rate: Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
+        accel_lon, accel_lat: Mean acceleration by tyre and wind forces over the last step, in the
+            vehicle's axes [m/s^2]. Contacts are not part of it (docs/adr/0004).
         yaw_accel: Mean yaw acceleration over the last step [rad/s^2].
-        crashed: 1 after a collision.
-        path: Six coefficients of the lateral path, (6, vehicle, simulation).
-        path_time: Time since the lane change began [s].
-        path_duration: Its duration [s].
-        lane: Lane driven in, or being changed to.
-        since_change: Time since the last lane change was decided [s].
-        indicator: +1 towards the fast side, -1 towards the slow side, 0 off.
-        wanted: Side of the lane change that a driver has in mind, as `indicator`.
-        wanted_time: Since when, of the other vehicles [s].
-        checks: 1 if the driver looks over the shoulder before the next lane change.
-        gust, distance_error, speed_error, wander: Ornstein-Uhlenbeck processes of unit variance.
-        mu_fast, mu_slow: Friction under the wheels of either side.
-        wind_force, wind_moment: Side force [N] and yaw moment [N m].
-        tail_wind: Wind along the axis [m/s].
-        seen_id, seen_time: Neighbour in each role, `UNKNOWN` at first, and for how long it has been
-            in view, (6, vehicle, simulation).
-        contact_partner, contact_time, contact_impulse, contact_speed: First collision.
-        stage: Of an overtake; that of the others is `FOLLOW` on roads of one direction.
-        target: Slot of the vehicle that is being overtaken.
-        waited: Time spent waiting behind a slower leader [s].
-        signalled: Time that the indicator has been on for the next manoeuvre [s].
-        stage_time: Time in the current stage [s].
-        attempted: 1 once the ego has begun an overtake.
-        end_step: Last step of the simulation.
-        num_percepts: Decisions written down.
-        oncoming_id, oncoming_time: Oncoming vehicle in view, in any lane and in the own one,
-            `UNKNOWN` at first, `NOBODY` for none, and for how long it has been that,
-            (2, vehicle, simulation).
-        aside: How far to the edge a driver moves within the lane for another [m].
-        flashes: 1 while a driver flashes at who comes in its lane.
-        yields: 1 while a driver falls back, who would not be past before an oncomer is there.
-        hurries: 1 while a driver is short of time to be past.
-        curve: Curvature of the way that a vehicle drives on, positive towards the fast side [1/m].
-        curve_ahead: The same where the vehicle answers its steering [1/m].
-        stretch: Way along the reference line for each metre that it drives on there.
-        slope: Sine of the slope, positive uphill.
-        bend_speed: Speed that drivers choose for the bends ahead [m/s].
-        most_accel: Acceleration that drivers do not go beyond on the way to a lower limit [m/s^2].
-        shown: How far the road lets its drivers see [m].
-        history_s, history_v: Position and speed along the road at the last decisions,
-            (HISTORY, vehicle, simulation).
+        is_wreck: 1 if the vehicle has collided or has left the road, else 0.
     """
 
     s: F32
     d: F32
-    psi: F32
+    heading: F32
     vx: F32
     vy: F32
-    r: F32
-    wheel: F32
-    trim: F32
-    accel: F32
-    a_lon: F32
-    a_lat: F32
+    yaw_rate: F32
+    accel_lon: F32
+    accel_lat: F32
     yaw_accel: F32
-    crashed: F32
-    path: F32
-    path_time: F32
-    path_duration: F32
-    lane: F32
-    since_change: F32
+    is_wreck: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class Controls:
+    """What drivers operate; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        requested_accel: Acceleration asked of the vehicle [m/s^2].
+        wheel_angle: Front wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2].
+        wind_trim: Part of it that holds against the wind, same unit.
+        indicator: 1 to the left, -1 to the right, 0 off.
+        flashes_high_beam: 1 while the driver flashes at a vehicle in its lane, else 0.
+    """
+
+    requested_accel: F32
+    wheel_angle: F32
+    wind_trim: F32
     indicator: F32
-    wanted: F32
-    wanted_time: F32
-    checks: F32
+    flashes_high_beam: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class LateralPath:
+    """The lateral path of the last lane change, a polynomial of time.
+
+    Attributes:
+        coefficients: Six coefficients of the lateral position, (6, vehicle, simulation) [m/s^k].
+        elapsed: Time since the path began, (vehicle, simulation) [s].
+        duration: Time after which the lateral position stays, (vehicle, simulation) [s].
+    """
+
+    coefficients: F32
+    elapsed: F32
+    duration: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class LaneChoice:
+    """The lane of each vehicle and the change that its driver wants; (vehicle, simulation).
+
+    Attributes:
+        lane: Index of the lane driven in or being changed to, from the right.
+        time_since_lane_change: Time since the last lane change began [s].
+        wanted_side: Side of the lane change that the driver wants, as `Controls.indicator`.
+        time_wanted: Time for which a MOBIL driver has wanted it [s].
+        checks_blind_spot: 1 if the driver looks over the shoulder before the next lane change.
+        edge_shift: How far the driver keeps to the edge of its lane for another vehicle [m].
+    """
+
+    lane: F32
+    time_since_lane_change: F32
+    wanted_side: F32
+    time_wanted: F32
+    checks_blind_spot: F32
+    edge_shift: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class OvertakeState:
+    """Where drivers are in an overtake; (vehicle, simulation), of the ego alone (simulation,).
+
+    On one-way roads only the ego overtakes so; the stage of the others is `FOLLOW` there.
+
+    Attributes:
+        stage: A `Stage`.
+        time_in_stage: Time in this stage [s].
+        target_slot: Slot of the vehicle that is overtaken, or `NO_SLOT`.
+        time_waiting: Time spent behind a slower leader [s].
+        time_indicating: Time for which the driver has indicated its next manoeuvre [s].
+        must_abort: 1 while the driver falls back behind its target, else 0.
+        must_return_urgently: 1 while the driver hurries back into its lane, else 0.
+        has_attempted: 1 once the ego has begun an overtake, else 0; shape (simulation,).
+    """
+
+    stage: F32
+    time_in_stage: F32
+    target_slot: F32
+    time_waiting: F32
+    time_indicating: F32
+    must_abort: F32
+    must_return_urgently: F32
+    has_attempted: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class RandomProcesses:
+    """Ornstein-Uhlenbeck processes of unit variance; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        gust: Of the wind.
+        distance_error: Of the driver's judgement of distances.
+        speed_error: Of its judgement of speeds.
+        lane_wander: Of its lateral position in the lane.
+    """
+
     gust: F32
     distance_error: F32
     speed_error: F32
-    wander: F32
-    mu_fast: F32
-    mu_slow: F32
+    lane_wander: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class FrictionAndWind:
+    """What the weather does to a vehicle until the next decision; (vehicle, simulation).
+
+    Attributes:
+        mu_left, mu_right: Friction coefficient under the wheels of either side [1].
+        wind_force: Lateral force of the wind, positive to the left [N].
+        wind_moment: Its yaw moment [N m].
+        tail_wind: Wind along the vehicle's direction of travel [m/s].
+    """
+
+    mu_left: F32
+    mu_right: F32
     wind_force: F32
     wind_moment: F32
     tail_wind: F32
-    seen_id: F32
-    seen_time: F32
-    contact_partner: F32
-    contact_time: F32
-    contact_impulse: F32
-    contact_speed: F32
-    stage: F32
-    target: F32
-    waited: F32
-    signalled: F32
-    stage_time: F32
-    attempted: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class LocalRoad:
+    """The road at each vehicle until the next decision; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        curvature: Curvature of the vehicle's path along the road, positive to the left [1/m].
+        curvature_ahead: The same where the vehicle will be when it answers its steering [1/m].
+        station_per_metre: Stations passed for each metre driven along the road [1].
+        sin_slope: Sine of the slope, positive uphill.
+        bend_speed: Largest speed that the driver chooses for the bends ahead [m/s].
+        accel_limit: Largest acceleration on the way to a lower speed limit [m/s^2].
+        sight_distance: How far bends and crests let the driver see [m].
+    """
+
+    curvature: F32
+    curvature_ahead: F32
+    station_per_metre: F32
+    sin_slope: F32
+    bend_speed: F32
+    accel_limit: F32
+    sight_distance: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class Attention:
+    """What drivers have seen and remember.
+
+    Attributes:
+        slot_in_view: Neighbour in each role at the last look, `NEVER_LOOKED` at first,
+            (role, vehicle, simulation).
+        time_in_view: Time for which it has been in view, same shape [s].
+        oncoming_slot: Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at
+            first, `NO_SLOT` for none, (2, vehicle, simulation).
+        oncoming_time_in_view: Time for which the view has been the same, same shape [s].
+        past_s, past_speed: Station [m] and speed along the road [m/s] of all vehicles at the last
+            decisions, (HISTORY_LENGTH, vehicle, simulation).
+    """
+
+    slot_in_view: F32
+    time_in_view: F32
+    oncoming_slot: F32
+    oncoming_time_in_view: F32
+    past_s: F32
+    past_speed: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class FirstContact:
+    """The first contact of each vehicle; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        partner: Slot of the other vehicle, `NO_SLOT` before a contact.
+        time: Time of the contact [s].
+        impulse: Size of the impulse [N s].
+        closing_speed: Closing speed along the normal of the contact [m/s].
+    """
+
+    partner: F32
+    time: F32
+    impulse: F32
+    closing_speed: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class State:
+    """Everything that changes between two steps, in groups; functions change it in place.
+
+    Attributes:
+        end_step: Last step of each simulation, (simulation,).
+        num_percepts: Number of recorded percepts of each simulation, (simulation,).
+    """
+
+    motion: Motion
+    controls: Controls
+    path: LateralPath
+    lane_choice: LaneChoice
+    overtake: OvertakeState
+    noise: RandomProcesses
+    friction_and_wind: FrictionAndWind
+    road: LocalRoad
+    attention: Attention
+    first_contact: FirstContact
     end_step: F32
     num_percepts: F32
-    oncoming_id: F32
-    oncoming_time: F32
-    aside: F32
-    flashes: F32
-    yields: F32
-    hurries: F32
-    curve: F32
-    curve_ahead: F32
-    stretch: F32
-    slope: F32
-    bend_speed: F32
-    most_accel: F32
-    shown: F32
-    history_s: F32
-    history_v: F32
+
+    @classmethod
+    def at_start(cls, params: StepParameters) -> Self:
+        """The state at the first frame: all vehicles drive straight in lane at constant speed."""
+        vehicles, simulations = params.vehicles, params.simulations
+        shape = vehicles.start_s.shape
+        state = cls(
+            motion=_filled(Motion, shape),
+            controls=_filled(Controls, shape),
+            path=LateralPath(
+                coefficients=_full((6, *shape), 0.0),
+                elapsed=_full(shape, 1.0),
+                duration=_full(shape, 1.0),
+            ),
+            # No lane change holds a driver back before its first decision.
+            lane_choice=_filled(LaneChoice, shape, time_since_lane_change=10.0),
+            overtake=_filled(OvertakeState, shape, stage=Stage.FOLLOW, target_slot=NO_SLOT),
+            noise=_filled(RandomProcesses, shape),
+            # Overwritten at the first decision; a friction above zero keeps divisions finite.
+            friction_and_wind=_filled(FrictionAndWind, shape, mu_left=0.8, mu_right=0.8),
+            road=_filled(
+                LocalRoad,
+                shape,
+                station_per_metre=1.0,
+                bend_speed=1e9,
+                accel_limit=NO_ACCEL_LIMIT,
+                sight_distance=1e9,
+            ),
+            attention=Attention(
+                slot_in_view=_full((6, *shape), NEVER_LOOKED),
+                time_in_view=_full((6, *shape), 0.0),
+                oncoming_slot=_full((2, *shape), NEVER_LOOKED),
+                oncoming_time_in_view=_full((2, *shape), 0.0),
+                past_s=_full((HISTORY_LENGTH, *shape), 0.0),
+                past_speed=_full((HISTORY_LENGTH, *shape), 0.0),
+            ),
+            first_contact=_filled(FirstContact, shape, partner=NO_SLOT),
+            end_step=simulations.last_step.copy(),
+            num_percepts=np.zeros_like(simulations.last_step),
+        )
+        state.motion.s, state.motion.d = vehicles.start_s.copy(), vehicles.start_d.copy()
+        state.motion.vx = vehicles.start_speed.copy()
+        state.lane_choice.lane = vehicles.start_lane.copy()
+        state.path.coefficients[0] = vehicles.start_d
+        state.overtake.has_attempted = np.zeros_like(simulations.last_step)
+        return state
+
+    def position_seen_by_each(self, params: StepParameters, slot: int) -> tuple[F32, F32]:
+        """Station and lateral position of a vehicle in the frame of each vehicle [m].
+
+        The frame of oncoming vehicles is turned by half a turn.
+
+        Args:
+            params: Parameters of the batch.
+            slot: Slot of the vehicle.
+
+        Returns:
+            Two arrays of shape (vehicle, simulation).
+        """
+        vehicles, road, motion = params.vehicles, params.road, self.motion
+        is_opposite = vehicles.travel_sign[slot] != vehicles.travel_sign
+        s = np.where(is_opposite, road.length - motion.s[slot], motion.s[slot])
+        return s, np.where(is_opposite, road.edge_sum - motion.d[slot], motion.d[slot])
+
+    def road_position(self, params: StepParameters) -> tuple[F32, F32]:
+        """Station and lateral position of each vehicle in the frame of the road [m]."""
+        road, motion = params.road, self.motion
+        is_opposite = params.vehicles.travel_sign < 0
+        s = np.where(is_opposite, road.length - motion.s, motion.s)
+        return s, np.where(is_opposite, road.edge_sum - motion.d, motion.d)
+
+    def road_velocity(self) -> tuple[F32, F32]:
+        """Velocity along and across the road, in each vehicle's own direction [m/s]."""
+        motion = self.motion
+        sine, cosine = sincos(motion.heading)
+        along = motion.vx * cosine - motion.vy * sine
+        return along, motion.vx * sine + motion.vy * cosine
+
+    def is_in_stage(self, stage: Stage, slots: SlotSelection) -> Mask:
+        """Whether drivers are in a stage of their overtake; the driver of a wreck is in none."""
+        is_sound = self.motion.is_wreck[slots] == 0
+        return is_sound & (self.overtake.stage[slots] == np.float32(stage))
+
+    def is_before_return(self, slots: SlotSelection) -> Mask:
+        """Whether drivers pull out or pass."""
+        return self.is_in_stage(Stage.PULL_OUT, slots) | self.is_in_stage(Stage.PASS, slots)
+
+    def is_overtaking(self) -> Mask:
+        """Whether drivers overtake or return from it, (vehicle, simulation)."""
+        stage = self.overtake.stage
+        is_away = (stage != np.float32(Stage.FOLLOW)) & (stage != np.float32(Stage.DONE))
+        return is_away & (self.motion.is_wreck == 0)
+
+    def has_finished_lane_change(self, slots: SlotSelection) -> Mask:
+        """Whether the last lane change is over."""
+        return self.path.elapsed[slots] >= self.path.duration[slots]
 
 
-def initial_state(params: StepParameters) -> State:
-    """The state at the first frame: all vehicles drive straight in lane at constant speed."""
-    vehicles, simulations = params.vehicles, params.simulations
-    zero = np.zeros_like(vehicles.start_s)
-    ego = np.zeros_like(simulations.last_step)
-    path = np.zeros((6, *zero.shape), np.float32)
-    path[0] = vehicles.start_d
-    return State(
-        s=vehicles.start_s.copy(),
-        d=vehicles.start_d.copy(),
-        psi=zero.copy(),
-        vx=vehicles.start_speed.copy(),
-        vy=zero.copy(),
-        r=zero.copy(),
-        wheel=zero.copy(),
-        trim=zero.copy(),
-        accel=zero.copy(),
-        a_lon=zero.copy(),
-        a_lat=zero.copy(),
-        yaw_accel=zero.copy(),
-        crashed=zero.copy(),
-        path=path,
-        path_time=zero + 1.0,
-        path_duration=zero + 1.0,
-        lane=vehicles.start_lane.copy(),
-        since_change=zero + _LONG_AGO,
-        indicator=zero.copy(),
-        wanted=zero.copy(),
-        wanted_time=zero.copy(),
-        checks=zero.copy(),
-        gust=zero.copy(),
-        distance_error=zero.copy(),
-        speed_error=zero.copy(),
-        wander=zero.copy(),
-        mu_fast=zero + _ANY_FRICTION,
-        mu_slow=zero + _ANY_FRICTION,
-        wind_force=zero.copy(),
-        wind_moment=zero.copy(),
-        tail_wind=zero.copy(),
-        seen_id=np.full((6, *zero.shape), NEVER_LOOKED),
-        seen_time=np.zeros((6, *zero.shape), np.float32),
-        contact_partner=zero + NO_SLOT,
-        contact_time=zero.copy(),
-        contact_impulse=zero.copy(),
-        contact_speed=zero.copy(),
-        stage=zero + np.float32(Stage.FOLLOW),
-        target=zero + NO_SLOT,
-        waited=zero.copy(),
-        signalled=zero.copy(),
-        stage_time=zero.copy(),
-        attempted=ego.copy(),
-        end_step=simulations.last_step.copy(),
-        num_percepts=ego.copy(),
-        oncoming_id=np.full((2, *zero.shape), NEVER_LOOKED),
-        oncoming_time=np.zeros((2, *zero.shape), np.float32),
-        aside=zero.copy(),
-        flashes=zero.copy(),
-        yields=zero.copy(),
-        hurries=zero.copy(),
-        curve=zero.copy(),
-        curve_ahead=zero.copy(),
-        stretch=zero + np.float32(1.0),
-        slope=zero.copy(),
-        bend_speed=zero + _ANY_SPEED,
-        most_accel=zero + NO_ACCEL_LIMIT,
-        shown=zero + _ANY_SIGHT,
-        history_s=np.zeros((HISTORY_LENGTH, *zero.shape), np.float32),
-        history_v=np.zeros((HISTORY_LENGTH, *zero.shape), np.float32),
-    )
+def _full(shape: tuple[int, ...], value: float) -> F32:
+    return np.full(shape, value, np.float32)
+
+
+def _filled(group: type[Group], shape: tuple[int, ...], **values: float) -> Group:
+    """A group of arrays of one shape with the given values, and zero in the others."""
+    names = group.__annotations__
+    return group(**{name: _full(shape, values.get(name, 0.0)) for name in names})
 
 
 def value_at_slot(values: F32, slot: F32) -> F32:
@@ -246,54 +384,7 @@ def value_at_slot(values: F32, slot: F32) -> F32:
 
     Args:
         values: Shape (vehicle, simulation).
-        slot: Vehicle slots as whole numbers, or `NOBODY`, shape (..., simulation).
+        slot: Vehicle slots as whole numbers, or `NO_SLOT`, shape (..., simulation).
     """
     index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
     return values[index, np.arange(values.shape[1])]
-
-
-def position_seen_by_each(state: State, params: StepParameters, j: int) -> tuple[F32, F32]:
-    """Where vehicle `j` is in the frame of each vehicle, (vehicle, simulation) [m].
-
-    Everybody has a frame of its own direction: that of oncoming vehicles is turned by half a turn.
-    """
-    vehicles = params.vehicles
-    road, turned = params.road, vehicles.travel_sign[j] != vehicles.travel_sign
-    along = np.where(turned, road.length - state.s[j], state.s[j])
-    return along, np.where(turned, road.edge_sum - state.d[j], state.d[j])
-
-
-def road_position(state: State, params: StepParameters) -> tuple[F32, F32]:
-    """Where each vehicle is in the frame of the road [m]."""
-    vehicles = params.vehicles
-    road, turned = params.road, vehicles.travel_sign < 0
-    along = np.where(turned, road.length - state.s, state.s)
-    return along, np.where(turned, road.edge_sum - state.d, state.d)
-
-
-def road_velocity(state: State) -> tuple[F32, F32]:
-    """Velocity along and across the road [m/s]."""
-    sine, cosine = sincos(state.psi)
-    return state.vx * cosine - state.vy * sine, state.vx * sine + state.vy * cosine
-
-
-def is_overtaking(state: State) -> Mask:
-    """Who is overtaking, or on the way back from there, (vehicle, simulation)."""
-    stage = state.stage
-    away = (stage != np.float32(Stage.FOLLOW)) & (stage != np.float32(Stage.DONE))
-    return away & (state.crashed == 0)
-
-
-def is_before_return(state: State, slots: SlotSelection) -> Mask:
-    """Whether drivers are on their way past another."""
-    return is_in_stage(state, slots, Stage.PULL_OUT) | is_in_stage(state, slots, Stage.PASS)
-
-
-def is_in_stage(state: State, slots: SlotSelection, stage: Stage) -> Mask:
-    """Whether drivers are sound and in a stage."""
-    return (state.crashed[slots] == 0) & (state.stage[slots] == np.float32(stage))
-
-
-def has_finished_lane_change(state: State, slots: SlotSelection) -> Mask:
-    """Whether the last lane change is over."""
-    return state.path_time[slots] >= state.path_duration[slots]

@@ -34,16 +34,18 @@ def start_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
         t3 * t2
     )
     for k, value in enumerate((place, speed, np.float32(0.5) * accel, c3, c4, c5)):
-        state.path[k] = np.where(moved, value, state.path[k])
-    state.path_time = np.where(moved, np.float32(0.0), state.path_time)
-    state.path_duration = np.where(moved, duration, state.path_duration)
-    state.since_change = np.where(moved, np.float32(0.0), state.since_change)
+        state.path.coefficients[k] = np.where(moved, value, state.path.coefficients[k])
+    state.path.elapsed = np.where(moved, np.float32(0.0), state.path.elapsed)
+    state.path.duration = np.where(moved, duration, state.path.duration)
+    state.lane_choice.time_since_lane_change = np.where(
+        moved, np.float32(0.0), state.lane_choice.time_since_lane_change
+    )
 
 
 def path_position(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
     """Position and velocity of the lateral path now, or a time `ahead` [s]."""
-    t = minimum(state.path_time + ahead, state.path_duration)
-    c0, c1, c2, c3, c4, c5 = state.path
+    t = minimum(state.path.elapsed + ahead, state.path.duration)
+    c0, c1, c2, c3, c4, c5 = state.path.coefficients
     two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
     place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
     speed = c1 + t * (two * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
@@ -52,8 +54,8 @@ def path_position(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
 
 def path_accel(state: State, ahead: F32 | np.float32 = _NOW) -> F32:
     """Acceleration of the lateral path now, or a time `ahead` [s]."""
-    t = minimum(state.path_time + ahead, state.path_duration)
-    _, _, c2, c3, c4, c5 = state.path
+    t = minimum(state.path.elapsed + ahead, state.path.duration)
+    _, _, c2, c3, c4, c5 = state.path.coefficients
     return np.float32(2.0) * c2 + t * (
         np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5))
     )
@@ -73,10 +75,14 @@ def wind_trim(vehicle: VehicleParameters, force: F32, context: F32) -> F32:
 def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
     """Answer the side wind after a lag; at the first frame it is held already."""
     vehicles, constants = params.vehicles, params.constants
-    target = wind_trim(vehicles, state.wind_force, state.wind_moment)
+    target = wind_trim(
+        vehicles, state.friction_and_wind.wind_force, state.friction_and_wind.wind_moment
+    )
     if step == 0:
-        state.trim = target
-    state.trim = state.trim + (target - state.trim) * (constants.decision / constants.wind_lag)
+        state.controls.wind_trim = target
+    state.controls.wind_trim = state.controls.wind_trim + (target - state.controls.wind_trim) * (
+        constants.decision / constants.wind_lag
+    )
 
 
 def settle_into_bend(state: State, params: StepParameters) -> None:
@@ -88,15 +94,15 @@ def settle_into_bend(state: State, params: StepParameters) -> None:
         Steady-state cornering of the single-track model (Gillespie 1992, chapter 6).
     """
     vehicles, constants = params.vehicles, params.constants
-    rides, v = vehicles.two_wheeler > 0, state.vx
-    rate = state.curve * v
+    rides, v = vehicles.two_wheeler > 0, state.motion.vx
+    rate = state.road.curvature * v
     accel = rate * v
     slips = vehicles.cg_rear * rate - v * (accel / (constants.gravity * vehicles.rear_stiffness))
-    angle = state.curve * (vehicles.wheelbase + vehicles.understeer * (v * v))
-    state.wheel = np.where(rides, accel, angle)
-    state.vy = np.where(rides, _NOW, slips)
-    state.psi = -atan(state.vy / maximum(v, constants.slip_speed))
-    state.r, state.a_lat = rate, accel
+    angle = state.road.curvature * (vehicles.wheelbase + vehicles.understeer * (v * v))
+    state.controls.wheel_angle = np.where(rides, accel, angle)
+    state.motion.vy = np.where(rides, _NOW, slips)
+    state.motion.heading = -atan(state.motion.vy / maximum(v, constants.slip_speed))
+    state.motion.yaw_rate, state.motion.accel_lat = rate, accel
 
 
 def steer(
@@ -128,14 +134,16 @@ def steer(
         angle[EGO_SLOT] = clamp(wheel, -constants.steering_limit, constants.steering_limit)
     most = constants.steering_rate * step_length
     turn = clamp(
-        (angle - state.wheel) * (step_length / (constants.steering_lag + half)), -most, most
+        (angle - state.controls.wheel_angle) * (step_length / (constants.steering_lag + half)),
+        -most,
+        most,
     )
-    lean = (lean - state.wheel) * (step_length / (constants.two_wheeler_lag + half))
+    lean = (lean - state.controls.wheel_angle) * (step_length / (constants.two_wheeler_lag + half))
     moved = np.where(vehicles.two_wheeler > 0, lean, turn)
-    before = state.wheel
-    is_sound = state.crashed == 0
-    state.wheel = np.where(is_sound, before + moved, np.float32(0.0))
-    state.path_time = state.path_time + step_length
+    before = state.controls.wheel_angle
+    is_sound = state.motion.is_wreck == 0
+    state.controls.wheel_angle = np.where(is_sound, before + moved, np.float32(0.0))
+    state.path.elapsed = state.path.elapsed + step_length
     return np.where(is_sound, before + np.float32(0.5) * moved, np.float32(0.0))
 
 
@@ -152,33 +160,35 @@ def _requested_steering(
     """
     vehicles, constants = params.vehicles, params.constants
     place, speed = path_position(state, ahead)
-    turns_late = constants.steering_lag + vehicles.side_lag * state.vx
+    turns_late = constants.steering_lag + vehicles.side_lag * state.motion.vx
     late = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, turns_late)
     accel = path_accel(state, ahead + late)
-    sine, cosine = sincos(state.psi)
-    sideways = state.vx * sine + state.vy * cosine
-    d = state.d + ahead * sideways
-    sideways = sideways + ahead * (state.a_lon * sine + state.a_lat * cosine)
-    vx = state.vx + ahead * state.a_lon
-    vy = state.vy + ahead * (state.a_lat - state.vx * state.r)
-    r = state.r + ahead * state.yaw_accel
+    sine, cosine = sincos(state.motion.heading)
+    sideways = state.motion.vx * sine + state.motion.vy * cosine
+    d = state.motion.d + ahead * sideways
+    sideways = sideways + ahead * (state.motion.accel_lon * sine + state.motion.accel_lat * cosine)
+    vx = state.motion.vx + ahead * state.motion.accel_lon
+    vy = state.motion.vy + ahead * (
+        state.motion.accel_lat - state.motion.vx * state.motion.yaw_rate
+    )
+    r = state.motion.yaw_rate + ahead * state.motion.yaw_accel
     wanted = accel + constants.velocity_gain * (speed - sideways)
     wanted = wanted + constants.position_gain * (
-        place + constants.lane_deviation * state.wander - d
+        place + constants.lane_deviation * state.noise.lane_wander - d
     )
-    wanted = clamp(wanted, -side_accel, side_accel) + state.curve_ahead * (vx * vx)
+    wanted = clamp(wanted, -side_accel, side_accel) + state.road.curvature_ahead * (vx * vx)
     inverse_speed = np.float32(1.0) / maximum(vx, constants.slip_speed)
     felt = wanted + constants.yaw_gain * (wanted - vx * r)
     angle = (
         felt * (vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer)
-        + state.trim
+        + state.controls.wind_trim
     )
     # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
     slip = (vy + vehicles.cg_front * r) * inverse_speed
     reach = (
         constants.slip_share
         * np.float32(0.5)
-        * (state.mu_fast + state.mu_slow)
+        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
         / vehicles.front_stiffness
     )
     angle = clamp(
@@ -186,4 +196,4 @@ def _requested_steering(
         -constants.steering_limit,
         constants.steering_limit,
     )
-    return angle, wanted + state.trim
+    return angle, wanted + state.controls.wind_trim

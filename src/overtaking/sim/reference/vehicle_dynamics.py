@@ -112,12 +112,12 @@ def axle_forces(params: StepParameters, state: State, force: F32, load: F32) -> 
     half_load = _HALF * load
     controlled = (force > 0) & (vehicles.two_wheeler == 0)
     share = np.where(controlled, constants.traction_share, constants.abs_share)
-    bound_fast = share * state.mu_fast * half_load
-    bound_slow = share * state.mu_slow * half_load
+    bound_fast = share * state.friction_and_wind.mu_left * half_load
+    bound_slow = share * state.friction_and_wind.mu_right * half_load
     fast = clamp(_HALF * force, -bound_fast, bound_fast)
     slow = clamp(_HALF * force, -bound_slow, bound_slow)
     total = fast + slow
-    grip = (state.mu_fast + state.mu_slow) * half_load
+    grip = (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right) * half_load
     left = maximum(grip * grip - total * total, _MIN_LATERAL_GRIP)
     return Axle(
         load=load, force_lon=total, force_difference=slow - fast, max_lateral_force=np.sqrt(left)
@@ -136,13 +136,15 @@ def advance_motion(
         step_length: Length of the step [s].
     """
     vehicles, constants = params.vehicles, params.constants
-    wrecked = state.crashed > 0
-    speed = maximum(state.vx + _HALF * step_length * state.a_lon, _ZERO)
+    wrecked = state.motion.is_wreck > 0
+    speed = maximum(state.motion.vx + _HALF * step_length * state.motion.accel_lon, _ZERO)
     inverse_speed = _ONE / maximum(speed, constants.slip_speed)
-    air = speed - state.tail_wind
+    air = speed - state.friction_and_wind.tail_wind
     held_back = vehicles.drag * air * np.abs(air) + vehicles.rolling
-    resistance = held_back + constants.gravity * vehicles.mass * state.slope
-    force = requested_force(params, state.accel, resistance, speed, inverse_speed)
+    resistance = held_back + constants.gravity * vehicles.mass * state.road.sin_slope
+    force = requested_force(
+        params, state.controls.requested_accel, resistance, speed, inverse_speed
+    )
     front, rear = _axles(state, params, force, held_back, angle)
     drives = _single_track_step(
         state, params, (front, rear), resistance, (speed, inverse_speed), angle, step_length
@@ -169,7 +171,7 @@ def _axles(
     """
     vehicles, constants = params.vehicles, params.constants
     rides = vehicles.two_wheeler > 0
-    weight = _front_load_share(params, state.a_lon)
+    weight = _front_load_share(params, state.motion.accel_lon)
     share = np.where(force < 0, weight, vehicles.front_drive)
     limit = np.where(
         (force > 0) & ~rides, constants.traction_share, constants.abs_share
@@ -177,7 +179,7 @@ def _axles(
     asked = force * vehicles.inverse_mass
     front, rear = limit * weight, limit * (_ONE - weight)
     asked = clamp(share * asked, -front, front) + clamp((_ONE - share) * asked, -rear, rear)
-    held = np.where(rides, _ZERO, state.a_lat * weight * angle)
+    held = np.where(rides, _ZERO, state.motion.accel_lat * weight * angle)
     weight = _front_load_share(params, asked - resistance * vehicles.inverse_mass - held)
     # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
     share = np.where(force < 0, weight, vehicles.front_drive)
@@ -203,7 +205,11 @@ def _front_load_share(params: StepParameters, accel: F32) -> F32:
 def _max_friction_accel(state: State, params: StepParameters) -> F32:
     """Largest acceleration that friction allows [m/s^2]."""
     constants = params.constants
-    return constants.gravity * _HALF * (state.mu_fast + state.mu_slow)
+    return (
+        constants.gravity
+        * _HALF
+        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
+    )
 
 
 def _single_track_step(
@@ -225,23 +231,30 @@ def _single_track_step(
     (front, rear), (speed, inverse_speed) = axles, speeds
     half = _HALF * step_length
     sine, cosine = sincos(angle)
-    u = (state.vy + vehicles.cg_front * state.r) * inverse_speed
+    u = (state.motion.vy + vehicles.cg_front * state.motion.yaw_rate) * inverse_speed
     front_y, front_k = fiala_force(
         vehicles.front_stiffness * front.load,
         u * cosine - sine,
         cosine + u * sine,
         front.max_lateral_force,
     )
-    u = (state.vy - vehicles.cg_rear * state.r) * inverse_speed
+    u = (state.motion.vy - vehicles.cg_rear * state.motion.yaw_rate) * inverse_speed
     rear_y, rear_k = fiala_force(
         vehicles.rear_stiffness * rear.load, u, np.ones_like(u), rear.max_lateral_force
     )
     front_k, rear_k = front_k * inverse_speed, rear_k * inverse_speed
     side = front_y * cosine + front.force_lon * sine
     context = vehicles.half_track * (front.force_difference + rear.force_difference)
-    across = (side + rear_y + state.wind_force) * vehicles.inverse_mass - speed * state.r
+    across = (
+        side + rear_y + state.friction_and_wind.wind_force
+    ) * vehicles.inverse_mass - speed * state.motion.yaw_rate
     context = context + _stability_control(state, params, speed, angle)
-    turn = vehicles.cg_front * side - vehicles.cg_rear * rear_y + state.wind_moment + context
+    turn = (
+        vehicles.cg_front * side
+        - vehicles.cg_rear * rear_y
+        + state.friction_and_wind.wind_moment
+        + context
+    )
     turn = turn * vehicles.inverse_inertia
     ahead, behind = vehicles.cg_front * (front_k * cosine), vehicles.cg_rear * rear_k
     by_mass, by_inertia = half * vehicles.inverse_mass, half * vehicles.inverse_inertia
@@ -252,16 +265,16 @@ def _single_track_step(
     share = step_length / (a11 * a22 - a12 * a21)
     more_vy = share * (a22 * across - a12 * turn)
     more_r = share * (a11 * turn - a21 * across)
-    r = state.r + _HALF * more_r
+    r = state.motion.yaw_rate + _HALF * more_r
     middle_y = front_y - front_k * (_HALF * (more_vy + vehicles.cg_front * more_r))
     along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance
     a_lon = along * vehicles.inverse_mass
     return MotionStep(
         accel_lon=a_lon,
         accel_lat=more_vy * (_ONE / step_length) + speed * r,
-        vx=state.vx + step_length * (a_lon + (state.vy + _HALF * more_vy) * r),
-        vy=state.vy + more_vy,
-        yaw_rate=state.r + more_r,
+        vx=state.motion.vx + step_length * (a_lon + (state.motion.vy + _HALF * more_vy) * r),
+        vy=state.motion.vy + more_vy,
+        yaw_rate=state.motion.yaw_rate + more_r,
         mean_yaw_rate=r,
     )
 
@@ -280,7 +293,7 @@ def _stability_control(state: State, params: StepParameters, speed: F32, angle: 
     grip = _max_friction_accel(state, params)
     reach = grip / maximum(speed, constants.slip_speed)
     asked = speed * angle / (vehicles.wheelbase + vehicles.understeer * (speed * speed))
-    off = state.r - clamp(asked, -reach, reach)
+    off = state.motion.yaw_rate - clamp(asked, -reach, reach)
     off = off - clamp(off, -constants.stability_threshold, constants.stability_threshold)
     most = np.float32(0.25) * grip * vehicles.mass * vehicles.half_track
     return clamp(-off * (_ONE / constants.stability_time) / vehicles.inverse_inertia, -most, most)
@@ -300,8 +313,8 @@ def _leaning_step(
     """
     vehicles = params.vehicles
     grip = _max_friction_accel(state, params)
-    lean = clamp(angle + state.wind_force * vehicles.inverse_mass, -grip, grip)
-    vx = state.vx + step_length * a_lon
+    lean = clamp(angle + state.friction_and_wind.wind_force * vehicles.inverse_mass, -grip, grip)
+    vx = state.motion.vx + step_length * a_lon
     r = lean * inverse_speed
     return MotionStep(
         accel_lon=a_lon, accel_lat=lean, vx=vx, vy=np.zeros_like(vx), yaw_rate=r, mean_yaw_rate=r
@@ -319,10 +332,10 @@ def _stop_when_creeping(state: State, params: StepParameters, motion: MotionStep
     """Stop who hardly moves and is not asked to accelerate."""
     constants = params.constants
     creeps = (motion.vx < constants.standstill) & (np.abs(motion.vy) < constants.standstill)
-    stands = creeps & (state.accel <= 0)
+    stands = creeps & (state.controls.requested_accel <= 0)
     for name in ("vx", "vy", "yaw_rate"):
         setattr(motion, name, np.where(stands, _ZERO, getattr(motion, name)))
-    motion.mean_yaw_rate = np.where(stands, _HALF * state.r, motion.mean_yaw_rate)
+    motion.mean_yaw_rate = np.where(stands, _HALF * state.motion.yaw_rate, motion.mean_yaw_rate)
 
 
 def _update_position(
@@ -343,9 +356,9 @@ def _update_position(
     """
     vehicles, constants = params.vehicles, params.constants
     half = _HALF * step_length
-    sine, cosine = sincos(state.psi)
-    along = state.vx * cosine - state.vy * sine
-    across = state.vx * sine + state.vy * cosine
+    sine, cosine = sincos(state.motion.heading)
+    along = state.motion.vx * cosine - state.motion.vy * sine
+    across = state.motion.vx * sine + state.motion.vy * cosine
     friction = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
     lost = minimum(friction * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
@@ -357,14 +370,20 @@ def _update_position(
         * vehicles.wheelbase
         * step_length
     )
-    r = np.where(wrecked, state.r - clamp(state.r, -spin, spin), motion.yaw_rate)
-    state.a_lon = np.where(wrecked, -(lost * (_ONE / step_length)) * state.vx, motion.accel_lon)
-    state.a_lat = np.where(wrecked, -(lost * (_ONE / step_length)) * state.vy, motion.accel_lat)
-    mean_r = np.where(wrecked, _HALF * (state.r + r), motion.mean_yaw_rate)
-    turned = step_length * (state.curve * (along + half * state.a_lon))
-    state.psi = state.psi + step_length * mean_r - turned
+    r = np.where(
+        wrecked, state.motion.yaw_rate - clamp(state.motion.yaw_rate, -spin, spin), motion.yaw_rate
+    )
+    state.motion.accel_lon = np.where(
+        wrecked, -(lost * (_ONE / step_length)) * state.motion.vx, motion.accel_lon
+    )
+    state.motion.accel_lat = np.where(
+        wrecked, -(lost * (_ONE / step_length)) * state.motion.vy, motion.accel_lat
+    )
+    mean_r = np.where(wrecked, _HALF * (state.motion.yaw_rate + r), motion.mean_yaw_rate)
+    turned = step_length * (state.road.curvature * (along + half * state.motion.accel_lon))
+    state.motion.heading = state.motion.heading + step_length * mean_r - turned
     aside, ahead = sincos(turned)
-    sine, cosine = sincos(state.psi)
+    sine, cosine = sincos(state.motion.heading)
     kept = _ONE - lost
     new_along = np.where(
         wrecked, (along * ahead + across * aside) * kept, motion.vx * cosine - motion.vy * sine
@@ -372,9 +391,9 @@ def _update_position(
     new_across = np.where(
         wrecked, (across * ahead - along * aside) * kept, motion.vx * sine + motion.vy * cosine
     )
-    state.s = state.s + half * (along + new_along) * state.stretch
-    state.d = state.d + half * (across + new_across)
-    state.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
-    state.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)
-    state.yaw_accel = (r - state.r) * (_ONE / step_length)
-    state.r = r
+    state.motion.s = state.motion.s + half * (along + new_along) * state.road.station_per_metre
+    state.motion.d = state.motion.d + half * (across + new_across)
+    state.motion.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
+    state.motion.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)
+    state.motion.yaw_accel = (r - state.motion.yaw_rate) * (_ONE / step_length)
+    state.motion.yaw_rate = r

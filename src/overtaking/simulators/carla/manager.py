@@ -21,7 +21,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.recorder import Recorder
-from overtaking.sim.reference.state import initial_state
+from overtaking.sim.reference.state import State
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
 from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import TICK
@@ -90,7 +90,7 @@ class _Drive:
         scenario = stage.scenario
         self._given = step_parameters(scenario)
         self._p = self._given.vehicles
-        self._state = initial_state(self._given)
+        self._state = State.at_start(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._watch = Watch(settled=float(self._given.constants.settled_offset))
         self._end = int(self._given.simulation_table[0, 0])
@@ -115,7 +115,7 @@ class _Drive:
                 self._record(step)
             self._follow_stage(step)
             self._push(ticks)
-            if float(self._state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
+            if float(self._state.motion.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 self._end = min(self._end, step)
             sign()
             ticks += 1
@@ -128,12 +128,12 @@ class _Drive:
         state.end_step[:] = np.float32(self._end)
         note_contacts(state, self._given, contacts, step, faster=SLOWER)
         self._end = int(state.end_step[0])
-        if state.crashed[EGO_SLOT, 0] > 0:
+        if state.motion.is_wreck[EGO_SLOT, 0] > 0:
             self._watch.crash()
 
     def _record(self, step: int) -> None:
         state = self._state
-        state.stage[EGO_SLOT] = np.float32(self._watch.stage)
+        state.overtake.stage[EGO_SLOT] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
         self._recorder.record_frame(state, self._given, active, step // self._given.steps_per_frame)
 
@@ -162,13 +162,13 @@ class _Drive:
     def _show(self, stage: Stage) -> None:
         """The indicator of the ego, for the recording; lamps are the Traffic Manager's."""
         towards = {Stage.PULL_OUT: 1.0, Stage.RETURN: -1.0, Stage.ABORT: -1.0}
-        self._state.indicator[EGO_SLOT, 0] = towards.get(stage, 0.0)
+        self._state.controls.indicator[EGO_SLOT, 0] = towards.get(stage, 0.0)
 
     def _sight(self) -> Sight:
         """The state of the traffic from which the stage follows, at the speeds of the recording."""
         state, p, road = self._state, self._p, self._given.road
         valid = [slot for slot in self._stage.actors if slot != EGO_SLOT]
-        s, d = state.s[:, 0].tolist(), state.d[:, 0].tolist()
+        s, d = state.motion.s[:, 0].tolist(), state.motion.d[:, 0].tolist()
         half = p.half_length[:, 0].tolist()
         lane = self._lane(d[EGO_SLOT])
         centre = 0.5 * float(road.boundaries[lane] + road.boundaries[lane + 1])
@@ -179,7 +179,9 @@ class _Drive:
             for k in valid
             if s[k] > s[EGO_SLOT] and s[k] - half[k] < reach and self._lane(d[k]) == lane
         ]
-        psi, vx, vy = (float(x[EGO_SLOT, 0]) for x in (state.psi, state.vx, state.vy))
+        psi, vx, vy = (
+            float(x[EGO_SLOT, 0]) for x in (state.motion.heading, state.motion.vx, state.motion.vy)
+        )
         return Sight(
             lane=lane,
             offset=d[EGO_SLOT] - centre,

@@ -21,7 +21,7 @@ from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference import collisions, steering
 from overtaking.sim.reference.recorder import Recorder
 from overtaking.sim.reference.simulation import decide
-from overtaking.sim.reference.state import State, initial_state, road_velocity
+from overtaking.sim.reference.state import State
 from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import Steering
@@ -80,12 +80,12 @@ class _Drive:
         self._given = still(step_parameters(scenario))
         self._p = self._given.vehicles
         self._q = self._given.simulations
-        self._state = initial_state(self._given)
+        self._state = State.at_start(self._given)
         self._recorder = Recorder(scenario, self._given)
         self._steering = {slot: _steering(actor) for slot, actor in stage.actors.items()}
-        self._pushed = np.zeros_like(self._state.s)
-        self._sideways = np.zeros_like(self._state.s)
-        self._aim = self._state.vx[:, 0].astype(np.float64)
+        self._pushed = np.zeros_like(self._state.motion.s)
+        self._sideways = np.zeros_like(self._state.motion.s)
+        self._aim = self._state.motion.vx[:, 0].astype(np.float64)
 
     def run(self, sign: Sign) -> Trajectories:
         """See, decide, steer, tick."""
@@ -100,7 +100,7 @@ class _Drive:
                 active = np.float32(step) <= state.end_step
                 self._recorder.record_frame(state, given, active, step // given.steps_per_frame)
             self._act(step)
-            if float(state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
+            if float(state.motion.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 state.end_step[:] = np.float32(step)
             sign()
             step += SUBSTEPS
@@ -112,7 +112,7 @@ class _Drive:
         number = step // self._given.steps_per_frame
         # A two-wheeler leans with the lag of the vehicle, which is the server's: within a tick.
         c = self._given.constants.replace(step=TICK, two_wheeler_lag=0.5 * TICK)
-        state.trim = self._trim(c)
+        state.controls.wind_trim = self._trim(c)
         params = dataclasses.replace(self._given, constants=c)
         steering.steer(state, params, self._q.max_lateral_accel, c.step)
         forces = self._forces()
@@ -130,14 +130,16 @@ class _Drive:
         explain is felt, with the same lag.
         """
         state, p = self._state, self._p
-        _, sideways = road_velocity(state)
+        _, sideways = state.road_velocity()
         # In a bend the road turns away from under the vehicle, which is no push.
-        bend = state.vx * state.vx * state.curve
-        curve = p.wheelbase / np.maximum(state.vx, c.slip_speed) ** 2 + p.understeer
-        steered = np.where(p.two_wheeler > 0, state.wheel, state.wheel / curve)
+        bend = state.motion.vx * state.motion.vx * state.road.curvature
+        curve = p.wheelbase / np.maximum(state.motion.vx, c.slip_speed) ** 2 + p.understeer
+        steered = np.where(
+            p.two_wheeler > 0, state.controls.wheel_angle, state.controls.wheel_angle / curve
+        )
         pushed = (sideways - self._sideways) / TICK + bend - steered
         self._sideways = sideways
-        sound = np.clip(np.where(state.crashed > 0, 0.0, pushed), -MAX_PUSH, MAX_PUSH)
+        sound = np.clip(np.where(state.motion.is_wreck > 0, 0.0, pushed), -MAX_PUSH, MAX_PUSH)
         self._pushed = self._pushed + (sound - self._pushed) * (TICK / float(c.wind_lag))
         trim = -np.where(p.two_wheeler > 0, self._pushed, self._pushed * curve)
         return trim.astype(np.float32)
@@ -145,8 +147,8 @@ class _Drive:
     def _forces(self) -> F64:
         """Force that each vehicle needs for what its driver wants [N]."""
         state, p = self._state, self._p
-        speed = state.vx[:, 0].astype(np.float64)
-        accel = state.accel[:, 0].astype(np.float64)
+        speed = state.motion.vx[:, 0].astype(np.float64)
+        accel = state.controls.requested_accel[:, 0].astype(np.float64)
         self._aim = np.clip(self._aim + accel * TICK, speed - MAX_LAG, speed + MAX_LAG)
         wanted = accel + SPEED_GAIN * (self._aim - speed)
         resistance = p.drag[:, 0] * speed * speed + p.rolling[:, 0]
@@ -155,9 +157,9 @@ class _Drive:
     def _control(self, slot: int, force: float) -> Any:
         """`carla.VehicleControl` of one vehicle; a wreck has its wheels locked."""
         carla, p, state = self._stage.carla, self._p, self._state
-        if state.crashed[slot, 0] > 0:
+        if state.motion.is_wreck[slot, 0] > 0:
             return carla.VehicleControl(brake=1.0)
-        speed = float(state.vx[slot, 0])
+        speed = float(state.motion.vx[slot, 0])
         most = min(float(p.launch_force[slot, 0]), float(p.power[slot, 0]) / max(speed, 1.0))
         angle = self._stage.scenario.road.overtaking_sign * self._wheel_angle(slot, speed)
         # CARLA's steering is positive to the right.
@@ -170,7 +172,7 @@ class _Drive:
 
     def _wheel_angle(self, slot: int, speed: float) -> float:
         """Angle of the front wheels; for a two-wheeler the one of its curve [rad]."""
-        wanted = float(self._state.wheel[slot, 0])
+        wanted = float(self._state.controls.wheel_angle[slot, 0])
         if not self._p.two_wheeler[slot, 0]:
             return wanted
         return math.atan(wanted * float(self._p.wheelbase[slot, 0]) / max(speed, 3.0) ** 2)
@@ -215,19 +217,19 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
     values = {
         "s": np.where(comes, float(road.length) - reading.s, reading.s),
         "d": np.where(comes, float(road.edge_sum) - side * reading.d, side * reading.d),
-        "psi": side * np.where(comes, turned, reading.psi),
+        "heading": side * np.where(comes, turned, reading.psi),
         "vx": v * reading.along,
         "vy": v * side * reading.left,
-        "r": v * side * reading.yaw_rate,
-        "a_lon": a * reading.accel,
-        "a_lat": a * side * reading.accel_left,
+        "yaw_rate": v * side * reading.yaw_rate,
+        "accel_lon": a * reading.accel,
+        "accel_lat": a * side * reading.accel_left,
     }
     contact = np.hypot(reading.accel, reading.accel_left) > HARDEST
-    values["a_lon"], values["a_lat"] = (
-        np.where(contact, 0.0, values[name]) for name in ("a_lon", "a_lat")
+    values["accel_lon"], values["accel_lat"] = (
+        np.where(contact, 0.0, values[name]) for name in ("accel_lon", "accel_lat")
     )
     for name, value in values.items():
-        column = getattr(state, name)
+        column = getattr(state.motion, name)
         column[filled, 0] = value[filled].astype(np.float32)
 
 
@@ -244,19 +246,21 @@ def note_contacts(
     no velocity before the contact is needed: J (1/m1 + 1/m2) / (1 + e).
     """
     vehicles, constants = params.vehicles, params.constants
-    sound = state.crashed[EGO_SLOT].copy() == 0
+    sound = state.motion.is_wreck[EGO_SLOT].copy() == 0
     for one in contacts:
-        if one.other < 0 or state.contact_partner[one.own, 0] >= 0:
+        if one.other < 0 or state.first_contact.partner[one.own, 0] >= 0:
             continue
         size = faster * math.hypot(*one.impulse)
         softness = float(vehicles.inverse_mass[one.own, 0] + vehicles.inverse_mass[one.other, 0])
-        state.contact_partner[one.own, 0] = np.float32(one.other)
-        state.contact_time[one.own, 0] = np.float32(step) * constants.step
-        state.contact_impulse[one.own, 0] = np.float32(size)
+        state.first_contact.partner[one.own, 0] = np.float32(one.other)
+        state.first_contact.time[one.own, 0] = np.float32(step) * constants.step
+        state.first_contact.impulse[one.own, 0] = np.float32(size)
         rebound = 1.0 + float(constants.restitution)
-        state.contact_speed[one.own, 0] = np.float32(size * softness / rebound)
-        state.crashed[one.own, 0] = np.float32(1.0)
-    collisions.end_after_ego_accident(state, params, sound & (state.crashed[EGO_SLOT] > 0), step)
+        state.first_contact.closing_speed[one.own, 0] = np.float32(size * softness / rebound)
+        state.motion.is_wreck[one.own, 0] = np.float32(1.0)
+    collisions.end_after_ego_accident(
+        state, params, sound & (state.motion.is_wreck[EGO_SLOT] > 0), step
+    )
 
 
 def still(given: StepParameters) -> StepParameters:

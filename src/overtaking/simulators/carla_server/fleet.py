@@ -22,7 +22,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.sim.pedal_driving import PedalDriving, pedal_driving
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, PedalControls
-from overtaking.sim.reference.state import NO_SLOT, State, initial_state
+from overtaking.sim.reference.state import NO_SLOT, FirstContact, State
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
@@ -60,8 +60,8 @@ _NO_CONTROL = Control()
 _USUAL = Steering()
 _SLIDING_DECEL = 5.0  # Deceleration of a sliding prop, friction 0.5 [m/s^2].
 _MIN_FRICTION_FACTOR = 0.01  # Without any friction the tyre model has no stiffness to divide by.
-_PUSHED = ("s", "d", "psi", "vx", "vy", "r")  # Columns of the state that a contact changes.
-_DRIVEN = ("vx", "vy", "r", "wheel", "a_lon", "a_lat", "mu_fast", "mu_slow")
+_PUSHED = ("s", "d", "heading", "vx", "vy", "yaw_rate")  # Fields of `Motion` that contacts change.
+_PLACED = ("s", "d", "heading")
 
 
 @dataclass(slots=True)
@@ -159,9 +159,8 @@ class Fleet:
 
     def place(self, vehicle: int, motion: Motion) -> None:
         """Put a vehicle elsewhere; it keeps its velocity along its axes."""
-        row, state = self[vehicle].row, self._state
-        for name in ("s", "d", "psi"):
-            getattr(state, name)[row] = getattr(motion, name)
+        row, placed = self[vehicle].row, self._state.motion
+        placed.s[row], placed.d[row], placed.heading[row] = motion.s, motion.d, motion.psi
 
     def set_velocity(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle a velocity in the ground's frame [m/s]."""
@@ -169,13 +168,18 @@ class Fleet:
         row = one.row
         forward, left = turned(along, across, -self._psi(one))
         one.backwards = max(-forward, 0.0)
-        state.vx[row], state.vy[row] = max(forward, 0.0), left if forward >= 0.0 else 0.0
+        state.motion.vx[row], state.motion.vy[row] = (
+            max(forward, 0.0),
+            left if forward >= 0.0 else 0.0,
+        )
         if along == across == 0.0:
-            state.r[row] = state.a_lon[row] = state.a_lat[row] = 0.0
+            state.motion.yaw_rate[row] = state.motion.accel_lon[row] = state.motion.accel_lat[
+                row
+            ] = 0.0
 
     def set_yaw_rate(self, vehicle: int, yaw_rate: float) -> None:
         """Give a vehicle a yaw rate, anticlockwise [rad/s]."""
-        self._state.r[self[vehicle].row] = yaw_rate
+        self._state.motion.yaw_rate[self[vehicle].row] = yaw_rate
 
     def push(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle an impulse in the ground's frame [N s]."""
@@ -190,7 +194,7 @@ class Fleet:
     def spin(self, vehicle: int, impulse: float) -> None:
         """Give a vehicle an angular impulse, anticlockwise [kg m^2/s]."""
         one = self[vehicle]
-        self._state.r[one.row] += impulse / one.body["yaw_inertia"]
+        self._state.motion.yaw_rate[one.row] += impulse / one.body["yaw_inertia"]
 
     def motion(self, vehicle: int) -> Motion:
         """Where a vehicle is and how it moves."""
@@ -199,7 +203,12 @@ class Fleet:
     def driven(self, vehicle: int) -> Driven:
         """What the model knows of a vehicle."""
         row, state, body = self[vehicle].row, self._state, self[vehicle].body
-        found = Driven(*(float(getattr(state, name)[row, 0]) for name in _DRIVEN))
+        motion, friction = state.motion, state.friction_and_wind
+        columns = (
+            motion.vx, motion.vy, motion.yaw_rate, state.controls.wheel_angle, motion.accel_lon,
+            motion.accel_lat, friction.mu_left, friction.mu_right,
+        )  # fmt: skip
+        found = Driven(*(float(column[row, 0]) for column in columns))
         if not body["two_wheeler"]:
             return found
         curve = found.angle * body["wheelbase"]  # Its wheel stands for lateral acceleration.
@@ -210,7 +219,14 @@ class Fleet:
         if not self._vehicles:
             return {}
         state = self._state
-        columns = (state.s, state.d, state.psi, state.vx, state.vy, state.r)
+        columns = (
+            state.motion.s,
+            state.motion.d,
+            state.motion.heading,
+            state.motion.vx,
+            state.motion.vy,
+            state.motion.yaw_rate,
+        )
         rows = np.stack([column[:, 0] for column in columns], axis=1).tolist()
         found: dict[int, Motion] = {}
         for vehicle, one in self._vehicles.items():
@@ -276,7 +292,7 @@ class Fleet:
 
     def _psi(self, one: FleetVehicle) -> float:
         """Heading in the ground's frame, anticlockwise [rad]."""
-        return float(self._state.psi[one.row, 0])
+        return float(self._state.motion.heading[one.row, 0])
 
     def _prepare(self, num_old: int | None = None) -> None:
         """Work out the parameters again, and carry what moves over to the new rows.
@@ -294,11 +310,12 @@ class Fleet:
         if not self._ground.shelters:
             self._fields.shelters_wind[:] = ZERO
         self._movers.clear()
-        state = initial_state(given)
+        state = State.at_start(given)
         state.end_step[:] = _FOREVER
         old = [one.row for one in vehicles[:num_old]]
-        for name in TABLE_FIELDS if old else ():
-            getattr(state, name)[: len(old)] = getattr(self._state, name)[old]
+        for group, name in TABLE_FIELDS if old else ():
+            kept = getattr(getattr(self._state, group), name)[old]
+            getattr(getattr(state, group), name)[: len(old)] = kept
         for row, one in enumerate(vehicles):
             one.row = row
         self._state: State = state
@@ -318,9 +335,9 @@ class Fleet:
             if one.force == (0.0, 0.0) and one.torque == 0.0:
                 continue
             forward, left = turned(*one.force, -self._psi(one))
-            state.wind_force[one.row] += np.float32(left)
+            state.friction_and_wind.wind_force[one.row] += np.float32(left)
             gain = forward * duration / one.body["mass"]
-            state.vx[one.row] = max(float(state.vx[one.row, 0]) + gain, 0.0)
+            state.motion.vx[one.row] = max(float(state.motion.vx[one.row, 0]) + gain, 0.0)
             self.spin(vehicle, one.torque * duration)
 
     def _set_friction(self, factors: Mapping[int, float]) -> None:
@@ -330,14 +347,18 @@ class Fleet:
         takes that for the left side, but it is the right side of an oncoming vehicle.
         """
         state = self._state
-        is_oncoming = np.cos(state.psi) < 0.0
-        state.mu_fast, state.mu_slow = (
-            np.where(is_oncoming, state.mu_slow, state.mu_fast),
-            np.where(is_oncoming, state.mu_fast, state.mu_slow),
+        is_oncoming = np.cos(state.motion.heading) < 0.0
+        state.friction_and_wind.mu_left, state.friction_and_wind.mu_right = (
+            np.where(
+                is_oncoming, state.friction_and_wind.mu_right, state.friction_and_wind.mu_left
+            ),
+            np.where(
+                is_oncoming, state.friction_and_wind.mu_left, state.friction_and_wind.mu_right
+            ),
         )
         for vehicle, factor in factors.items():
             row = self[vehicle].row
-            for friction in (state.mu_fast, state.mu_slow):
+            for friction in (state.friction_and_wind.mu_left, state.friction_and_wind.mu_right):
                 friction[row] *= np.float32(max(factor, _MIN_FRICTION_FACTOR))
 
     def _hold(self) -> None:
@@ -353,7 +374,7 @@ class Fleet:
         brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
         # Forward motion ends under full braking before the reverse gear engages.
         brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
-        speeds = kmh_from_mps(self._state.vx[:, 0])
+        speeds = kmh_from_mps(self._state.motion.vx[:, 0])
         lock = _USUAL.angles(speeds)
         for one in self._vehicles.values():
             if one.steering is not _USUAL:
@@ -372,10 +393,10 @@ class Fleet:
         """Keep vehicles where they are that only `place` moves."""
         state = self._state
         still = [one.row for one in self._vehicles.values() if not one.moves]
-        held = {name: getattr(state, name)[still].copy() for name in ("s", "d", "psi")}
+        held = {name: getattr(state.motion, name)[still].copy() for name in _PLACED}
         yield
         for name, value in held.items():
-            getattr(state, name)[still] = value
+            getattr(state.motion, name)[still] = value
 
     def _near_pairs(self, duration: float) -> list[tuple[int, int]]:
         """Rows of vehicles that may touch before the next tick: near along and across the ground.
@@ -385,14 +406,14 @@ class Fleet:
         if len(self._vehicles) < 2:
             return []
         state, p = self._state, self._fields
-        sine, cosine = np.sin(state.psi), np.cos(state.psi)
-        turned = duration * np.abs(state.r) * p.half_length
+        sine, cosine = np.sin(state.motion.heading), np.cos(state.motion.heading)
+        turned = duration * np.abs(state.motion.yaw_rate) * p.half_length
         nearer = _NEAR + 0.5 * _HARDEST * duration * duration
         high = _column([one.height for one in self._vehicles.values()])
         close = np.abs(high - high.T) < LEVELS_APART
         for place, length, width, speed in (
-            (state.s, cosine, sine, state.vx * cosine - state.vy * sine),
-            (state.d, sine, cosine, state.vx * sine + state.vy * cosine),
+            (state.motion.s, cosine, sine, state.motion.vx * cosine - state.motion.vy * sine),
+            (state.motion.d, sine, cosine, state.motion.vx * sine + state.motion.vy * cosine),
         ):
             reach = p.half_length * np.abs(length) + p.half_width * np.abs(width) + turned
             closing = duration * np.abs(speed - speed.T)
@@ -404,13 +425,13 @@ class Fleet:
         if not self._obstacles:
             return []
         state, p = self._state, self._fields
-        speed = np.hypot(state.vx, state.vy)
+        speed = np.hypot(state.motion.vx, state.motion.vy)
         reach = np.hypot(p.half_length, p.half_width) + duration * speed
         reach += _NEAR + 0.5 * _HARDEST * duration * duration
         obstacles = list(self._obstacles.values())
         centres = np.array([(obstacle.motion.s, obstacle.motion.d) for obstacle in obstacles])
         radii = np.array([0.5 * math.hypot(box.length, box.width) for box in obstacles])
-        distances = np.hypot(state.s - centres[:, 0], state.d - centres[:, 1])
+        distances = np.hypot(state.motion.s - centres[:, 0], state.motion.d - centres[:, 1])
         vehicles, ids = list(self._vehicles.values()), list(self._obstacles)
         return [
             (row, ids[k])
@@ -431,7 +452,7 @@ class Fleet:
         the rows of vehicles, so that the model finds contacts with both alike.
         """
         state, count = self._state, len(self._vehicles)
-        before = (state.s.copy(), state.d.copy())
+        before = (state.motion.s.copy(), state.motion.d.copy())
         self._drive(mover, controls, 1)
         obstacles = list(dict.fromkeys(obstacle for _, obstacle in near_obstacles))
         row_of = {obstacle: row for row, obstacle in enumerate(obstacles, count)}
@@ -442,8 +463,8 @@ class Fleet:
         }
         bodies = self._with_obstacles([self._obstacles[obstacle] for obstacle in obstacles])
         places = (
-            np.concatenate([before[0], bodies.state.s[count:]]),
-            np.concatenate([before[1], bodies.state.d[count:]]),
+            np.concatenate([before[0], bodies.state.motion.s[count:]]),
+            np.concatenate([before[1], bodies.state.motion.d[count:]]),
         )
         in_simulation = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
@@ -454,11 +475,11 @@ class Fleet:
                 bodies.state, params, in_simulation, places, 0, mover.constants.step
             )
             for name in _PUSHED:
-                getattr(state, name)[:] = getattr(bodies.state, name)[:count]
+                getattr(state.motion, name)[:] = getattr(bodies.state.motion, name)[:count]
         self._take_pushed(obstacles, bodies)
         touches: list[Touch] = []
         for row, (along, across) in old_momentum.items():
-            partner = int(bodies.state.contact_partner[row, 0])
+            partner = int(bodies.state.first_contact.partner[row, 0])
             if partner >= 0:
                 new = self._momentum(self[ids[row]])
                 gain = (new[0] - along, new[1] - across)
@@ -472,10 +493,10 @@ class Fleet:
         motion_columns = {
             "s": [motion.s for motion in motions],
             "d": [motion.d for motion in motions],
-            "psi": [motion.psi for motion in motions],
+            "heading": [motion.psi for motion in motions],
             "vx": [speed[0] for speed in speeds],
             "vy": [speed[1] for speed in speeds],
-            "r": [motion.yaw_rate for motion in motions],
+            "yaw_rate": [motion.yaw_rate for motion in motions],
         }
         parameters = {
             "half_length": [0.5 * obstacle.length for obstacle in obstacles],
@@ -491,14 +512,18 @@ class Fleet:
         rows = len(self._vehicles) + len(obstacles)
         zeros = np.zeros((rows, 1), np.float32)
         state = SimpleNamespace(
-            **{name: column(self._state, name, motion_columns) for name in _PUSHED},
+            motion=SimpleNamespace(
+                **{name: column(self._state.motion, name, motion_columns) for name in _PUSHED},
+                is_wreck=zeros.copy(),
+            ),
+            overtake=SimpleNamespace(stage=zeros.copy()),
+            first_contact=FirstContact(
+                partner=zeros + NO_SLOT,
+                time=zeros.copy(),
+                impulse=zeros.copy(),
+                closing_speed=zeros.copy(),
+            ),
             end_step=self._state.end_step,
-            stage=zeros.copy(),
-            crashed=zeros.copy(),
-            contact_partner=zeros + NO_SLOT,
-            contact_time=zeros.copy(),
-            contact_impulse=zeros.copy(),
-            contact_speed=zeros.copy(),
         )
         fields = SimpleNamespace(
             **{name: column(self._fields, name, parameters) for name in parameters}
@@ -511,7 +536,7 @@ class Fleet:
             obstacle = self._obstacles[actor]
             if math.isfinite(obstacle.mass):
                 s, d, psi, vx, vy, r = (
-                    float(getattr(bodies.state, name)[row, 0]) for name in _PUSHED
+                    float(getattr(bodies.state.motion, name)[row, 0]) for name in _PUSHED
                 )
                 motion = Motion(s, d, psi, *turned(vx, vy, psi), r)
                 self._obstacles[actor] = dataclasses.replace(obstacle, motion=motion)
@@ -538,7 +563,9 @@ class Fleet:
 
     def _momentum(self, one: FleetVehicle) -> tuple[float, float]:
         """Momentum of a vehicle in the ground's frame [N s]."""
-        vx, vy = (float(speed[one.row, 0]) for speed in (self._state.vx, self._state.vy))
+        vx, vy = (
+            float(speed[one.row, 0]) for speed in (self._state.motion.vx, self._state.motion.vy)
+        )
         along, across = turned(vx, vy, self._psi(one))
         return one.body["mass"] * along, one.body["mass"] * across
 
@@ -547,7 +574,7 @@ class Fleet:
         state = self._state
         for vehicle, one in self._vehicles.items():
             control, row = controls.get(vehicle, _NO_CONTROL), one.row
-            wants = control.reverse and float(state.vx[row, 0]) == 0.0
+            wants = control.reverse and float(state.motion.vx[row, 0]) == 0.0
             push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
             braking = one.body["peak_decel"] * max(control.brake, control.hand_brake)
             speed = max(one.backwards + duration * (push - braking), 0.0)
@@ -556,13 +583,13 @@ class Fleet:
             speed = one.backwards = min(speed, BACKWARDS_SPEED)
             if speed == 0.0 or not one.moves:
                 continue
-            psi, angle = self._psi(one), float(state.wheel[row, 0])
-            state.vx[row] = state.vy[row] = 0.0
+            psi, angle = self._psi(one), float(state.controls.wheel_angle[row, 0])
+            state.motion.vx[row] = state.motion.vy[row] = 0.0
             along, across = turned(speed * duration, 0.0, psi)
-            state.s[row] -= np.float32(along)
-            state.d[row] -= np.float32(across)
+            state.motion.s[row] -= np.float32(along)
+            state.motion.d[row] -= np.float32(across)
             turn = -speed * math.tan(angle) / one.body["wheelbase"]
-            state.psi[row] += np.float32(turn * duration)
+            state.motion.heading[row] += np.float32(turn * duration)
 
 
 class _Bodies(NamedTuple):
