@@ -1,6 +1,6 @@
 //! Operators that can be flipped one at a time; `flips.py` adds this module to a copy of the engine.
 
-use crate::lanes;
+use crate::math::vectors;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16};
 use std::sync::LazyLock;
@@ -32,36 +32,36 @@ type V<S> = f32x16<S>;
 #[inline(always)]
 pub fn flip_min<S: Simd>(number: u32, a: V<S>, b: V<S>) -> V<S> {
     if is_flipped(number) {
-        lanes::max(a, b)
+        vectors::max(a, b)
     } else {
-        lanes::min(a, b)
+        vectors::min(a, b)
     }
 }
 
 #[inline(always)]
 pub fn flip_max<S: Simd>(number: u32, a: V<S>, b: V<S>) -> V<S> {
     if is_flipped(number) {
-        lanes::min(a, b)
+        vectors::min(a, b)
     } else {
-        lanes::max(a, b)
+        vectors::max(a, b)
     }
 }
 
 #[inline(always)]
 pub fn flip_at_most<S: Simd>(number: u32, a: V<S>, b: f32) -> V<S> {
     if is_flipped(number) {
-        lanes::at_least(a, b)
+        vectors::at_least(a, b)
     } else {
-        lanes::at_most(a, b)
+        vectors::at_most(a, b)
     }
 }
 
 #[inline(always)]
 pub fn flip_at_least<S: Simd>(number: u32, a: V<S>, b: f32) -> V<S> {
     if is_flipped(number) {
-        lanes::at_most(a, b)
+        vectors::at_most(a, b)
     } else {
-        lanes::at_least(a, b)
+        vectors::at_least(a, b)
     }
 }
 

@@ -1,7 +1,7 @@
 """Flips every comparison, sign, extremum and role of the engine's step, one at a time.
 
     python benchmarks/flips.py                 # every flip; exits with 1 if one goes unnoticed
-    python benchmarks/flips.py --file ego.rs   # those of one file
+    python benchmarks/flips.py --file overtake.rs   # those of one file
     python benchmarks/flips.py --again LOG     # those that an earlier output calls UNNOTICED
 
 A copy of the crates is instrumented so that each operator asks whether it is the flipped one: one
@@ -33,9 +33,10 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 STEP_FILES = (
-    "collisions", "control", "dynamics", "ego", "elementary", "engine", "environment", "following",
-    "gaps", "giving_way", "intent", "lanes", "mobil", "neighbours", "oncoming", "passing",
-    "perception", "plight", "recording", "state", "steering", "trace", "traffic", "words", "world",
+    "acceleration", "car_following", "collisions", "gap_acceptance", "lane_change",
+    "math/elementary", "math/vectors", "neighbour_search", "oncoming", "overtake", "params",
+    "pass_continuation", "passing", "perception", "recorder", "road_conditions", "run/engine",
+    "state", "steering", "vehicle_dynamics",
 )  # fmt: skip
 """What the step consists of, and what writes it down."""
 
@@ -51,7 +52,7 @@ OPERATORS = (
     ("extremum", re.compile(r"(?<![\w.])(min|max|at_(?:least|most))\("), r"flip::flip_\1(#, "),
     ("sign", re.compile(r"(?<= )([-+]) (?=\S)"), r"\1 flip::sign(#) * "),
     ("sign", re.compile(r"(?<!\w)-(?=[a-z(\d])"), r"-flip::sign(#) * "),
-    ("role", re.compile(r"\b((?:FAST_|SLOW_)?(?:LEAD|REAR))\b"), r"flip::role(#, \1)"),
+    ("role", re.compile(r"\b((?:LEFT_|RIGHT_)?(?:LEADER|FOLLOWER))\b"), r"flip::role(#, \1)"),
 )  # fmt: skip
 """Kind, where it stands, and the instrumented operator with # for the flip's number."""
 
@@ -61,25 +62,29 @@ EQUIVALENT = {
     ),
     "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
-    "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
-    "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
+    "is_detected: [zero«.simd_lt(zero); NUM_ROLES],": (
+        "overwritten for every role before it is read"
+    ),
+    "self.motion.vx[i] * sine «+ self.motion.vy[i] * cosine,": (
+        "no function reads the speed across the road"
+    ),
     "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
-    "leader.as_ref().filter(|_| role != «LEAD),": (
+    "leader.as_ref().filter(|_| role != «LEADER),": (
         "a leader hides neither itself nor anybody behind: both are asked again"
     ),
-    "let still = settled & state.lane_choice.wanted_side[i]«.simd_eq(0.0) & state.controls.indicator[i].simd_eq(0.0);": (
+    "& state.lane_choice.wanted_side[i]«.simd_eq(0.0)": (
         "who wants a lane change has signalled for a moment; so it is never still, and looks again"
     ),
-    "let still = settled & state.lane_choice.wanted_side[i].simd_eq(0.0) & state.controls.indicator[i]«.simd_eq(0.0);": (
+    "& state.controls.indicator[i]«.simd_eq(0.0);": (
         "the indicator goes off with the signal, so no driver is ever still, and each looks again"
     ),
-    "let home = (low, splat(w.simd, road.boundaries[1] «- c.corridor_margin));": (
+    "splat(params.simd, road.boundaries[1] «- constants.corridor_margin),": (
         "more may be in the lane of those who come; who is there is asked of each again"
     ),
-    "let along = other.direction«.simd_gt(0.0);": (
+    "let along = other.travel_sign«.simd_gt(0.0);": (
         "both directions change names, and each is asked for the other"
     ),
-    "traffic.turned[j].on_road &= slot«.simd_ne(j as i32 as f32);": (
+    "traffic.as_seen_by_oncoming[j].on_road &= slot«.simd_ne(j as i32 as f32);": (
         "told to another driver of the ego, who answers outside; nothing of it is recorded"
     ),
     "let at_home = state.lane_choice.lane[i]«.simd_eq(0.0).all_true();": (
@@ -358,7 +363,7 @@ class Sweep:
 def main() -> int:
     """Flip, compare, print what noticed and what did not."""
     parser = argparse.ArgumentParser(description="Flip every operator of the engine's step.")
-    parser.add_argument("--file", help="only those of one file, such as ego.rs")
+    parser.add_argument("--file", help="only those of one file, such as overtake.rs")
     parser.add_argument(
         "--again", type=Path, metavar="LOG", help="only those that went unnoticed in this output"
     )

@@ -44,46 +44,50 @@ MUTATIONS = (
         meaning="comparison: boxes that separate collide, boxes that approach do not",
     ),
     Mutation(
-        file="following.rs", marked="let brakes = leader_accel«.simd_lt(-c.stop_lamp_decel);",
+        file="car_following.rs",
+        marked="let brakes = leader_accel«.simd_lt(-constants.stop_lamp_decel);",
         meaning="comparison: drivers heed leaders that do not brake, and ignore those that do",
     ),
     Mutation(
-        file="dynamics.rs", marked="choose(z.simd_lt(0.0), size, «-size),",
+        file="vehicle_dynamics.rs", marked="select(z.simd_lt(0.0), size, «-size),",
         meaning="sign: a tyre pushes to the same side whatever its slip",
     ),
     Mutation(
-        file="dynamics.rs",
-        marked="let across = (side + rear_y + state.wind_force[i]) * p.inverse_mass «- speed * r;",
+        file="vehicle_dynamics.rs",
+        marked="(side + rear_y + state.friction_and_wind.wind_force[i]) * vehicle.inverse_mass "
+        "«- speed * r;",
         meaning="sign: of the centripetal term of the lateral velocity",
     ),
     Mutation(
-        file="gaps.rs",
-        marked="let rear = min(now, their_braking(w, view, later, faster))"
-        "«.simd_ge(-view.imposes);",
+        file="gap_acceptance.rs",
+        marked="let rear = imposed«.simd_ge(-view.acceptable_imposed_decel);",
         meaning="comparison: the ego pulls out only before those whom it makes brake hard",
     ),
     Mutation(
-        file="environment.rs",
-        marked="state.wind_force[i] = choose(across«.simd_lt(0.0), -force, force);",
+        file="road_conditions.rs",
+        marked="state.friction_and_wind.wind_force[i] = "
+        "select(across«.simd_lt(0.0), -force, force);",
         meaning="comparison: the wind pushes against itself",
     ),
     Mutation(
-        file="following.rs", marked="at_most(p.accel * (1.0 «- z * z), 0.0)",
+        file="car_following.rs", marked="at_most(vehicle.accel * (1.0 «- z * z), 0.0)",
         meaning="sign: nobody ever forces anybody to brake",
     ),
     Mutation(
-        file="mobil.rs",
-        marked="let to_fast = fast - here + p.politeness * (after - before) «- p.keep_right_bias;",
+        file="lane_change.rs",
+        marked="let to_fast = fast - here + vehicle.politeness * (after - before) "
+        "«- vehicle.keep_right_bias;",
         meaning="sign: MOBIL's bias draws to the fast side",
     ),
     Mutation(
-        file="mobil.rs",
-        marked="room & braking«.simd_ge(-p.safe_decel) & own.simd_ge(-p.safe_decel)",
+        file="lane_change.rs",
+        marked="room & braking«.simd_ge(-vehicle.safe_decel) & own.simd_ge(-vehicle.safe_decel)",
         meaning="comparison: only who makes the follower brake hard may change lanes",
     ),
     Mutation(
-        file="neighbours.rs",
-        marked="let shows = other.shows & state.lane[j]«.simd_eq(lane);",
+        file="neighbour_search.rs",
+        marked="let shows = other.visibly_changes_lane "
+        "& state.lane_choice.lane[j]«.simd_eq(lane);",
         meaning="comparison: who moves over is seen in every lane but the one that he makes for",
     ),
     Mutation(
@@ -92,12 +96,13 @@ MUTATIONS = (
         meaning="comparison: only what is beyond the limit of sight is seen",
     ),
     Mutation(
-        file="words.rs",
-        marked="rounded(y0 + s * sine «+ d * cosine, THOUSAND, INT32_LIMIT),",
+        file="recorder.rs",
+        marked="to_recorded_integers(y0 + s * sine «+ d * cosine, INTEGERS_PER_UNIT, INT32_LIMIT),",
         meaning="sign: of the lateral offset in the recorded y",
     ),
     Mutation(
-        file="steering.rs", marked="let wanted = accel «+ c.velocity_gain * (speed - sideways);",
+        file="steering.rs",
+        marked="let wanted = accel «+ constants.velocity_gain * (speed - sideways);",
         meaning="sign: steering feeds lateral speed back the wrong way",
     ),
 )  # fmt: skip

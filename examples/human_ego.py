@@ -29,7 +29,13 @@ from overtaking.sim.reference.passing import (
     accepts_oncoming_gap,
     assumed_oncoming_gap,
 )
-from overtaking.sim.reference.state import LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER
+from overtaking.sim.reference.state import (
+    LEADER,
+    LEFT_FOLLOWER,
+    LEFT_LEADER,
+    RIGHT_FOLLOWER,
+    RIGHT_LEADER,
+)
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 FITTING = 0.5  # Above it there is room behind the leader; below it a driver brakes for that [1].

@@ -15,7 +15,13 @@ from overtaking.core.arrays import F32
 from overtaking.sim.reference.car_following import acc_accel
 from overtaking.sim.reference.decision_context import Beliefs
 from overtaking.sim.reference.lane_change import is_safe_lane_change, mobil_incentives
-from overtaking.sim.reference.state import LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER
+from overtaking.sim.reference.state import (
+    LEADER,
+    LEFT_FOLLOWER,
+    LEFT_LEADER,
+    RIGHT_FOLLOWER,
+    RIGHT_LEADER,
+)
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 

@@ -180,8 +180,8 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     let (gap, closing) = (view.gap[LEFT_FOLLOWER], view.closing_speed[LEFT_FOLLOWER]);
     let (later, faster) = anticipated_follower(params, gap, closing);
     let now = imposed_accel_by_driver(params, view, gap, closing);
-    let rear = min(now, imposed_accel_by_driver(params, view, later, faster))
-        .simd_ge(-view.acceptable_imposed_decel);
+    let imposed = min(now, imposed_accel_by_driver(params, view, later, faster));
+    let rear = imposed.simd_ge(-view.acceptable_imposed_decel);
     let rear = rear & gap.simd_gt(constants.min_rear_gap * view.gap_factor);
     // The lane of oncoming traffic is free while the driver sees no other vehicle overtake there.
     if params.road.directions.has_oncoming_traffic {
