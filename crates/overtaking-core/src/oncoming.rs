@@ -18,7 +18,7 @@ const FAR: f32 = 1e9;
 /// Keeps the time until vehicles meet finite [m/s].
 const MIN_SPEED: f32 = 0.1;
 
-/// Where drivers look for oncoming vehicles, in `State::oncoming_id`: in any lane, and in their own.
+/// Where drivers look for oncoming vehicles, in `Attention::oncoming_slot`: in any lane, and in their own.
 const IN_ANY_LANE: usize = 0;
 const IN_OWN_LANE: usize = 1;
 

@@ -218,7 +218,7 @@ def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaim
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        side: Where drivers want to go, as `State.indicator`, (vehicle, simulation).
+        side: Where drivers want to go, as `Controls.indicator`, (vehicle, simulation).
         claims: `claimed` at the begin of the decision.
     """
     constants = params.constants

@@ -20,7 +20,7 @@ _FAR = np.float32(1e9)  # Sight past nobody [m].
 
 _HALF = np.float32(0.5)
 
-# Where drivers look for oncoming vehicles: `State.oncoming_id`.
+# Where drivers look for oncoming vehicles: `Attention.oncoming_slot`.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
 
 NearestOncoming = tuple[F32, F32]

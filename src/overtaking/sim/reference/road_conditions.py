@@ -168,7 +168,7 @@ def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
     deceleration. The driver thus approaches the wanted speed from below.
 
     Args:
-        state: State at a decision; `State.most_accel` is set.
+        state: State at a decision; `LocalRoad.accel_limit` is set.
         params: Parameters of the batch.
     """
     vehicles, simulations = params.vehicles, params.simulations
