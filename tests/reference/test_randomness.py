@@ -23,7 +23,7 @@ NAMES = ("gust", "distance_error", "speed_error", "lane_wander")
 SPEED, WIND = 25.0, 15.0
 
 AIR_SPEED = math.hypot(SPEED, WIND)
-TIMES = {"gust": 100.0 / AIR_SPEED, "distance_error": 20.0, "speed_error": 20.0, "wander": 4.0}
+TIMES = {"gust": 100.0 / AIR_SPEED, "distance_error": 20.0, "speed_error": 20.0, "lane_wander": 4.0}
 """Correlation times [s]; a moving vehicle meets eddies of 100 m."""
 
 SIMULATIONS, SLOTS = 2000, 8
@@ -81,7 +81,7 @@ def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: i
     assert value == pytest.approx(expected, abs=3.0 * math.sqrt(2.0 / SAMPLES))
 
 
-@pytest.mark.parametrize("name", ["gust", "wander"])
+@pytest.mark.parametrize("name", ["gust", "lane_wander"])
 def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: str):
     # 20 s are five correlation times and more. The innovations are uniform, whose excess kurtosis
     # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %; k: the correlation over 50 ms.

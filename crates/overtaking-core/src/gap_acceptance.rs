@@ -436,11 +436,9 @@ pub fn is_behind_target<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     i: usize,
 ) -> Mask<S> {
-    state.motion.s[i].simd_lt(at_slot!(
-        params.num_slots_in_use,
-        state.overtake.target_slot[i],
-        |j| { state.motion.s[j] }
-    ))
+    let target_slot = state.overtake.target_slot[i];
+    let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
+    state.motion.s[i].simd_lt(target_s)
 }
 
 /// Whether going back is shorter than going on.

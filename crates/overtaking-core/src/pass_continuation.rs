@@ -113,12 +113,9 @@ fn must_return_before_next<S: Simd, const N: usize>(
         &params.vehicles[i],
         &mind.oncoming.nearest,
     );
-    let past = passes
-        & state.motion.s[i].simd_gt(at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[i],
-            |j| { state.motion.s[j] }
-        ));
+    let target_slot = state.overtake.target_slot[i];
+    let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
+    let past = passes & state.motion.s[i].simd_gt(target_s);
     let (gap, closing) = (
         mind.beliefs.gap[RIGHT_LEADER],
         mind.beliefs.closing_speed[RIGHT_LEADER],
@@ -160,12 +157,9 @@ pub fn overtakes_next_vehicle<S: Simd, const N: usize>(
         return passes;
     }
     let near = mind.neighbours;
-    let past = passes
-        & state.motion.s[i].simd_gt(at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[i],
-            |j| { state.motion.s[j] }
-        ));
+    let target_slot = state.overtake.target_slot[i];
+    let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
+    let past = passes & state.motion.s[i].simd_gt(target_s);
     let beside = near.gap[RIGHT_LEADER].simd_lt(params.constants.min_return_gap);
     let follows =
         must_return_before_next(state, params, i, mind) | state.overtake.must_abort[i].simd_gt(0.0);

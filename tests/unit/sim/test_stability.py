@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +54,8 @@ def test_a_skid_ends_sooner():
     left = {}
     for threshold in (THRESHOLD, 1e9):
         b = bench(Vehicle(speed=SPEED), friction=0.3)
-        b = dataclasses.replace(b, c=b.c.replace(stability_threshold=threshold))
+        constants = b.c.replace(stability_threshold=threshold)
+        b = replace(b, given=replace(b.given, constants=constants))
         b.state.motion.yaw_rate[:] = 0.5
         for _ in range(20):
             b.move(np.zeros_like(b.state.motion.s))
