@@ -369,11 +369,11 @@ class State:
         return self.path.elapsed[slots] >= self.path.duration[slots]
 
 
-def _full(shape: tuple[int, ...], value: float) -> F32:
+def _full(shape: tuple[int, ...], value: float | np.float32) -> F32:
     return np.full(shape, value, np.float32)
 
 
-def _filled(group: type[Group], shape: tuple[int, ...], **values: float) -> Group:
+def _filled(group: type[Group], shape: tuple[int, ...], **values: float | np.float32) -> Group:
     """A group of arrays of one shape with the given values, and zero in the others."""
     names = group.__annotations__
     return group(**{name: _full(shape, values.get(name, 0.0)) for name in names})
