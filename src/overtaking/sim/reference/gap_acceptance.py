@@ -369,12 +369,9 @@ def _wants_to_pull_out(
     free = state.is_in_stage(Stage.FOLLOW, slots) & arrived & rested & has_lane
     seen = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
     if oncoming is not None:
-        leader = inputs.gap[LEADER], inputs.leader_speed
-        ahead = passing_opportunity(
-            state, params, context.neighbours, oncoming.nearest, slots, leader
-        )
+        opportunity = passing_opportunity(state, params, context, slots)
         seen = seen & accepts_oncoming_gap(
-            params, inputs.vehicle, inputs.speed, inputs.patience_left, ahead
+            params, inputs.vehicle, inputs.speed, inputs.patience_left, opportunity
         )
         seen = seen & ~oncoming.leader_pulls_out[slots]
     seen = np.where(inputs.is_scripted, inputs.pulls_out_by_script, seen)

@@ -83,9 +83,7 @@ def observation_table(
         _fill_columns(neighbours[:, role], columns)
     if context.oncoming is not None:
         oncoming = context.oncoming.nearest
-        second = observe_second_oncoming(
-            state, params, context.neighbours, oncoming, decision_index
-        )
+        second = observe_second_oncoming(state, params, context, decision_index)
         for role, vehicle in enumerate((oncoming, second), len(NeighbourRole)):
             columns = _oncoming_columns(state, params, vehicle, observes_truth=observes_truth)
             _fill_columns(neighbours[:, role], columns)

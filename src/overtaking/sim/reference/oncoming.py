@@ -1,245 +1,327 @@
-"""Who comes the other way: what drivers see, and believe of it."""
+"""Oncoming vehicles: the nearest one, what drivers see of it, and what they believe about it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import exp, maximum, minimum
-from overtaking.sim.reference.decision_context import Neighbours, OncomingTraffic, OncomingVehicle
+from overtaking.sim.reference.decision_context import (
+    DecisionContext,
+    Neighbours,
+    OncomingTraffic,
+    OncomingVehicle,
+)
 from overtaking.sim.reference.neighbour_search import lane_borders, visibly_changes_lane
 from overtaking.sim.reference.perception import (
     MIN_SIGHT_LINE,
+    Conspicuity,
+    Looming,
+    detection_time,
     extinction_ahead,
-    recall_motion,
+    extrapolate_motion,
     sense_looming,
     sight_range_ratio,
 )
 from overtaking.sim.reference.state import LEADER, NEVER_LOOKED, NO_SLOT, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
 
-_FAR = np.float32(1e9)  # Sight past nobody [m].
-
+_FAR = np.float32(1e9)  # Distance without a vehicle, and sight past no leader [m].
+_ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
 
-# Where drivers look for oncoming vehicles: `Attention.oncoming_slot`.
+# Where drivers look for oncoming vehicles: rows of `Attention.oncoming_slot`.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
 
-NearestOncoming = tuple[F32, F32]
-"""Slots of oncoming vehicles, `NOBODY` for none, and the distance of the centres [m]."""
+
+class NearestOncoming(NamedTuple):
+    """The nearest oncoming vehicle of each driver, (vehicle, simulation)."""
+
+    slot: F32  # `NO_SLOT` for none.
+    distance: F32  # Of the centres [m].
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """Visibility of one oncoming vehicle for each driver, (vehicle, simulation).
+
+    Attributes:
+        slot: Slot of the vehicle, or `NO_SLOT`.
+        half_lengths: Half of the lengths of both vehicles [m].
+        gap: Gap between the front bumpers [m].
+        sight_range_ratio: Distance over the range at which the vehicle can be seen [1].
+        is_visible: Whether it can be seen.
+        sight_distance: How far the driver sees along the opposing lane [m].
+    """
+
+    slot: F32
+    half_lengths: F32
+    gap: F32
+    sight_range_ratio: F32
+    is_visible: Mask
+    sight_distance: F32
 
 
 def observe_oncoming(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-    decision_index: int,
+    state: State, params: StepParameters, neighbours: Neighbours, decision_index: int
 ) -> OncomingTraffic:
-    """Who comes, and what each driver believes of it; advances the time in view.
+    """The oncoming vehicles that matter to each driver, and what it believes about them.
 
-    The distance is misjudged by a slowly varying factor, and small oncomers are believed farther
-    off. The speed of approach is what is usual until it looms, and is sensed from there on.
+    Updates the time in view. The nearest vehicle in any lane limits a pass; for the nearest in its
+    own lane the driver brakes and moves to the edge.
 
     Source:
-        Farber and Silver 1967, ARRB 1978 (a usual speed); Levulis 2015 (small oncomers).
+        Farber and Silver 1967, ARRB 1978 (drivers expect a usual speed); Levulis 2015 (small
+        oncoming vehicles look farther away).
     """
-    oncoming = nearest_oncoming(state, params, np.full_like(state.motion.s, NO_SLOT))
-    sight = _sight_distance(state, params, neighbours)
-    coming, facing = (
-        _judged(state, params, neighbours, oncoming[lanes], sight, decision_index, lanes)
-        for lanes in (_IN_ANY_LANE, _IN_OWN_LANE)
+    no_exception = np.full_like(state.motion.s, NO_SLOT)
+    nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, no_exception)
+    sight_distance = _sight_distance(state, params, neighbours)
+    # A tall leader hides the opposing lane, not the driver's own lane.
+    any_lane = _sighting(
+        state, params, neighbours, nearest_in_any_lane, (sight_distance, sight_distance)
     )
+    own_lane = _sighting(
+        state, params, neighbours, nearest_in_own_lane, (state.road.sight_distance, sight_distance)
+    )
+    update_time_in_view(state, params, _IN_ANY_LANE, any_lane)
+    update_time_in_view(state, params, _IN_OWN_LANE, own_lane)
+    knows_any_lane = _is_certain(state, params, any_lane, _IN_ANY_LANE)
+    knows_own_lane = _is_certain(state, params, own_lane, _IN_OWN_LANE)
     leader = neighbours.slot[LEADER]
     return OncomingTraffic(
-        nearest=coming,
-        in_own_lane=facing,
+        nearest=_believe(state, params, any_lane, knows_any_lane, decision_index),
+        in_own_lane=_believe(state, params, own_lane, knows_own_lane, decision_index),
         is_being_passed=is_being_passed(state, params),
         leader_pulls_out=(leader >= 0) & (value_at_slot(state.controls.indicator, leader) > 0),
     )
 
 
 def observe_second_oncoming(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-    first: OncomingVehicle,
-    decision_index: int,
+    state: State, params: StepParameters, context: DecisionContext, decision_index: int
 ) -> OncomingVehicle:
-    """Who comes behind the nearest, and what each driver would believe of it.
+    """The oncoming vehicle behind the nearest one, and what each driver would believe about it.
 
-    Our drivers decide by the nearest alone; another driver of the ego is told of the next one. It
-    is noticed with the nearest, where it can be seen.
+    The model's drivers decide by the nearest alone; an external driver observes the second one,
+    too. It is detected together with the nearest, if it can be seen.
     """
-    oncoming, _ = nearest_oncoming(state, params, first.slot)
-    return _judged(
-        state,
-        params,
-        neighbours,
-        oncoming,
-        first.sight_distance,
-        decision_index,
-        _IN_ANY_LANE,
-        first.is_detected,
-    )
+    assert context.oncoming is not None, "one-way roads have no oncoming traffic"
+    first = context.oncoming.nearest
+    second, _ = nearest_oncoming(state, params, first.slot)
+    ranges = first.sight_distance, first.sight_distance
+    sighting = _sighting(state, params, context.neighbours, second, ranges)
+    return _believe(state, params, sighting, first.is_detected, decision_index)
 
 
-def _sight_distance(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-) -> F32:
-    """How far drivers see the other lane: by the road, the weather, and past a high leader."""
-    vehicles, simulations = params.vehicles, params.simulations
-    constants, road = params.constants, params.road
-    place, _ = state.road_position(params)
+def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours) -> F32:
+    """How far drivers see along the opposing lane: by road, weather, and past a tall leader [m]."""
+    vehicles, constants, road = params.vehicles, params.constants, params.road
+    s, _ = state.road_position(params)
     by_road = np.where(
-        vehicles.travel_sign < 0, *(_interpolate_knots(table, place) for table in road.sight[::-1])
+        vehicles.travel_sign < 0, *(_interpolate_knots(table, s) for table in road.sight[::-1])
     )
-    lead = neighbours.slot[LEADER]
-    reach = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
-    edge = (
-        neighbours.lateral_distance[LEADER]
-        + value_at_slot(vehicles.half_width, lead)
-        - constants.eye_offset
-    )
+    leader = neighbours.slot[LEADER]
+    # The line of sight passes the leader's rear corner on the side of the opposing lane.
+    rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    half_width = value_at_slot(vehicles.half_width, leader)
+    corner = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset
     middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
-    beside = middle - state.motion.d - constants.eye_offset
-    hides = (
-        (lead >= 0) & (value_at_slot(vehicles.blocks_view, lead) > 0) & (edge > 0) & (beside > 0)
-    )
-    past = np.where(hides, beside * (reach / maximum(edge, MIN_SIGHT_LINE)), _FAR)
-    return minimum(
-        minimum(minimum(by_road, state.road.sight_distance), past), simulations.oncoming_sight
-    )
+    opposing_lane = middle - state.motion.d - constants.eye_offset
+    is_tall = (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0)
+    hides = is_tall & (corner > 0) & (opposing_lane > 0)
+    past_leader = np.where(hides, opposing_lane * (rear / maximum(corner, MIN_SIGHT_LINE)), _FAR)
+    by_bends = minimum(by_road, state.road.sight_distance)
+    return minimum(minimum(by_bends, past_leader), params.simulations.oncoming_sight)
 
 
-def _interpolate_knots(table: F32, place: F32) -> F32:
-    """What a table of `RoadParameters.sight` says of places [m]."""
+def _interpolate_knots(table: F32, s: F32) -> F32:
+    """Sight distance at stations by a table of `RoadParameters.sight` [m]."""
     stations, values, slopes = table
-    knot = np.searchsorted(stations, place, side="right") - 1
-    return values[knot] + (place - stations[knot]) * slopes[knot]
+    knot = np.searchsorted(stations, s, side="right") - 1
+    return values[knot] + (s - stations[knot]) * slopes[knot]
 
 
-def _judged(
+def _sighting(
     state: State,
     params: StepParameters,
     neighbours: Neighbours,
-    oncoming: tuple[F32, F32],
-    sight: F32,
+    oncoming: NearestOncoming,
+    ranges: tuple[F32, F32],
+) -> Sighting:
+    """Visibility of one oncoming vehicle for each driver.
+
+    Args:
+        state: State at a decision.
+        params: Parameters of the batch.
+        neighbours: Neighbours of the drivers.
+        oncoming: The vehicle.
+        ranges: How far the driver sees in the lane of the vehicle, and in the opposing lane [m].
+    """
+    vehicles, slot = params.vehicles, oncoming.slot
+    sight_distance, opposing_sight_distance = ranges
+    half_lengths = value_at_slot(vehicles.half_length, slot) + vehicles.half_length
+    gap = oncoming.distance - half_lengths
+    conspicuity = Conspicuity(
+        value_at_slot(vehicles.log_contrast, slot), value_at_slot(vehicles.inverse_head_lamp, slot)
+    )
+    extinction = extinction_ahead(state, params, neighbours)
+    ratio = sight_range_ratio(params, gap, conspicuity, extinction, is_front=True)
+    max_range = minimum(params.constants.oncoming_range, sight_distance)
+    return Sighting(
+        slot=slot,
+        half_lengths=half_lengths,
+        gap=gap,
+        sight_range_ratio=ratio,
+        is_visible=(slot >= 0) & (ratio <= _ONE) & (gap < max_range),
+        sight_distance=opposing_sight_distance,
+    )
+
+
+def update_time_in_view(
+    state: State, params: StepParameters, lanes: int, sighting: Sighting
+) -> None:
+    """Count how long each driver has seen the vehicle that it sees now.
+
+    Args:
+        state: Its `attention` changes.
+        params: Parameters of the batch.
+        lanes: `_IN_ANY_LANE` or `_IN_OWN_LANE`.
+        sighting: What the driver sees there now.
+    """
+    attention, constants = state.attention, params.constants
+    slot = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
+    longer = attention.oncoming_time_in_view[lanes] + constants.decision
+    time = np.where(slot == attention.oncoming_slot[lanes], longer, _ZERO)
+    # Drivers have watched the traffic before the first frame.
+    is_first = attention.oncoming_slot[lanes] == NEVER_LOOKED
+    attention.oncoming_time_in_view[lanes] = np.where(
+        is_first, constants.initial_time_in_view, time
+    )
+    attention.oncoming_slot[lanes] = slot
+
+
+def _is_certain(state: State, params: StepParameters, sighting: Sighting, lanes: int) -> Mask:
+    """Whether each driver has looked long enough to know if a vehicle is coming.
+
+    Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver
+    pulls out the moment a bend or a truck stops hiding the road.
+    """
+    needed = np.where(
+        sighting.is_visible,
+        detection_time(params, sighting.sight_range_ratio),
+        params.simulations.detection_time,
+    )
+    return state.attention.oncoming_time_in_view[lanes] >= needed
+
+
+def _believe(
+    state: State,
+    params: StepParameters,
+    sighting: Sighting,
+    is_certain: Mask,
     decision_index: int,
-    lanes: int,
-    noticed: Mask | None = None,
 ) -> OncomingVehicle:
-    """What drivers believe of whom they have `noticed`; None for whom they watch in some lanes."""
-    vehicles, simulations = params.vehicles, params.simulations
-    constants, one = params.constants, np.float32(1.0)
-    slot, distance = oncoming
-    half = value_at_slot(vehicles.half_length, slot)
-    true_gap = distance - (half + vehicles.half_length)
-    shines = (
-        value_at_slot(vehicles.log_contrast, slot),
-        value_at_slot(vehicles.inverse_head_lamp, slot),
-    )
-    depths = extinction_ahead(state, params, neighbours)
-    effort = sight_range_ratio(params, true_gap, shines, depths, is_front=True)
-    reach = minimum(
-        constants.oncoming_range, sight if lanes == _IN_ANY_LANE else state.road.sight_distance
-    )
-    visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
-    if noticed is None:
-        needed = simulations.detection_time * (
-            one + constants.detection_growth * (effort * effort * effort)
-        )
-        needed = np.where(visible, needed, simulations.detection_time)
-        update_time_in_view(state, params, lanes, np.where(visible, slot, NO_SLOT))
-        sure = state.attention.oncoming_time_in_view[lanes] >= needed
-    else:
-        sure = noticed
-    detected = visible & sure
+    """What drivers believe about the oncoming vehicle, or assume if they see none.
+
+    They know where it was one reaction delay ago. They misjudge the distance by a slowly varying
+    factor, and expect the usual speed until the vehicle looms.
+    """
+    vehicles, slot = params.vehicles, sighting.slot
     own_speed, _ = state.road_velocity()
-    urgent = true_gap < constants.urgent_time * (own_speed + value_at_slot(state.motion.vx, slot))
-    ticks = np.where(urgent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
-    then = maximum(np.float32(decision_index) - ticks, np.float32(0.0))
-    elapsed = (np.float32(decision_index) - then) * constants.decision
-    place, speed = recall_motion(state, then, slot)
-    place = place + speed * elapsed
-    gap = (params.road.length - place) - state.motion.s - (half + vehicles.half_length)
-    closing = own_speed + speed
-    _, clear, share, sensed = sense_looming(
-        state, params, gap, closing, value_at_slot(vehicles.looming_width, slot)
-    )
-    small = np.where(
-        value_at_slot(vehicles.two_wheeler, slot) > 0, constants.two_wheeler_distance_factor, one
-    )
-    judged = exp(simulations.oncoming_error * state.noise.distance_error) * small
-    habit = expected_closing_speed(state, params)
+    delay = _reaction_delay(state, params, sighting)
+    seen = extrapolate_motion(state, params, slot, delay, decision_index)
+    # The oncoming vehicle counts its stations from the other end of the road.
+    gap = (params.road.length - seen.s) - state.motion.s - sighting.half_lengths
+    width = value_at_slot(vehicles.looming_width, slot)
+    looming = sense_looming(state, params, gap, own_speed + seen.speed, width)
+    is_detected = sighting.is_visible & is_certain
+    believed_gap = _believed_distance(state, params, slot, gap, looming)
     return OncomingVehicle(
         slot=slot,
-        gap=true_gap,
-        half_length=half,
-        is_detected=detected,
-        is_certain=sure,
-        believed_gap=np.where(
-            detected, gap + gap * ((judged - one) * share), constants.oncoming_range
-        ),
-        closing_speed=np.where(detected, habit + clear * (sensed - habit), habit),
-        sight_distance=sight,
+        gap=sighting.gap,
+        half_length=value_at_slot(vehicles.half_length, slot),
+        is_detected=is_detected,
+        is_certain=is_certain,
+        believed_gap=np.where(is_detected, believed_gap, params.constants.oncoming_range),
+        closing_speed=_believed_closing_speed(state, params, looming, is_detected),
+        sight_distance=sighting.sight_distance,
     )
+
+
+def _reaction_delay(state: State, params: StepParameters, sighting: Sighting) -> F32:
+    """Reaction delay to the oncoming vehicle, shorter where it is imminent [decisions]."""
+    vehicles = params.vehicles
+    own_speed, _ = state.road_velocity()
+    closing_speed = own_speed + value_at_slot(state.motion.vx, sighting.slot)
+    is_imminent = sighting.gap < params.constants.urgent_time * closing_speed
+    return np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
+
+
+def _believed_distance(
+    state: State, params: StepParameters, slot: F32, gap: F32, looming: Looming
+) -> F32:
+    """Gap to the oncoming vehicle as drivers misjudge it; small vehicles look farther away [m]."""
+    is_two_wheeler = value_at_slot(params.vehicles.two_wheeler, slot) > 0
+    size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, _ONE)
+    error = exp(params.simulations.oncoming_error * state.noise.distance_error)
+    return gap + gap * ((error * size_factor - _ONE) * looming.error_share)
+
+
+def _believed_closing_speed(
+    state: State, params: StepParameters, looming: Looming, is_detected: Mask
+) -> F32:
+    """Closing speed that drivers believe: the expected one until the vehicle looms [m/s]."""
+    expected = expected_closing_speed(state, params)
+    sensed = expected + looming.noticed_share * (looming.closing_speed - expected)
+    return np.where(is_detected, sensed, expected)
 
 
 def expected_closing_speed(state: State, params: StepParameters) -> F32:
-    """Speed of approach that drivers expect of who comes, (vehicle, simulation) [m/s]."""
-    simulations = params.simulations
+    """Closing speed that drivers expect of oncoming vehicles, (vehicle, simulation) [m/s]."""
     own_speed, _ = state.road_velocity()
-    return own_speed + simulations.expected_oncoming_speed
-
-
-def update_time_in_view(state: State, params: StepParameters, lanes: int, seen: F32) -> None:
-    """Count for how long drivers have seen what they see in some lanes now: slots `seen`."""
-    constants, before = params.constants, state.attention.oncoming_slot[lanes]
-    longer = np.where(
-        seen == before,
-        state.attention.oncoming_time_in_view[lanes] + constants.decision,
-        np.float32(0.0),
-    )
-    state.attention.oncoming_time_in_view[lanes] = np.where(
-        before == NEVER_LOOKED, constants.initial_time_in_view, longer
-    )
-    state.attention.oncoming_slot[lanes] = seen
+    return own_speed + params.simulations.expected_oncoming_speed
 
 
 def nearest_oncoming(
-    state: State, params: StepParameters, but: F32
+    state: State, params: StepParameters, exception: F32
 ) -> tuple[NearestOncoming, NearestOncoming]:
-    """The nearest oncomer of each vehicle in any lane, and in its own; slots `but` do not count.
+    """The nearest oncoming vehicle of each driver in any lane, and the nearest in its own lane.
 
-    One that is visibly on its way into the own lane is there.
+    A vehicle that visibly changes to the driver's lane counts as being there.
+
+    Args:
+        state: State at a decision.
+        params: Parameters of the batch.
+        exception: Slot of a vehicle that does not count, for each driver.
     """
-    vehicles = params.vehicles
-    constants, road = params.constants, params.road
-    low, high = lane_borders(state, params, 0.0)
-    edges = road.boundaries[0], road.boundaries[road.num_lanes]
+    vehicles, constants, road = params.vehicles, params.constants, params.road
+    lane, margin = state.lane_choice.lane, constants.corridor_margin
+    road_edges = road.boundaries[0], road.boundaries[road.num_lanes]
+    own_borders = lane_borders(state, params, 0.0)
     slot = np.full((2, *state.motion.s.shape), NO_SLOT)
     distance = np.full_like(slot, _FAR)
-    for j in range(len(state.motion.s)):
-        s, d = state.position_seen_by_each(params, j)
-        ahead = s - state.motion.s
-        low_side, high_side = d - vehicles.half_width[j], d + vehicles.half_width[j]
-        lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[j]
-        comes = visibly_changes_lane(state, params, j) & (lane == state.lane_choice.lane)
-        opposed = (
-            (vehicles.valid[j] > 0)
-            & (vehicles.travel_sign[j] != vehicles.travel_sign)
+    for other in range(len(state.motion.s)):
+        s, d = state.position_seen_by_each(params, other)
+        distance_ahead = s - state.motion.s
+        right_side, left_side = d - vehicles.half_width[other], d + vehicles.half_width[other]
+        other_lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[other]
+        comes_over = visibly_changes_lane(state, params, other) & (other_lane == lane)
+        is_oncoming = (
+            (vehicles.valid[other] > 0)
+            & (vehicles.travel_sign[other] != vehicles.travel_sign)
             & (vehicles.valid > 0)
         )
-        opposed = opposed & (ahead >= 0) & (but != np.float32(j))
-        for k, (begin, end) in enumerate((edges, (low, high))):
-            there = (high_side > begin + constants.corridor_margin) & (
-                low_side < end - constants.corridor_margin
-            )
-            there = there | comes if k else there
-            nearer = opposed & there & (ahead < distance[k])
-            slot[k] = np.where(nearer, np.float32(j), slot[k])
-            distance[k] = np.where(nearer, ahead, distance[k])
-    return (slot[0], distance[0]), (slot[1], distance[1])
+        is_ahead = is_oncoming & (distance_ahead >= 0) & (exception != np.float32(other))
+        for lanes, (right, left) in enumerate((road_edges, own_borders)):
+            is_there = (left_side > right + margin) & (right_side < left - margin)
+            is_there = is_there | comes_over if lanes == _IN_OWN_LANE else is_there
+            is_nearer = is_ahead & is_there & (distance_ahead < distance[lanes])
+            slot[lanes] = np.where(is_nearer, np.float32(other), slot[lanes])
+            distance[lanes] = np.where(is_nearer, distance_ahead, distance[lanes])
+    any_lane, own_lane = (NearestOncoming(slot[k], distance[k]) for k in range(2))
+    return any_lane, own_lane
 
 
 def is_being_passed(state: State, params: StepParameters) -> Mask:

@@ -1,9 +1,10 @@
-"""How drivers go on in the other lane: past, back behind the other, or in haste.
+"""How a pass that has begun goes on: past the target, back behind it, or urgently back.
 
-The ego and the others follow the same rules; `who` selects the rows of the arrays.
+The ego and the others follow the same rules; `slots` selects the rows of the arrays.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
 from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.car_following import acc_accel, cah_accel
-from overtaking.sim.reference.decision_context import DecisionContext
+from overtaking.sim.reference.decision_context import DecisionContext, OncomingVehicle
 from overtaking.sim.reference.passing import (
     MIN_CLOSING_SPEED,
+    PassingSpeeds,
     assumed_oncoming_gap,
     current_passing_speed,
     line_is_solid,
@@ -21,6 +23,7 @@ from overtaking.sim.reference.passing import (
     time_to_pass,
 )
 from overtaking.sim.reference.state import (
+    NO_ACCEL_LIMIT,
     RIGHT_FOLLOWER,
     RIGHT_LEADER,
     SlotSelection,
@@ -28,17 +31,11 @@ from overtaking.sim.reference.state import (
     value_at_slot,
 )
 from overtaking.world.constants import ModelConstants
-from overtaking.world.step_parameters import StepParameters
+from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_FAR = np.float32(1e9)
-
-
+_FAR = np.float32(1e9)  # Time until a driver without an oncoming vehicle meets one [s].
 _ZERO = np.float32(0.0)
-
-
 _HALF = np.float32(0.5)
-
-
 _TWO = np.float32(2.0)
 
 
@@ -61,204 +58,323 @@ class PassContinuation:
     fits_into_lane: Mask
 
 
+class TargetLead(NamedTuple):
+    """How far the target's centre is ahead of the driver's [m]."""
+
+    now: F32
+    needed: F32  # At which the driver fits in behind the target.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelativeMotion:
+    """A passing driver and its target, along the road.
+
+    Attributes:
+        target_slot: Slot of the target.
+        speed: Speed of the driver [m/s].
+        target_speed: Speed of the target [m/s].
+        closing_speed: Speed of the driver minus that of the target [m/s].
+        target_lead: How far the target is ahead, now and for an abort.
+    """
+
+    target_slot: F32
+    speed: F32
+    target_speed: F32
+    closing_speed: F32
+    target_lead: TargetLead
+
+
+class PassTimes(NamedTuple):
+    """Durations that a passing driver compares [s]."""
+
+    complete: F32  # Until it is past the target and back in its lane.
+    abort: F32  # Until it is back behind the target.
+    meet: F32  # Until it meets the oncoming vehicle.
+
+
+class ReturnSpace(NamedTuple):
+    """Space in the right lane beside a passing driver."""
+
+    size: F32  # Gap to the leader plus gap to the follower [m].
+    is_cramped: Mask  # Whether it is smaller than the driver would ask for.
+
+
 def decide_pass_continuation(
-    state: State,
+    state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
+) -> PassContinuation:
+    """How drivers go on with a pass against oncoming traffic.
+
+    A driver compares three durations: to complete the pass, to be back behind the target, and to
+    meet the oncoming vehicle.
+
+    - While its centre is behind the target's centre, it aborts if it would meet the oncoming
+      vehicle too soon after the pass and aborting is quicker.
+    - Past the target and with no time for the next vehicle, it returns between the two. If the
+      space is too small, or aborting is quicker than clearing the target, it aborts.
+    - It returns urgently if little time would be left, and then accepts a small gap. A driver that
+      heeds solid lines also returns urgently before one, but keeps its usual gap.
+    """
+    assert context.oncoming is not None, "one-way roads have no oncoming traffic"
+    vehicle = params.vehicles.at_slots(slots)
+    motion = _relative_motion(state, params, slots)
+    times = PassTimes(
+        complete=_time_to_complete(params, vehicle, motion),
+        abort=_time_to_abort(params, vehicle, motion),
+        meet=_time_to_meet(context.oncoming.nearest, slots),
+    )
+    is_out = state.is_before_return(slots)
+    must_return_now = _must_return_before_next(state, params, context)[slots]
+    space = _return_space(params, context, vehicle, motion, slots)
+    must_abort = is_out & (
+        _aborts_early(params, motion, times)
+        | (must_return_now & _is_trapped(params, motion, times, space))
+        | (state.overtake.must_abort[slots] > 0)  # Not taken back while the driver is out.
+    )
+    goes_on = (is_out | state.is_in_stage(Stage.RETURN, slots)) & ~must_abort
+    has_little_time = times.meet - times.complete < params.constants.urgent_return_margin
+    accepts_small_gap = goes_on & (has_little_time | (must_return_now & space.is_cramped))
+    # Crossing a solid line is no danger in itself: the driver hurries, but accepts no small gap.
+    hurries_before_line = goes_on & _would_cross_solid_line(state, params, slots, motion, times)
+    return PassContinuation(
+        must_abort=must_abort,
+        must_return_urgently=accepts_small_gap | hurries_before_line,
+        accepts_small_gap=accepts_small_gap,
+        fits_into_lane=_fits_after_braking(params, context, vehicle, motion, slots),
+    )
+
+
+def _relative_motion(state: State, params: StepParameters, slots: SlotSelection) -> RelativeMotion:
+    """Speeds of drivers and their targets, and how far the targets are ahead."""
+    target_slot = state.overtake.target_slot[slots]
+    along_road, _ = state.road_velocity()
+    speed, target_speed = along_road[slots], value_at_slot(along_road, target_slot)
+    return RelativeMotion(
+        target_slot=target_slot,
+        speed=speed,
+        target_speed=target_speed,
+        closing_speed=speed - target_speed,
+        target_lead=_target_lead(state, params, slots),
+    )
+
+
+def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> TargetLead:
+    """How far the target is ahead, and has to be ahead for an abort."""
+    target_slot, half_length = state.overtake.target_slot[slots], params.vehicles.half_length
+    half_lengths = half_length[slots] + value_at_slot(half_length, target_slot)
+    return TargetLead(
+        now=value_at_slot(state.motion.s, target_slot) - state.motion.s[slots],
+        needed=half_lengths + params.constants.min_return_gap,
+    )
+
+
+def _distance_to_clear(motion: RelativeMotion) -> F32:
+    """Distance that the driver still has to gain on its target to return ahead of it [m]."""
+    return maximum(motion.target_lead.now + motion.target_lead.needed, _ZERO)
+
+
+def _time_to_move_over(params: StepParameters) -> F32:
+    """Half of an urgent lane change, which follows once the bodies are clear [s]."""
+    return _HALF * params.simulations.urgent_change_duration
+
+
+def _abort_decel(params: StepParameters, vehicle: VehicleParameters) -> F32:
+    """Braking of an aborting driver, positive [m/s^2]."""
+    return params.constants.abort_decel_share * vehicle.max_assumed_decel
+
+
+def _time_to_complete(
+    params: StepParameters, vehicle: VehicleParameters, motion: RelativeMotion
+) -> F32:
+    """Time until the driver is past its target and back in its lane [s]."""
+    speeds = PassingSpeeds(
+        passer=motion.speed, target=motion.target_speed, closing=motion.closing_speed
+    )
+    distance = _distance_to_clear(motion)
+    return time_to_pass(params.constants, vehicle, distance, speeds) + _time_to_move_over(params)
+
+
+def _time_to_abort(
+    params: StepParameters, vehicle: VehicleParameters, motion: RelativeMotion
+) -> F32:
+    """Time t until the braking driver is back behind its target [s].
+
+    It solves distance = decel * t^2 / 2 - closing_speed * t.
+    """
+    decel, closing_speed = _abort_decel(params, vehicle), motion.closing_speed
+    distance = maximum(motion.target_lead.needed - motion.target_lead.now, _ZERO)
+    root = np.sqrt(closing_speed * closing_speed + _TWO * decel * distance)
+    return (closing_speed + root) / decel + _time_to_move_over(params)
+
+
+def _time_to_meet(oncoming: OncomingVehicle, slots: SlotSelection) -> F32:
+    """Time until the driver meets the oncoming vehicle, as it believes [s]."""
+    closing_speed = maximum(oncoming.closing_speed[slots], MIN_CLOSING_SPEED)
+    time = oncoming.believed_gap[slots] / closing_speed
+    return np.where(oncoming.is_detected[slots], time, _FAR)
+
+
+def _return_space(
     params: StepParameters,
     context: DecisionContext,
+    vehicle: VehicleParameters,
+    motion: RelativeMotion,
     slots: SlotSelection,
-) -> PassContinuation:
-    """Whether drivers go on with their pass, and how.
+) -> ReturnSpace:
+    """The space between the two vehicles beside each driver, and what it would ask for."""
+    gap = context.neighbours.gap
+    size = gap[RIGHT_LEADER, slots] + gap[RIGHT_FOLLOWER, slots]
+    # Large vehicles get a longer return gap than cars.
+    factor = tall_vehicle_gap_factor(params, motion.target_slot)
+    return_time_gap = vehicle.return_time_gap * factor
+    wanted = vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed
+    return ReturnSpace(size=size, is_cramped=size < wanted)
 
-    Until they are abreast they give up where they would not be back a moment before the oncomer is
-    there, and falling back lacks less time than going on. Later those who have no time to pass the
-    next one, too, take the room beside them, at once where it is less than they would ask for; they
-    fall back where it is none, or where they are not past sooner than back. They are in a hurry
-    where little would be to spare, and pressed; those who heed lines also where they would return
-    across a solid one.
 
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        context: What drivers know; there is oncoming traffic on the road.
-        slots: The drivers.
+def _aborts_early(params: StepParameters, motion: RelativeMotion, times: PassTimes) -> Mask:
+    """Whether the target is still ahead, the pass ends too late, and aborting is quicker."""
+    meets_too_soon = times.complete + params.constants.abort_margin > times.meet
+    return (motion.target_lead.now > 0) & meets_too_soon & (times.abort < times.complete)
+
+
+def _is_trapped(
+    params: StepParameters, motion: RelativeMotion, times: PassTimes, space: ReturnSpace
+) -> Mask:
+    """Whether the space is too small, or aborting is quicker than clearing the target."""
+    closing_speed = maximum(motion.closing_speed, MIN_CLOSING_SPEED)
+    clears_target_late = _distance_to_clear(motion) / closing_speed > times.abort
+    return (space.size < params.constants.min_return_space) | clears_target_late
+
+
+def _would_cross_solid_line(
+    state: State,
+    params: StepParameters,
+    slots: SlotSelection,
+    motion: RelativeMotion,
+    times: PassTimes,
+) -> Mask:
+    """Whether a driver that heeds solid lines would return across one."""
+    distance = maximum(motion.speed, _ZERO) * times.complete
+    heeds_solid_lines = params.vehicles.heeds_solid_lines[slots] > 0
+    return line_is_solid(state, params, slots, distance) & heeds_solid_lines
+
+
+def _fits_after_braking(
+    params: StepParameters,
+    context: DecisionContext,
+    vehicle: VehicleParameters,
+    motion: RelativeMotion,
+    slots: SlotSelection,
+) -> Mask:
+    """Whether an aborting driver has gaps to its target and in its lane once it has braked.
+
+    Braking takes effect late, so this tests the gap that is left after it. Without that, drivers
+    touched the vehicle ahead of them.
     """
-    vehicles, simulations = params.vehicles, params.simulations
-    assert context.oncoming is not None
-    constants, own, coming = params.constants, vehicles.at_slots(slots), context.oncoming.nearest
-    neighbours, beliefs = context.neighbours, context.beliefs
-    out = state.is_before_return(slots)
-    along, _ = state.road_velocity()
-    speed, other = along[slots], value_at_slot(along, state.overtake.target_slot[slots])
-    lead, bodies = _target_lead(state, params, slots)
-    faster = speed - other
-    aside = _HALF * simulations.urgent_change_duration
-    onwards = maximum(lead + bodies, _ZERO)
-    rest = time_to_pass(constants, own, onwards, speed, faster, other) + aside
-    brake = constants.abort_decel_share * own.max_assumed_decel
-    backwards = maximum(bodies - lead, _ZERO)
-    back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
-    noticed = coming.is_detected[slots]
-    there = np.where(
-        noticed,
-        coming.believed_gap[slots] / maximum(coming.closing_speed[slots], MIN_CLOSING_SPEED),
-        _FAR,
-    )
-    gives_up = (lead > 0) & (rest + constants.abort_margin > there) & (back < rest)
-    no_time = _must_return_before_next(state, params, context)[slots]
-    room = neighbours.gap[RIGHT_LEADER, slots] + neighbours.gap[RIGHT_FOLLOWER, slots]
-    left = own.return_time_gap * tall_vehicle_gap_factor(params, state.overtake.target_slot[slots])
-    cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
-    too_slow = onwards / maximum(faster, MIN_CLOSING_SPEED) > back
-    trapped = no_time & ((room < constants.min_return_space) | too_slow)
-    yields = (gives_up | trapped | (state.overtake.must_abort[slots] > 0)) & out
-    beyond = (out | state.is_in_stage(Stage.RETURN, slots)) & ~yields
-    pressed = beyond & ((there - rest < constants.urgent_return_margin) | cramped)
-    late = line_is_solid(state, params, slots, maximum(speed, _ZERO) * rest) & (
-        own.heeds_solid_lines > 0
-    )
-    # Another than the target may be ahead in the lane, as that one may have pulled out itself.
-    front = beliefs.gap[RIGHT_LEADER, slots]
-    front = front - _distance_gained_while_braking(
-        constants, beliefs.closing_speed[RIGHT_LEADER, slots], brake
-    )
-    return PassContinuation(
-        must_abort=yields,
-        must_return_urgently=pressed | (beyond & late),
-        accepts_small_gap=pressed,
-        fits_into_lane=(lead - _distance_gained_while_braking(constants, faster, brake) > bodies)
-        & (front > constants.min_return_gap),
-    )
+    constants, beliefs = params.constants, context.beliefs
+    decel = _abort_decel(params, vehicle)
+    lost_to_target = _distance_gained_while_braking(constants, motion.closing_speed, decel)
+    target_lead = motion.target_lead.now - lost_to_target
+    # The vehicle ahead in the lane is tested too: the target may have pulled out.
+    closing_speed = beliefs.closing_speed[RIGHT_LEADER, slots]
+    lost_to_leader = _distance_gained_while_braking(constants, closing_speed, decel)
+    gap = beliefs.gap[RIGHT_LEADER, slots] - lost_to_leader
+    return (target_lead > motion.target_lead.needed) & (gap > constants.min_return_gap)
 
 
-def _distance_gained_while_braking(constants: ModelConstants, faster: F32, brake: F32) -> F32:
-    """What is still gained on another while the brakes come on, and with them [m]."""
-    faster = maximum(faster, _ZERO)
-    return faster * (constants.brake_ramp + faster / (_TWO * brake))
+def _distance_gained_while_braking(
+    constants: ModelConstants, closing_speed: F32, decel: F32
+) -> F32:
+    """Distance that is still gained on a vehicle until braking has taken the closing speed [m]."""
+    closing_speed = maximum(closing_speed, _ZERO)
+    return closing_speed * (constants.brake_ramp + closing_speed / (_TWO * decel))
 
 
 def _must_return_before_next(
-    state: State,
-    params: StepParameters,
-    context: DecisionContext,
+    state: State, params: StepParameters, context: DecisionContext
 ) -> Mask:
-    """Who is past the one that it overtakes, and has no time to pass the next one as well.
+    """Whether drivers are past their target and lack the time to pass the next vehicle as well.
 
-    Who can no longer brake behind the next one goes on.
-
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        context: What drivers know; there is oncoming traffic on the road.
+    A driver that can no longer brake behind the next vehicle goes on.
 
     Returns:
         Shape (vehicle, simulation).
     """
-    vehicles, simulations = params.vehicles, params.simulations
-    assert context.oncoming is not None
-    constants, coming, everybody = params.constants, context.oncoming.nearest, slice(None)
-    past = state.is_in_stage(Stage.PASS, everybody) & (
+    assert context.oncoming is not None, "one-way roads have no oncoming traffic"
+    vehicles, constants = params.vehicles, params.constants
+    oncoming, beliefs = context.oncoming.nearest, context.beliefs
+    speed = state.motion.vx
+    is_past_target = state.is_in_stage(Stage.PASS, slice(None)) & (
         state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
-    gap, closing = context.beliefs.gap[RIGHT_LEADER], context.beliefs.closing_speed[RIGHT_LEADER]
-    next_one = state.motion.vx - closing
-    bodies = _TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
-    way = gap + bodies + constants.min_return_gap
-    longer = time_to_pass(constants, vehicles, way, state.motion.vx, closing, next_one)
-    longer = longer + _HALF * simulations.urgent_change_duration + constants.urgent_return_margin
-    late = (
-        assumed_oncoming_gap(vehicles, coming.believed_gap, coming.sight_distance)
-        < longer * coming.closing_speed
-    )
-    needed = cah_accel(constants, state.motion.vx, gap, closing, _ZERO)
-    return past & late & (needed >= -(constants.abort_decel_share * vehicles.max_assumed_decel))
+    gap, closing_speed = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
+    lengths = _TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
+    distance = gap + lengths + constants.min_return_gap
+    speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
+    time = time_to_pass(constants, vehicles, distance, speeds)
+    time = time + _time_to_move_over(params) + constants.urgent_return_margin
+    oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
+    would_be_late = oncoming_gap < time * oncoming.closing_speed
+    needed_accel = cah_accel(constants, speed, gap, closing_speed, _ZERO)
+    can_brake = needed_accel >= -_abort_decel(params, vehicles)
+    return is_past_target & would_be_late & can_brake
 
 
 def overtakes_next_vehicle(
-    state: State,
-    params: StepParameters,
-    context: DecisionContext,
-    slots: SlotSelection,
+    state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> Mask:
-    """Who is past the one that it overtakes and comes beside the next one: it overtakes that now.
-
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        context: What drivers know; there is oncoming traffic on the road.
-        slots: The drivers.
-    """
-    neighbours, confined = (
-        context.neighbours,
-        _must_return_before_next(state, params, context)[slots],
-    )
-    past = state.is_in_stage(Stage.PASS, slots) & (
-        state.motion.s[slots] > value_at_slot(state.motion.s, state.overtake.target_slot[slots])
-    )
-    beside = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
-    follows = confined | (state.overtake.must_abort[slots] > 0)
-    return past & beside & (neighbours.slot[RIGHT_LEADER, slots] >= 0) & ~follows
+    """Whether drivers are past their target and come beside the next vehicle, their new target."""
+    neighbours = context.neighbours
+    target_s = value_at_slot(state.motion.s, state.overtake.target_slot[slots])
+    is_past_target = state.is_in_stage(Stage.PASS, slots) & (state.motion.s[slots] > target_s)
+    is_beside = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
+    returns = _must_return_before_next(state, params, context)[slots]
+    stays_behind = returns | (state.overtake.must_abort[slots] > 0)
+    return is_past_target & is_beside & (neighbours.slot[RIGHT_LEADER, slots] >= 0) & ~stays_behind
 
 
 def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
-    lead, bodies = _target_lead(state, params, slots)
-    return state.is_before_return(slots) & (lead > bodies) & params.road.has_oncoming_traffic
-
-
-def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> tuple[F32, F32]:
-    """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
-    vehicles = params.vehicles
-    target = state.overtake.target_slot[slots]
-    bodies = vehicles.half_length[slots] + value_at_slot(vehicles.half_length, target)
-    return value_at_slot(state.motion.s, target) - state.motion.s[
-        slots
-    ], bodies + params.constants.min_return_gap
+    """Whether drivers who pass on a two-way road are still far enough behind their target."""
+    lead = _target_lead(state, params, slots)
+    return (
+        state.is_before_return(slots)
+        & (lead.now > lead.needed)
+        & (params.road.has_oncoming_traffic)
+    )
 
 
 def accel_limit_while_passing(
-    state: State,
-    params: StepParameters,
-    context: DecisionContext,
+    state: State, params: StepParameters, context: DecisionContext
 ) -> F32:
-    """The acceleration that drivers in the other lane do not go beyond [m/s^2].
+    """Largest acceleration of drivers in the opposing lane [m/s^2].
 
-    Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
-    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too:
-    with a part of its time gap, or in the middle of the room where that is nearer.
-
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        context: What drivers know; there is oncoming traffic on the road.
+    An aborting driver brakes below its target's speed. A driver past its target that lacks the time
+    to pass the next vehicle, too, keeps behind that one, as it has to fit in between: with a share
+    of its time gap, or in the middle of the space if that is nearer.
 
     Returns:
         Shape (vehicle, simulation).
     """
-    vehicles = params.vehicles
-    constants, neighbours, beliefs = params.constants, context.neighbours, context.beliefs
-    along, _ = state.road_velocity()
-    slow = (
-        along < value_at_slot(along, state.overtake.target_slot) - constants.abort_speed_difference
+    vehicles, constants, beliefs = params.vehicles, params.constants, context.beliefs
+    along_road, _ = state.road_velocity()
+    target_speed = value_at_slot(along_road, state.overtake.target_slot)
+    is_slow_enough = along_road < target_speed - constants.abort_speed_difference
+    abort_accel = np.where(is_slow_enough, _ZERO, -_abort_decel(params, vehicles))
+    neighbour_gap = context.neighbours.gap
+    gap_in_middle = _HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
+    speed = state.motion.vx
+    time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, _ZERO) / maximum(
+        speed, constants.slip_speed
     )
-    brake = np.where(slow, _ZERO, -(constants.abort_decel_share * vehicles.max_assumed_decel))
-    gap, closing = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
-    middle = _HALF * (neighbours.gap[RIGHT_LEADER] + neighbours.gap[RIGHT_FOLLOWER])
-    nearest = maximum(middle - vehicles.min_gap, _ZERO) / maximum(
-        state.motion.vx, constants.slip_speed
-    )
-    kept, wished = (
-        minimum(constants.return_time_gap_share * vehicles.time_gap, nearest),
-        current_passing_speed(state, params),
-    )
-    fitting = acc_accel(
+    following_accel = acc_accel(
         constants,
         vehicles,
-        state.motion.vx,
-        wished,
-        gap,
-        closing,
-        kept,
+        speed,
+        current_passing_speed(state, params),
+        beliefs.gap[RIGHT_LEADER],
+        beliefs.closing_speed[RIGHT_LEADER],
+        minimum(constants.return_time_gap_share * vehicles.time_gap, time_gap_in_middle),
         beliefs.accel[RIGHT_LEADER],
     )
-    fits_in = _must_return_before_next(state, params, context)
-    return np.where(state.overtake.must_abort > 0, brake, np.where(fits_in, fitting, _FAR))
+    must_return = _must_return_before_next(state, params, context)
+    limit = np.where(must_return, following_accel, NO_ACCEL_LIMIT)
+    return np.where(state.overtake.must_abort > 0, abort_accel, limit)

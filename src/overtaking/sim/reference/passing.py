@@ -1,137 +1,40 @@
-"""Whether drivers pass against oncoming traffic: the way, the time for it, and what they see.
+"""Whether drivers pass against oncoming traffic: distance, time needed, and what they see.
 
-Everybody does so by the same rules, the ego and the others; `who` says of whom arrays tell.
+The ego and the others decide by the same rules; `slots` selects the rows of the arrays.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
-from overtaking.sim.reference.decision_context import Neighbours, OncomingVehicle
+from overtaking.sim.reference.decision_context import DecisionContext
 from overtaking.sim.reference.state import LEADER, SlotSelection, State, value_at_slot
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 MIN_CLOSING_SPEED = np.float32(0.5)
-"""Least surplus of speed to be past with, and of approach [m/s]."""
+"""Smallest surplus of speed with which a pass is reckoned, and smallest closing speed [m/s]."""
 
-_FAR = np.float32(1e9)
+_FAR = np.float32(1e9)  # Gap without a vehicle [m].
 _MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _TWO = np.float32(2.0)
 
 
-def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
-    """Time to gain a way on another vehicle, at constant acceleration up to a top speed [s].
+class PassingSpeeds(NamedTuple):
+    """Speeds of a passing driver and its target [m/s].
 
-    Args:
-        way: The way [m].
-        faster: How much faster one is now [m/s].
-        top: How much faster one gets at most [m/s].
-        accel: Acceleration [m/s^2].
+    The closing speed is a field of its own, since a believed one differs in its last bits from the
+    difference of the speeds.
     """
-    a, most = maximum(accel, _MIN_ACCEL), maximum(top, MIN_CLOSING_SPEED)
-    v = minimum(maximum(faster, _ZERO), most)
-    ramp = (most - v) / a
-    covered = _HALF * (v + most) * ramp
-    within = (np.sqrt(v * v + _TWO * a * way) - v) / a
-    return np.where(way < covered, within, ramp + (way - covered) / most)
 
-
-def expected_accel(constants: ModelConstants, own: VehicleParameters, speed: F32, top: F32) -> F32:
-    """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
-
-    It is the acceleration that they like to use, limited to what the engine can give halfway. The
-    trait `passing_time_factor`, which has a source, is their error about the resulting time; they
-    know what their vehicle can do.
-
-    Args:
-        constants: Constants of the model.
-        own: Parameters of the drivers.
-        speed: Their own [m/s].
-        top: The speed that they pass at [m/s].
-    """
-    halfway = _HALF * (speed + maximum(top, speed))
-    engine = minimum(own.launch_force, own.power / maximum(halfway, constants.slip_speed))
-    left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass
-    return minimum(constants.accelerate_gain * own.accel, left)
-
-
-def passing_speed(own: VehicleParameters, surplus: np.float32, leader: F32) -> F32:
-    """The speed that is passed at: well above that of the other, if the vehicle can [m/s].
-
-    Who heeds the limit on a free road heeds it as much while passing, and takes longer.
-
-    Args:
-        own: Parameters of the drivers.
-        surplus: How much faster than the other drivers want to be [m/s].
-        leader: Speed of the other [m/s].
-    """
-    wanted = maximum(own.passing_speed, leader + surplus)
-    heeded = wanted - own.speed_limit_compliance * maximum(wanted - own.speed_limit, _ZERO)
-    return minimum(heeded, own.max_speed)
-
-
-def current_passing_speed(state: State, params: StepParameters) -> F32:
-    """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
-    vehicles = params.vehicles
-    constants = params.constants
-    along, _ = state.road_velocity()
-    top = passing_speed(
-        vehicles, constants.passing_speed_surplus, value_at_slot(along, state.overtake.target_slot)
-    )
-    return minimum(
-        np.where(state.overtake.must_return_urgently > 0, constants.urgent_speed_factor * top, top),
-        vehicles.max_speed,
-    )
-
-
-def time_to_pass(
-    constants: ModelConstants, own: VehicleParameters, way: F32, speed: F32, faster: F32, other: F32
-) -> F32:
-    """How long drivers reckon to take to gain a way on another [s].
-
-    Args:
-        constants: Constants of the model.
-        own: Parameters of the drivers.
-        way: The way [m].
-        speed: Their own [m/s].
-        faster: How much faster that is than the other [m/s].
-        other: Speed of the other [m/s].
-    """
-    top = passing_speed(own, constants.passing_speed_surplus, other)
-    return time_to_gain(way, faster, top - other, expected_accel(constants, own, speed, top))
-
-
-def assumed_oncoming_gap(own: VehicleParameters, gap: F32, sight: F32) -> F32:
-    """The way up to who comes, or may come from where the road is not seen [m].
-
-    Few reckon with somebody at the very end of what they see: who does come then comes in sight
-    while they pass.
-
-    Args:
-        own: Parameters of the drivers.
-        gap: Believed gap to who comes [m].
-        sight: How far the other lane is seen [m].
-    """
-    return minimum(gap, own.assumed_sight_factor * sight)
-
-
-def tall_vehicle_gap_factor(params: StepParameters, slot: F32) -> F32:
-    """How much more room drivers leave to the vehicle in a slot than to a car [1].
-
-    Source:
-        The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
-    """
-    vehicles, constants = params.vehicles, params.constants
-    return np.where(
-        value_at_slot(vehicles.blocks_view, slot) > 0,
-        constants.tall_vehicle_gap_factor,
-        np.float32(1.0),
-    )
+    passer: F32
+    target: F32
+    closing: F32
 
 
 @dataclass(slots=True, kw_only=True)
@@ -162,119 +65,215 @@ class PassingOpportunity:
     tall_vehicle_gap_factor: F32
 
 
-def passing_opportunity(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-    coming: OncomingVehicle,
-    slots: SlotSelection,
-    leader: tuple[F32, F32],
-) -> PassingOpportunity:
-    """What drivers know of the other lane.
+def time_to_gain(distance: F32, closing_speed: F32, max_closing_speed: F32, accel: F32) -> F32:
+    """Time to gain a distance on another vehicle, at constant acceleration up to a speed [s].
 
     Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        neighbours: Neighbours.
-        coming: Who comes.
-        slots: The drivers.
-        leader: Gap at which they believe their leaders to be [m], and speed of those [m/s].
+        distance: The distance [m].
+        closing_speed: Speed over that of the other vehicle now [m/s].
+        max_closing_speed: Largest speed over that of the other vehicle [m/s].
+        accel: Acceleration [m/s^2].
     """
-    vehicles = params.vehicles
-    gap, speed = leader
-    slot = neighbours.slot[LEADER, slots]
+    a, v_max = maximum(accel, _MIN_ACCEL), maximum(max_closing_speed, MIN_CLOSING_SPEED)
+    v = minimum(maximum(closing_speed, _ZERO), v_max)
+    ramp = (v_max - v) / a
+    covered = _HALF * (v + v_max) * ramp
+    within = (np.sqrt(v * v + _TWO * a * distance) - v) / a
+    return np.where(distance < covered, within, ramp + (distance - covered) / v_max)
+
+
+def expected_accel(
+    constants: ModelConstants, vehicle: VehicleParameters, speed: F32, passing_speed: F32
+) -> F32:
+    """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
+
+    It is the acceleration that they like to use, limited to what the engine can give halfway. The
+    trait `passing_time_factor`, which has a source, is their error about the resulting time; they
+    know what their vehicle can do.
+
+    Args:
+        constants: Constants of the model.
+        vehicle: Parameters of the drivers and their vehicles.
+        speed: Their speed [m/s].
+        passing_speed: The speed at which they pass [m/s].
+    """
+    halfway = _HALF * (speed + maximum(passing_speed, speed))
+    engine = minimum(vehicle.launch_force, vehicle.power / maximum(halfway, constants.slip_speed))
+    surplus = engine - (vehicle.drag * halfway * halfway + vehicle.rolling)
+    return minimum(constants.accelerate_gain * vehicle.accel, surplus * vehicle.inverse_mass)
+
+
+def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed: F32) -> F32:
+    """Speed at which drivers pass: well above that of the target, if the vehicle can [m/s].
+
+    A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
+
+    Args:
+        vehicle: Parameters of the drivers and their vehicles.
+        surplus: How much faster than the target drivers want to be [m/s].
+        target_speed: Speed of the target [m/s].
+    """
+    wanted = maximum(vehicle.passing_speed, target_speed + surplus)
+    excess = maximum(wanted - vehicle.speed_limit, _ZERO)
+    return minimum(wanted - vehicle.speed_limit_compliance * excess, vehicle.max_speed)
+
+
+def current_passing_speed(state: State, params: StepParameters) -> F32:
+    """The speed that passing drivers want now, (vehicle, simulation) [m/s]."""
+    vehicles, constants, overtake = params.vehicles, params.constants, state.overtake
+    along_road, _ = state.road_velocity()
+    target_speed = value_at_slot(along_road, overtake.target_slot)
+    usual = passing_speed(vehicles, constants.passing_speed_surplus, target_speed)
+    urgent = constants.urgent_speed_factor * usual
+    return minimum(np.where(overtake.must_return_urgently > 0, urgent, usual), vehicles.max_speed)
+
+
+def time_to_pass(
+    constants: ModelConstants, vehicle: VehicleParameters, distance: F32, speeds: PassingSpeeds
+) -> F32:
+    """Time that drivers expect to need to gain a distance on their target [s].
+
+    Args:
+        constants: Constants of the model.
+        vehicle: Parameters of the drivers and their vehicles.
+        distance: The distance [m].
+        speeds: Their speeds and those of their targets.
+    """
+    top = passing_speed(vehicle, constants.passing_speed_surplus, speeds.target)
+    accel = expected_accel(constants, vehicle, speeds.passer, top)
+    return time_to_gain(distance, speeds.closing, top - speeds.target, accel)
+
+
+def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_distance: F32) -> F32:
+    """Distance at which drivers assume an oncoming vehicle, seen or not [m].
+
+    Few drivers assume a vehicle at the very end of the visible road: one that does come from there
+    comes into sight while they pass.
+
+    Args:
+        vehicle: Parameters of the drivers and their vehicles.
+        believed_gap: Believed gap to the oncoming vehicle [m].
+        sight_distance: How far the driver sees along the opposing lane [m].
+    """
+    return minimum(believed_gap, vehicle.assumed_sight_factor * sight_distance)
+
+
+def tall_vehicle_gap_factor(params: StepParameters, slot: F32) -> F32:
+    """Factor on the gap that drivers keep to the vehicle in a slot, 1 for a car [1].
+
+    Source:
+        The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
+    """
+    blocks_view = value_at_slot(params.vehicles.blocks_view, slot) > 0
+    return np.where(blocks_view, params.constants.tall_vehicle_gap_factor, np.float32(1.0))
+
+
+def passing_opportunity(
+    state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
+) -> PassingOpportunity:
+    """What drivers know about the opposing lane; there is oncoming traffic on the road."""
+    assert context.oncoming is not None, "one-way roads have no oncoming traffic"
+    neighbours, beliefs, oncoming = context.neighbours, context.beliefs, context.oncoming.nearest
+    leader_slot = neighbours.slot[LEADER, slots]
     return PassingOpportunity(
-        leader_gap=gap,
-        leader_speed=speed,
+        leader_gap=beliefs.gap[LEADER, slots],
+        leader_speed=state.motion.vx[slots] - beliefs.closing_speed[LEADER, slots],
         leader_length=_TWO * neighbours.half_length[LEADER, slots],
-        gap_ahead_of_leader=gap_ahead_of(state, params, slot, slots),
+        gap_ahead_of_leader=gap_ahead_of(state, params, leader_slot, slots),
         assumed_oncoming_gap=assumed_oncoming_gap(
-            vehicles.at_slots(slots), coming.believed_gap[slots], coming.sight_distance[slots]
+            params.vehicles.at_slots(slots),
+            oncoming.believed_gap[slots],
+            oncoming.sight_distance[slots],
         ),
-        oncoming_closing_speed=coming.closing_speed[slots],
-        is_certain=coming.is_certain[slots],
+        oncoming_closing_speed=oncoming.closing_speed[slots],
+        is_certain=oncoming.is_certain[slots],
         line_is_solid=line_is_solid(state, params, slots, params.constants.line_lookahead),
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, slot),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, leader_slot),
     )
 
 
 def accepts_oncoming_gap(
     params: StepParameters,
-    own: VehicleParameters,
+    vehicle: VehicleParameters,
     speed: F32,
-    impatience: F32,
-    ahead: PassingOpportunity,
+    patience_left: F32,
+    opportunity: PassingOpportunity,
 ) -> Mask:
-    """Whether the other lane is believed to be free for long enough.
+    """Whether drivers believe that the opposing lane is free for long enough.
 
-    The time that passing takes, as it is misjudged, with something to spare, is held against
-    the time until the nearest oncomer is met; a road that is not seen counts as an oncomer. Passing
-    takes half a lane change before speed is gained, and half of one back at its end. Who waits
-    spares less, but not less than a part of what it spared at first.
+    They compare the time that passing takes, as they misjudge it and with a reserve, with the time
+    until they meet the nearest oncoming vehicle. Where they do not see the road they assume one.
+    Passing takes half a lane change before speed is gained, and half of one at its end. A waiting
+    driver keeps a smaller reserve, but not less than a share of its first one.
 
     Args:
         params: Parameters of the batch.
-        own: Parameters of the drivers.
-        speed: Their own [m/s].
-        impatience: What waiting has left of their demands, 1 at first [1].
-        ahead: What they know of the other lane.
+        vehicle: Parameters of the drivers and their vehicles.
+        speed: Their speed [m/s].
+        patience_left: Share of their demands that is left after waiting, 1 at first [1].
+        opportunity: What they know about the opposing lane.
     """
-    constants, leader = params.constants, ahead.leader_speed
-    bodies = ahead.leader_length + _TWO * own.half_length
-    returns = own.return_time_gap * impatience * ahead.tall_vehicle_gap_factor * leader
-    way = ahead.leader_gap + bodies + returns
-    top = passing_speed(own, constants.passing_speed_surplus, leader)
-    gaining = time_to_pass(constants, own, way, speed, speed - leader, leader)
-    need = own.passing_time_factor * (gaining + own.lane_change_duration)
-    closing = ahead.oncoming_closing_speed + _HALF * maximum(top - speed, _ZERO)
-    spare = own.time_reserve_share * maximum(impatience, constants.min_time_reserve_share)
-    enough = ahead.assumed_oncoming_gap > need * (np.float32(1.0) + spare) * closing
-    least = _TWO * own.half_length + constants.min_return_gap + returns
-    room = (
-        ahead.gap_ahead_of_leader > least + constants.return_time_gap_share * own.time_gap * leader
-    )
-    return enough & ahead.is_certain & room & ~(ahead.line_is_solid & (own.heeds_solid_lines > 0))
+    constants, leader_speed = params.constants, opportunity.leader_speed
+    lengths = opportunity.leader_length + _TWO * vehicle.half_length
+    factor = vehicle.return_time_gap * patience_left * opportunity.tall_vehicle_gap_factor
+    return_gap = factor * leader_speed
+    distance = opportunity.leader_gap + lengths + return_gap
+    top = passing_speed(vehicle, constants.passing_speed_surplus, leader_speed)
+    speeds = PassingSpeeds(passer=speed, target=leader_speed, closing=speed - leader_speed)
+    gaining = time_to_pass(constants, vehicle, distance, speeds)
+    time = vehicle.passing_time_factor * (gaining + vehicle.lane_change_duration)
+    closing_speed = opportunity.oncoming_closing_speed + _HALF * maximum(top - speed, _ZERO)
+    reserve = vehicle.time_reserve_share * maximum(patience_left, constants.min_time_reserve_share)
+    has_time = opportunity.assumed_oncoming_gap > time * (np.float32(1.0) + reserve) * closing_speed
+    min_gap = _TWO * vehicle.half_length + constants.min_return_gap + return_gap
+    time_gap = constants.return_time_gap_share * vehicle.time_gap
+    fits_ahead = opportunity.gap_ahead_of_leader > min_gap + time_gap * leader_speed
+    heeds_line = opportunity.line_is_solid & (vehicle.heeds_solid_lines > 0)
+    return has_time & opportunity.is_certain & fits_ahead & ~heeds_line
 
 
 def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSelection) -> F32:
-    """Gap that drivers find between the vehicle in a slot and the one ahead of it [m]."""
-    vehicles = params.vehicles
-    place = value_at_slot(state.motion.s, slot)
-    front = place + value_at_slot(vehicles.half_length, slot)
-    room = np.full_like(front, _FAR)
-    numbers = np.arange(len(state.motion.s), dtype=np.float32)[:, None][slots]
-    for j in range(len(state.motion.s)):
-        beyond = (
-            (vehicles.valid[j] > 0)
-            & (vehicles.travel_sign[j] == vehicles.travel_sign[slots])
-            & (state.motion.s[j] > place)
-        )
-        beyond = beyond & (slot != np.float32(j)) & (numbers != np.float32(j))
-        room = np.where(
-            beyond, minimum(room, (state.motion.s[j] - vehicles.half_length[j]) - front), room
-        )
-    return room
-
-
-def line_is_solid(
-    state: State,
-    params: StepParameters,
-    slots: SlotSelection,
-    ahead: F32 | np.float32,
-) -> Mask:
-    """Whether the line is not to be crossed where drivers are, or at a way ahead of them.
+    """Gap between the vehicle in a slot and the next one ahead of it, for each driver [m].
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        slots: The drivers.
-        ahead: The way [m].
+        slot: Slot of the vehicle, shape of the slots.
+        slots: Slots of the drivers, who are not ahead of it themselves.
     """
-    vehicles = params.vehicles
+    vehicles, s = params.vehicles, state.motion.s
+    centre = value_at_slot(s, slot)
+    front = centre + value_at_slot(vehicles.half_length, slot)
+    gap = np.full_like(front, _FAR)
+    own_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
+    for other in range(len(s)):
+        is_ahead = (
+            (vehicles.valid[other] > 0)
+            & (vehicles.travel_sign[other] == vehicles.travel_sign[slots])
+            & (s[other] > centre)
+        )
+        is_ahead = is_ahead & (slot != np.float32(other)) & (own_slot != np.float32(other))
+        gap = np.where(
+            is_ahead, minimum(gap, (s[other] - vehicles.half_length[other]) - front), gap
+        )
+    return gap
+
+
+def line_is_solid(
+    state: State, params: StepParameters, slots: SlotSelection, distance: F32 | np.float32
+) -> Mask:
+    """Whether the line between the directions is solid at drivers, or at a distance ahead of them.
+
+    Args:
+        state: State at a decision.
+        params: Parameters of the batch.
+        slots: Slots of the drivers.
+        distance: The distance [m].
+    """
     stations, along, against = params.road.solid_line
-    here, direction = state.road_position(params)[0][slots], vehicles.travel_sign[slots]
-    solid = np.zeros(here.shape, bool)
-    for place in (here, here + direction * ahead):
+    s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
+    is_solid = np.zeros(s.shape, bool)
+    for place in (s, s + travel_sign * distance):
         knot = np.searchsorted(stations, place, side="right") - 1
-        solid = solid | (np.where(direction < 0, against[knot], along[knot]) > 0)
-    return solid
+        is_solid = is_solid | (np.where(travel_sign < 0, against[knot], along[knot]) > 0)
+    return is_solid

@@ -1,4 +1,7 @@
-"""What each driver believes about the neighbours: seen or not, how far, how fast."""
+"""What drivers believe about their neighbours: whether they see them, how far, how fast."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,44 +17,87 @@ from overtaking.sim.reference.state import (
     LEADER,
     NEVER_LOOKED,
     State,
+    is_leader_role,
     value_at_slot,
 )
 from overtaking.world import road_surface
 from overtaking.world.step_parameters import StepParameters
 
-# The engine has these numbers too.
-_NEAREST_GAP = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
+# The engine has the same numbers.
+_NEAREST_GAP = np.float32(1.0)  # A vehicle closer than this is as visible, and looms as much [m].
+_FARTHEST_GAP = np.float32(1e4)  # Beyond every range of sight [m].
+_MAX_OPTICAL_DEPTH = np.float32(40.0)  # exp(-40) shows nothing; larger exponents overflow.
+_MIN_LOG_CONTRAST = np.float32(0.02)  # Logarithm at which a contrast cannot be seen any more.
+_MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite where all looming is seen [rad/s].
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+
+MIN_SIGHT_LINE = np.float32(0.1)
+"""Smallest length of a line of sight, which keeps it finite alongside [m]."""
 
 
-_FARTHEST_GAP = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
+class Extinction(NamedTuple):
+    """Extinction coefficients, (vehicle, simulation) [1/m]."""
+
+    air: F32  # Of fog and rain around the driver.
+    spray: F32  # Of the spray behind its leader.
 
 
-_MAX_OPTICAL_DEPTH = np.float32(
-    40.0
-)  # Nothing is seen through e**-40; larger exponents only overflow.
+class Conspicuity(NamedTuple):
+    """How well a vehicle can be seen, (vehicle, simulation)."""
+
+    log_contrast: F32  # Logarithm of its contrast.
+    inverse_lamp_intensity: F32  # [1/cd]
 
 
-_MIN_LOG_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
+class Looming(NamedTuple):
+    """How an approach looms to each driver, (vehicle, simulation)."""
+
+    exceeds_threshold: Mask
+    noticed_share: F32  # How much of the closing speed is noticed, 0 to 1.
+    error_share: F32  # What is left of misjudgements as contact comes near, 0 to 1.
+    closing_speed: F32  # As it is sensed [m/s].
 
 
-_MIN_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
+class RecalledMotion(NamedTuple):
+    """Motion of vehicles, extrapolated from when a driver saw them, (vehicle, simulation)."""
+
+    s: F32  # Station now, if the speed has stayed the same [m].
+    speed: F32  # Speed along the road [m/s].
+    observed_at: F32  # Index of the decision at which the driver saw them.
 
 
-MIN_SIGHT_LINE = np.float32(0.1)  # Keeps sight lines finite alongside [m].
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gaze:
+    """Where drivers look at one decision.
+
+    Attributes:
+        extinction: Extinction around each driver, and of the spray ahead.
+        watches: Whether the driver keeps an eye on this role all the time, (vehicle, simulation).
+        looks: Whether the driver looks there at this decision, (vehicle, simulation).
+        known_slots: Vehicle in each role at the last look, (role, vehicle, simulation).
+        known_times: How long that vehicle had been in view [s], same shape.
+    """
+
+    extinction: Extinction
+    watches: Mask
+    looks: Mask
+    known_slots: F32
+    known_times: F32
 
 
 def record_history(state: State, decision_index: int) -> None:
-    """Write down where everybody is now, to be seen after a reaction time."""
+    """Remember where all vehicles are now; drivers see it after their reaction delay."""
     along, _ = state.road_velocity()
     state.attention.past_s[decision_index % HISTORY_LENGTH] = state.motion.s
     state.attention.past_speed[decision_index % HISTORY_LENGTH] = along
 
 
 def checks_mirrors_now(state: State, params: StepParameters, decision_index: int) -> Mask:
-    """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
+    """Whether drivers check mirrors and adjacent lanes now, (vehicle, simulation).
 
-    Everybody does at an interval, one vehicle after the other, but not at once at the start; once
-    more who has signalled for long enough, before moving over; and more often who moves over.
+    They do so at an interval, but not all at once at the start; once more when they have indicated
+    for long enough, before they move over; and more often while they move over.
 
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
@@ -59,6 +105,8 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     vehicles = params.vehicles
     constants, all_slots = params.constants, np.arange(state.motion.s.shape[0])[:, None]
     interval = int(constants.glance_interval)
+    # Slots look one after the other; 7 and 20 have no common factor. Looks drawn for each driver
+    # would save nothing: in a block of sixteen simulations some driver looks at every decision.
     regular = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
     regular = regular & (decision_index >= interval)
     early = state.path.elapsed < constants.abort_until * state.path.duration
@@ -68,7 +116,7 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
     signalled[slots] = state.overtake.time_indicating[slots] > vehicles.indicator_lead_time[slots]
     checks_mirrors = regular | ((state.lane_choice.wanted_side != 0) & signalled)
-    # Who is in the lane of others looks all the time.
+    # A driver in the opposing lane looks all the time.
     return checks_mirrors | (
         (state.lane_choice.lane >= np.float32(1.0)) & params.road.has_oncoming_traffic
     )
@@ -91,36 +139,27 @@ def draw_shoulder_check(
     )
 
 
-def extinction_ahead(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-) -> tuple[F32, F32]:
-    """Extinction around each driver and that of the spray ahead, (vehicle, simulation) [1/m]."""
+def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbours) -> Extinction:
+    """Extinction around each driver and in the spray ahead of it."""
     vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    air = simulations.fog_extinction + simulations.rain_extinction * (
-        np.float32(1.0) + state.motion.vx / constants.rain_speed
-    )
+    constants, vx = params.constants, state.motion.vx
+    rain_factor = _ONE + vx / constants.rain_speed
+    air = simulations.fog_extinction + simulations.rain_extinction * rain_factor
     path = value_of_lane(params.road.film_path, state.lane_choice.lane, params.road.num_lanes)
     water = road_surface.lane_film(
         simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
     )
-    lead = neighbours.slot[LEADER]
-    speed = value_at_slot(state.motion.vx, lead) / constants.spray_speed
-    wetness = minimum(water / constants.spray_film, np.float32(1.0))
-    spray = (
-        constants.spray_coefficient
-        * wetness
-        * (speed * speed)
-        * value_at_slot(vehicles.spray, lead)
-    )
-    close = (lead >= 0) & (neighbours.gap[LEADER] < constants.spray_reach)
-    return air, np.where(close, spray, np.float32(0.0))
+    leader = neighbours.slot[LEADER]
+    speed = value_at_slot(vx, leader) / constants.spray_speed
+    wetness = minimum(water / constants.spray_film, _ONE)
+    spray_size = value_at_slot(vehicles.spray, leader)
+    spray = constants.spray_coefficient * wetness * (speed * speed) * spray_size
+    is_close = (leader >= 0) & (neighbours.gap[LEADER] < constants.spray_reach)
+    return Extinction(air=air, spray=np.where(is_close, spray, _ZERO))
 
 
 def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
-    """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
+    """Whether a tall leader stands between a driver and the neighbour ahead in `role`."""
     vehicles = params.vehicles
     lead, other = neighbours.slot[LEADER], neighbours.slot[role]
     reach = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
@@ -136,149 +175,182 @@ def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Ma
 def sight_range_ratio(
     params: StepParameters,
     gap: F32,
-    shines: tuple[F32, F32],
-    depths: tuple[F32, F32],
+    conspicuity: Conspicuity,
+    extinction: Extinction,
     *,
     is_front: bool,
 ) -> F32:
-    """How close to the limit of sight somebody at a gap is: below 1 it can be seen.
+    """Distance of a vehicle over the range at which it can be seen; below 1 it can be seen [1].
 
-    By contrast the value is the distance over the range of sight (Koschmieder), by lamps the root
-    of threshold over illuminance (Allard), which in clear air is the distance over the range as
-    well.
+    By contrast this is the distance over the range of sight (Koschmieder), by lamps the root of
+    threshold over illuminance (Allard), which in clear air is the distance over the range as well.
 
     Args:
         params: Parameters of the batch.
-        gap: The gap [m].
-        shines: Logarithm of the contrast, and one over the intensity of the lamps [1/cd].
-        depths: What `optical_depth` returned.
-        is_front: Whether it is seen ahead, not in the mirrors.
+        gap: Gap to the vehicle [m].
+        conspicuity: How well the vehicle can be seen.
+        extinction: Extinction between driver and vehicle.
+        is_front: Whether the driver sees it ahead, not in the mirrors.
     """
     simulations, constants = params.simulations, params.constants
-    air, spray = depths
-    contrast, lamp = shines
     distance = clamp(gap, _NEAREST_GAP, _FARTHEST_GAP)
-    depth, sensitivity = air * distance, simulations.log_contrast_sensitivity_behind
+    depth = extinction.air * distance
+    sensitivity = simulations.log_contrast_sensitivity_behind
     if is_front:
-        depth = depth + spray * minimum(distance, constants.spray_reach)
+        depth = depth + extinction.spray * minimum(distance, constants.spray_reach)
         sensitivity = simulations.log_contrast_sensitivity_ahead
-    by_contrast = depth / maximum(contrast + sensitivity, _MIN_LOG_CONTRAST)
+    by_contrast = depth / maximum(conspicuity.log_contrast + sensitivity, _MIN_LOG_CONTRAST)
     by_contrast = maximum(by_contrast, distance * simulations.inverse_lit_range)
-    by_lamp = np.sqrt(
-        distance
-        * distance
-        * (simulations.lamp_threshold * lamp)
-        * exp(minimum(depth, _MAX_OPTICAL_DEPTH))
-    )
+    threshold = simulations.lamp_threshold * conspicuity.inverse_lamp_intensity
+    attenuation = exp(minimum(depth, _MAX_OPTICAL_DEPTH))
+    by_lamp = np.sqrt(distance * distance * threshold * attenuation)
     return minimum(by_contrast, by_lamp)
 
 
-def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
-    """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
-    vehicles, constants = params.vehicles, params.constants
-    lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
-    braking = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
-    return np.where(braking, minimum(lamp, constants.inverse_stop_lamp), lamp)
+def detection_time(params: StepParameters, ratio: F32) -> F32:
+    """Time for which a vehicle at this share of the sight range is in view before detection [s]."""
+    growth = params.constants.detection_growth * (ratio * ratio * ratio)
+    return params.simulations.detection_time * (_ONE + growth)
 
 
 def detect(
+    state: State, params: StepParameters, neighbours: Neighbours, role: int, gaze: Gaze
+) -> Mask:
+    """Whether each driver has detected its neighbour in `role`; updates the time in view.
+
+    A vehicle is detected once it has been in view for the detection time, which grows towards the
+    limit of sight.
+    """
+    constants, slot = params.constants, neighbours.slot[role]
+    ratio = _sight_range_ratio_of(state, params, neighbours, role, gaze.extinction)
+    is_visible = _is_visible(state, params, neighbours, role, ratio)
+    # A glance counts as half a second in view, so what is hard to see takes several looks; a
+    # watched role gains 50 ms at each decision.
+    gained = np.where(gaze.watches, constants.decision, constants.glance_time)
+    # The same vehicle may have been in another role: passing it, or changing lanes, does not
+    # restart its detection.
+    time_so_far = np.zeros_like(ratio)
+    for known_slot, known_time in zip(gaze.known_slots, gaze.known_times, strict=True):
+        time_so_far = np.where(slot == known_slot, maximum(time_so_far, known_time), time_so_far)
+    # Drivers have watched the traffic before the first frame.
+    is_first_look = gaze.known_slots[role] == NEVER_LOOKED
+    time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + gained)
+    time = np.where(is_visible, time, _ZERO)
+    attention = state.attention
+    attention.time_in_view[role] = np.where(gaze.looks, time, attention.time_in_view[role])
+    attention.slot_in_view[role] = np.where(gaze.looks, slot, attention.slot_in_view[role])
+    is_seen_long_enough = attention.time_in_view[role] >= detection_time(params, ratio)
+    return gaze.looks & is_visible & is_seen_long_enough
+
+
+def _sight_range_ratio_of(
     state: State,
     params: StepParameters,
     neighbours: Neighbours,
     role: int,
-    depths: tuple[F32, F32],
-    before: tuple[F32, F32],
-    watches: tuple[Mask, Mask],
-) -> Mask:
-    """Whether each driver has noticed the neighbour in `role`; advances the time in view.
+    extinction: Extinction,
+) -> F32:
+    """Distance of the neighbour in `role` over the range at which it can be seen [1].
 
-    Who was in view at the last look `before`, in whatever role, is not lost by passing or by a
-    change of lanes. The masks `watches` say who keeps an eye on the role, and who looks there now.
+    Ahead the rear lamps count, behind the headlamps.
     """
-    vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    slot, gap = neighbours.slot[role], neighbours.gap[role]
-    is_front = role % 2 == 0
-    lamp = (
-        _inverse_rear_lamp(state, params, slot)
-        if is_front
-        else value_at_slot(vehicles.inverse_head_lamp, slot)
-    )
-    effort = sight_range_ratio(
-        params, gap, (value_at_slot(vehicles.log_contrast, slot), lamp), depths, is_front=is_front
-    )
-    reach = vehicles.attention_range if is_front else constants.mirror_range
-    visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
+    vehicles, slot = params.vehicles, neighbours.slot[role]
+    is_front = is_leader_role(role)
     if is_front:
-        visible = visible & ~is_occluded(params, neighbours, role)
-    # Who comes as near as this is noticed without a look over the shoulder.
-    aside = np.abs(neighbours.lateral_distance[role]) - (
-        vehicles.half_width + value_at_slot(vehicles.half_width, slot)
-    )
-    hides = gap < (np.float32(0.0) if is_front else constants.blind_spot)
-    visible = visible & ~(
-        hides & (aside > constants.alongside) & (state.lane_choice.checks_blind_spot == 0)
-    )
-    steadily, now = watches
-    more = np.where(steadily, constants.decision, constants.glance_time)
-    longer = np.zeros_like(gap)
-    for known, time in zip(*before, strict=True):
-        longer = np.where(slot == known, maximum(longer, time), longer)
-    longer = np.where(
-        before[0][role] == NEVER_LOOKED, constants.initial_time_in_view, longer + more
-    )
-    longer = np.where(visible, longer, np.float32(0.0))
-    state.attention.time_in_view[role] = np.where(now, longer, state.attention.time_in_view[role])
-    state.attention.slot_in_view[role] = np.where(now, slot, state.attention.slot_in_view[role])
-    needed = simulations.detection_time * (
-        np.float32(1.0) + constants.detection_growth * (effort * effort * effort)
-    )
-    return now & visible & (state.attention.time_in_view[role] >= needed)
+        lamp = _inverse_rear_lamp(state, params, slot)
+    else:
+        lamp = value_at_slot(vehicles.inverse_head_lamp, slot)
+    conspicuity = Conspicuity(value_at_slot(vehicles.log_contrast, slot), lamp)
+    gap = neighbours.gap[role]
+    return sight_range_ratio(params, gap, conspicuity, extinction, is_front=is_front)
 
 
-def recall_motion(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
-    """Where the vehicles in `slot` were at decisions `then`, and how fast [m, m/s]."""
-    row, slots = then.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
+def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
+    """One over the intensity of the tail or stop lamps of a vehicle [1/cd]."""
+    vehicles, constants = params.vehicles, params.constants
+    lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
+    brakes = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
+    return np.where(brakes, minimum(lamp, constants.inverse_stop_lamp), lamp)
+
+
+def _is_visible(
+    state: State, params: StepParameters, neighbours: Neighbours, role: int, ratio: F32
+) -> Mask:
+    """Whether the neighbour in `role` can be seen: in range, not occluded, not in a blind spot."""
+    constants, vehicles = params.constants, params.vehicles
+    slot, gap = neighbours.slot[role], neighbours.gap[role]
+    is_front = is_leader_role(role)
+    max_range = vehicles.attention_range if is_front else constants.mirror_range
+    is_visible = (slot >= 0) & (ratio <= _ONE) & (gap < max_range)
+    if is_front:
+        is_visible = is_visible & ~is_occluded(params, neighbours, role)
+    # The blind spot reaches from the rear bumper backwards; a leader is in it only alongside.
+    # A body that comes very near sideways is seen from the corner of the eye.
+    half_widths = vehicles.half_width + value_at_slot(vehicles.half_width, slot)
+    lateral_gap = np.abs(neighbours.lateral_distance[role]) - half_widths
+    is_beside = gap < (_ZERO if is_front else constants.blind_spot)
+    is_in_blind_spot = is_beside & (lateral_gap > constants.alongside)
+    return is_visible & ~(is_in_blind_spot & (state.lane_choice.checks_blind_spot == 0))
+
+
+def recall_motion(state: State, decision_index: F32, slot: F32) -> tuple[F32, F32]:
+    """Station [m] and speed along the road [m/s] of the vehicles in `slot` at past decisions."""
+    row, slots = decision_index.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
     column = np.arange(state.motion.s.shape[1])
-    return state.attention.past_s[row, slots, column], state.attention.past_speed[
-        row, slots, column
-    ]
+    past = state.attention
+    return past.past_s[row, slots, column], past.past_speed[row, slots, column]
+
+
+def extrapolate_motion(
+    state: State, params: StepParameters, slot: F32, delay: F32, decision_index: int
+) -> RecalledMotion:
+    """Where drivers expect vehicles that they saw a reaction delay ago, at constant speed.
+
+    Args:
+        state: State at a decision.
+        params: Parameters of the batch.
+        slot: Slots of the vehicles.
+        delay: Reaction delay [decisions].
+        decision_index: Index of this decision.
+
+    Source:
+        Treiber, Kesting and Helbing 2006 (human driver model).
+    """
+    observed_at = maximum(np.float32(decision_index) - delay, _ZERO)
+    elapsed = (np.float32(decision_index) - observed_at) * params.constants.decision
+    s, speed = recall_motion(state, observed_at, slot)
+    return RecalledMotion(s=s + speed * elapsed, speed=speed, observed_at=observed_at)
 
 
 def sense_looming(
-    state: State,
-    params: StepParameters,
-    gap: F32,
-    closing: F32,
-    width: F32,
-) -> tuple[Mask, F32, F32, F32]:
-    """How an approach looms to each driver, (vehicle, simulation).
+    state: State, params: StepParameters, gap: F32, closing_speed: F32, width: F32
+) -> Looming:
+    """How an approach looms to each driver.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
         gap: The gap [m].
-        closing: Speed of approach [m/s].
-        width: What is seen to grow [m].
-
-    Returns:
-        Whether it looms at all; how much of it is noticed, 0 to 1; what is left of misjudgements
-        as contact comes near, 0 to 1; the speed of approach that is sensed [m/s].
+        closing_speed: Closing speed [m/s].
+        width: Width of the vehicle whose image grows [m].
 
     Source:
         Lee 1976 (time to contact from optical expansion).
     """
     simulations, constants = params.simulations, params.constants
-    one = np.float32(1.0)
     distance = maximum(gap, _NEAREST_GAP)
-    expansion = width * np.abs(closing) / (distance * distance)
+    expansion = width * np.abs(closing_speed) / (distance * distance)
     excess = expansion - constants.looming_threshold
     span = maximum(constants.looming_growth * constants.looming_threshold, _MIN_LOOMING)
-    clear = clamp(excess / span, np.float32(0.0), one)
-    fading = maximum(closing * constants.error_fade_time, _NEAREST_GAP)
-    share = minimum(distance / fading, one)
-    sensed = closing * (one + share * (simulations.speed_error * state.noise.speed_error))
-    return excess > 0, clear, share, sensed
+    fading = maximum(closing_speed * constants.error_fade_time, _NEAREST_GAP)
+    error_share = minimum(distance / fading, _ONE)
+    error = error_share * (simulations.speed_error * state.noise.speed_error)
+    return Looming(
+        exceeds_threshold=excess > 0,
+        noticed_share=clamp(excess / span, _ZERO, _ONE),
+        error_share=error_share,
+        closing_speed=closing_speed * (_ONE + error),
+    )
 
 
 def form_beliefs(
@@ -288,92 +360,81 @@ def form_beliefs(
     decision_index: int,
     checks_mirrors: Mask,
 ) -> Beliefs:
-    """What each driver believes about the six neighbours.
+    """What each driver believes about its six neighbours.
 
-    Drivers watch the leader, and while they change lanes also those ahead on either side. At the
-    others they glance: who is not looked at is as good as not there, and nothing is decided then.
+    Drivers watch the leader, and while they change lanes also the vehicles ahead on either side.
+    They glance at the others; vehicles outside the current glance are ignored, and nothing is
+    decided about them then.
 
-    Others are seen as they were a reaction time ago and carried on at constant speed, as in the
-    human driver model of Treiber, Kesting and Helbing (2006); their distance and closing speed are
-    misjudged by slowly varying factors. An approach is noticed above the threshold of looming, a
-    little at first. The misjudgement fades as contact comes near, since expansion alone tells the
-    time that is left (`sense`).
+    Drivers see the others as they were a reaction delay ago and extrapolate their motion; they
+    misjudge distance and closing speed by slowly varying factors. They notice an approach above the
+    threshold of looming, a little at first. The misjudgement fades as contact comes near, since the
+    expansion of the image alone tells the time that is left.
     """
-    vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    depths = extinction_ahead(state, params, neighbours)
+    vehicles, constants = params.vehicles, params.constants
+    extinction = extinction_ahead(state, params, neighbours)
     own_speed, _ = state.road_velocity()
-    judged = exp(simulations.distance_error * state.noise.distance_error)
-    before = state.attention.slot_in_view.copy(), state.attention.time_in_view.copy()
-    changing = state.path.elapsed < state.path.duration
-    detected, gaps, closings, accels = [], [], [], []
+    distance_factor = exp(params.simulations.distance_error * state.noise.distance_error)
+    known = state.attention.slot_in_view.copy(), state.attention.time_in_view.copy()
+    is_changing_lanes = state.path.elapsed < state.path.duration
+    detected, gaps, closing_speeds, accels = [], [], [], []
     for role in range(6):
-        slot = neighbours.slot[role]
-        steadily = (role == LEADER) | (changing & (role % 2 == 0))
-        watches = steadily, checks_mirrors | steadily
-        noticed = detect(state, params, neighbours, role, depths, before, watches)
-        ticks = np.where(
-            _is_imminent(state, params, neighbours, role),
-            vehicles.urgent_reaction_delay,
-            vehicles.reaction_delay,
+        slot, is_front = neighbours.slot[role], is_leader_role(role)
+        watches = (role == LEADER) | (is_changing_lanes & is_front)
+        gaze = Gaze(
+            extinction=extinction,
+            watches=watches,
+            looks=checks_mirrors | watches,
+            known_slots=known[0],
+            known_times=known[1],
         )
-        then = maximum(np.float32(decision_index) - ticks, np.float32(0.0))
-        elapsed = (np.float32(decision_index) - then) * constants.decision
-        place, speed = recall_motion(state, then, slot)
-        place = place + speed * elapsed
-        ahead = nearest_image(
-            params, place - state.motion.s if role % 2 == 0 else state.motion.s - place
-        )
-        gap = ahead - (neighbours.half_length[role] + vehicles.half_length)
-        closing = own_speed - speed if role % 2 == 0 else speed - own_speed
+        is_detected = detect(state, params, neighbours, role, gaze)
+        is_imminent = _is_imminent(state, params, neighbours, role)
+        delay = np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
+        seen = extrapolate_motion(state, params, slot, delay, decision_index)
+        distance = seen.s - state.motion.s if is_front else state.motion.s - seen.s
+        half_lengths = neighbours.half_length[role] + vehicles.half_length
+        gap = nearest_image(params, distance) - half_lengths
+        closing_speed = own_speed - seen.speed if is_front else seen.speed - own_speed
         width = value_at_slot(vehicles.looming_width, slot)
-        looms, clear, share, sensed = sense_looming(state, params, gap, closing, width)
-        error = (judged - np.float32(1.0)) * share
-        detected.append(noticed)
-        gaps.append(np.where(noticed, gap + gap * error, constants.unseen_gap))
-        closings.append(np.where(noticed, clear * sensed, np.float32(0.0)))
-        accels.append(_believed_braking(state, params, neighbours, role, then, noticed, looms))
+        looming = sense_looming(state, params, gap, closing_speed, width)
+        error = (distance_factor - _ONE) * looming.error_share
+        sensed = looming.noticed_share * looming.closing_speed
+        braking = _believed_braking(state, params, slot, seen.observed_at, looming)
+        detected.append(is_detected)
+        gaps.append(np.where(is_detected, gap + gap * error, constants.unseen_gap))
+        closing_speeds.append(np.where(is_detected, sensed, _ZERO))
+        accels.append(np.where(is_detected & is_front, braking, _ZERO))
     return Beliefs(
         is_detected=np.stack(detected),
         gap=np.stack(gaps),
-        closing_speed=np.stack(closings),
+        closing_speed=np.stack(closing_speeds),
         accel=np.stack(accels),
     )
 
 
 def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
-    """Whether the leader, who alone is watched all the time, comes near very soon.
+    """Whether contact with the leader, the only vehicle watched all the time, is near.
 
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
-    constants = params.constants
-    closing = state.motion.vx - value_at_slot(state.motion.vx, neighbours.slot[LEADER])
-    return (role == LEADER) & (neighbours.gap[LEADER] < constants.urgent_time * closing)
+    closing_speed = state.motion.vx - value_at_slot(state.motion.vx, neighbours.slot[LEADER])
+    is_near = neighbours.gap[LEADER] < params.constants.urgent_time * closing_speed
+    return (role == LEADER) & is_near
 
 
 def _believed_braking(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-    role: int,
-    then: F32,
-    noticed: Mask,
-    looming: Mask,
+    state: State, params: StepParameters, slot: F32, observed_at: F32, looming: Looming
 ) -> F32:
-    """How hard somebody ahead seemed to brake a reaction time ago, (vehicle, simulation) [m/s^2].
+    """Acceleration of vehicles ahead as it seemed a reaction delay ago, never positive [m/s^2].
 
-    Stop lamps say that there is braking, not how much; that is seen once the leader looms.
+    Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms.
     """
     constants = params.constants
-    if role % 2 == 1:
-        return np.zeros_like(then)
-    before = maximum(then - constants.brake_memory, np.float32(0.0))
-    _, late = recall_motion(state, then, neighbours.slot[role])
-    _, early = recall_motion(state, before, neighbours.slot[role])
-    change = minimum(
-        (late - early) / (constants.brake_memory * constants.decision), np.float32(0.0)
-    )
-    lamps = (change < -constants.stop_lamp_decel) & ~looming
-    seen = np.where(lamps, minimum(change, -constants.lamp_decel), change)
-    return np.where(noticed, seen, np.float32(0.0))
+    before = maximum(observed_at - constants.brake_memory, _ZERO)
+    _, late = recall_motion(state, observed_at, slot)
+    _, early = recall_motion(state, before, slot)
+    change = minimum((late - early) / (constants.brake_memory * constants.decision), _ZERO)
+    sees_lamps_only = (change < -constants.stop_lamp_decel) & ~looming.exceeds_threshold
+    return np.where(sees_lamps_only, minimum(change, -constants.lamp_decel), change)

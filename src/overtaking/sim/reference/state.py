@@ -388,3 +388,8 @@ def value_at_slot(values: F32, slot: F32) -> F32:
     """
     index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
     return values[index, np.arange(values.shape[1])]
+
+
+def is_leader_role(role: int) -> bool:
+    """Whether a role is that of a vehicle ahead: leaders have even numbers."""
+    return role % 2 == 0
