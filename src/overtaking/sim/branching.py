@@ -34,7 +34,11 @@ Simulate = Callable[..., Trajectories]
 
 
 _REMOVED_S = np.float32(-30_000.0)
-"""Where a vehicle goes that is removed: behind the road, where nobody meets it [m]."""
+"""Station of removed vehicles: behind the road, where they meet no other vehicle [m].
+
+Slots keep their numbers, and with them their random numbers. A flag of validity that changes would
+leave half-written frames.
+"""
 
 
 _REMOVED_SPACING = np.float32(1_000.0)

@@ -264,7 +264,7 @@ def _similar_names(error: Exception) -> str:
 def _driver_error(
     observation: Observation, expected: str, got: object, wrong: NDArray[np.integer]
 ) -> DriverError:
-    """The error for an answer that is none."""
+    """The error for an invalid answer."""
     first = int(observation.scenario.scenario_index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
     return DriverError(

@@ -18,7 +18,7 @@ _FREE = np.float32(1e9)
 
 _MIN_SPEED = np.float32(0.1)  # Keeps the time until vehicles meet finite [m/s].
 
-_MIN_MEETING_TIME = np.float32(0.1)  # Keeps braking finite for who is there already [s].
+_MIN_MEETING_TIME = np.float32(0.1)  # Keeps braking finite for a vehicle that is there already [s].
 
 _HALF = np.float32(0.5)
 
@@ -37,7 +37,7 @@ def accel_behind_leader(
         params: Parameters of the batch.
         neighbours: Neighbours.
         beliefs: What drivers believe of them.
-        oncoming: Whom they meet; None on roads of one direction.
+        oncoming: Oncoming traffic; None on one-way roads.
     """
     vehicles = params.vehicles
     desired = _current_desired_speed(state, params, oncoming)
@@ -99,7 +99,7 @@ def accel_behind_old_leader(
         params: Parameters of the batch.
         neighbours: Neighbours.
         beliefs: What drivers believe of them.
-        oncoming: Whom they meet; None on roads of one direction.
+        oncoming: Oncoming traffic; None on one-way roads.
     """
     vehicles = params.vehicles
     constants = params.constants
@@ -126,6 +126,8 @@ def accel_behind_old_leader(
         + value_at_slot(vehicles.half_width, slot)
         + constants.footprint_margin
     )
+    # At 0.6 of its duration the path has moved by more than a car's width. The margin covers
+    # misjudged distances: at night the belief is off by a fifth and more, and the leader was hit.
     left = maximum(
         constants.lane_cleared_share * state.path.duration - state.path.elapsed, np.float32(0.0)
     )
@@ -214,14 +216,14 @@ def accel_for_oncoming(state: State, params: StepParameters, oncoming: OncomingT
 def _shift_to_edge(
     state: State, params: StepParameters, brakes: Mask, room: F32, out: Mask
 ) -> None:
-    """Move towards the edge of the lane for who comes in it, or passes; and back afterwards.
+    """Move to the edge of the lane for an oncoming or a passing vehicle, and back afterwards.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        brakes: Who brakes for who comes.
-        room: How far others move for who passes [m].
-        out: Who overtakes, and keeps to the way of that.
+        brakes: Drivers who brake for an oncoming vehicle.
+        room: How far the others move for a passing vehicle [m].
+        out: Drivers who overtake, and keep to the path of that.
     """
     vehicles = params.vehicles
     constants = params.constants

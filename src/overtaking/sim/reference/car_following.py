@@ -169,11 +169,10 @@ def imposed_accel(
     closing: F32,
     time_gap: F32,
 ) -> F32:
-    """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
+    """Acceleration, never positive, that a vehicle imposes on a follower at its speed [m/s^2].
 
-    The bare model at its desired speed: what somebody in this place does to the one behind. It is
-    not cooled, since a cool head only counts on the gap that it has: who is to give room to
-    somebody else judges by the gap that is wanted.
+    The plain model at its desired speed. The result is not damped: a small gap that a driver
+    accepts for itself after a cut-in is too small to impose on another driver.
 
     Source:
         Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.

@@ -19,7 +19,7 @@ from overtaking.sim.reference.pass_continuation import can_abort_pass
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
-_FREE = np.float32(1e9)  # Behind nobody [m/s^2].
+_FREE = np.float32(1e9)  # Without a leader [m/s^2].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -104,11 +104,11 @@ def can_return(state: State) -> Mask:
 
 
 def intent_from_action(state: State, params: StepParameters, action: EgoAction) -> Intent:
-    """What the ego sets out to do: what another driver asks for, where that is possible."""
+    """What the ego intends: what the external driver asks for, where that is possible."""
     if action.steers_wheels:
         return _intent_from_position(state, params)
     side = _requested_side(action)
-    # Who changes their mind shows the other side for as long.
+    # A driver that changes its mind indicates the other side for as long.
     turned = state.lane_choice.wanted_side[EGO_SLOT] * side < 0
     state.overtake.time_indicating[EGO_SLOT] = np.where(
         turned, np.float32(0.0), state.overtake.time_indicating[EGO_SLOT]

@@ -38,7 +38,7 @@ _STEADY = np.float32(0.0)
 
 _ONE = np.float32(1.0)
 
-_MIN_GAP_FACTOR = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
+_MIN_GAP_FACTOR = np.float32(1e-6)  # Keeps the imposed braking finite without demands [1].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -133,6 +133,8 @@ def gap_acceptance_inputs(
         told = is_scripted(params)
         seen = told & beliefs.is_detected[LEADER, slots]
         ordered = seen & (true_closing_speed_to_leader(state, neighbours) > own.min_speed_gain)
+    # Waiting lowers the gaps that a driver asks for itself; it does not raise the braking that it
+    # may impose on others (UN R157).
     bounded = minimum(
         own.safe_decel / maximum(demand, _MIN_GAP_FACTOR), params.constants.max_imposed_decel
     )
@@ -159,13 +161,13 @@ def gap_acceptance_inputs(
 
 
 def is_scripted(params: StepParameters) -> Mask:
-    """Whether the ego is told to change lanes, as in the study: it demands no gap."""
+    """Whether the ego changes lanes by the script of the study: it demands no gap."""
     vehicles = params.vehicles
     return vehicles.at_slots(EGO_SLOT).gap_demand_factor <= 0
 
 
 def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
-    """By how much the ego is in truth faster than its leader, which decides where it is told."""
+    """True speed of the ego over that of its leader, by which the script decides [m/s]."""
     return state.motion.vx[EGO_SLOT] - value_at_slot(
         state.motion.vx, neighbours.slot[LEADER, EGO_SLOT]
     )
@@ -296,13 +298,13 @@ def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInpu
         inputs.closing_speed[RIGHT_FOLLOWER], _STEADY
     )
     squeezed = minimum(rear, front) > constants.min_return_gap
-    # It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
+    # It brakes on the way: waiting until it need not brake would be too late behind a slow vehicle.
     ahead = cah_accel(constants, inputs.speed, inputs.gap[RIGHT_LEADER], closing, _STEADY)
     return squeezed & (ahead >= -(constants.abort_factor * inputs.vehicle.decel))
 
 
 def has_gap_behind(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether nobody is close behind in the slower lane."""
+    """Whether no vehicle is close behind in the right lane."""
     return inputs.gap[RIGHT_FOLLOWER] > params.constants.min_rear_gap
 
 
@@ -320,7 +322,7 @@ def form_intent(
         params: Parameters of the batch.
         context: What drivers know.
         slots: The drivers.
-        continuation: How they stand to oncoming traffic; None where there is none on the road.
+        continuation: How their pass goes on; None on one-way roads.
     """
     inputs = gap_acceptance_inputs(state, params, context.neighbours, context.beliefs, slots)
     checks_mirrors = context.checks_mirrors[slots]

@@ -169,7 +169,8 @@ def change_lanes_by_mobil(
     safe_slow = is_safe_lane_change(
         params, vehicles, state.motion.vx, beliefs, RIGHT_LEADER, RIGHT_FOLLOWER
     )
-    # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
+    # A driver that would have to pull out again soon stays; it cannot see how fast a distant
+    # vehicle is.
     worth = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.motion.vx
     fast = ready & has_fast & safe_fast & (to_fast > vehicles.lane_change_threshold)
     slow = ready & has_slow & safe_slow & (to_slow > vehicles.lane_change_threshold) & worth & ~fast
@@ -191,7 +192,7 @@ def change_lanes_by_mobil(
 def update_wanted_side(
     state: State, params: StepParameters, wanted: F32, checks_mirrors: Mask
 ) -> Mask:
-    """Who has wanted the same for as long as they signal; remembers what is wanted."""
+    """Remember the wanted side; whether drivers have indicated it for long enough."""
     vehicles = params.vehicles
     same = (wanted == state.lane_choice.wanted_side) & (wanted != 0)
     others = checks_mirrors.copy()
@@ -205,21 +206,21 @@ def update_wanted_side(
 
 
 def lane_claims(state: State) -> LaneClaims:
-    """The lane of each vehicle, and to which side it signals without moving over yet."""
+    """The lane of each vehicle, and the side that it indicates before it moves over."""
     waits = (state.path.elapsed >= state.path.duration) & (state.motion.is_wreck == 0)
     return state.lane_choice.lane.copy(), np.where(waits, state.controls.indicator, np.float32(0.0))
 
 
 def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
-    """Who lets somebody first who signals for the same place from the other side of it.
+    """Whether another driver that indicates for the same gap from its other side goes first.
 
-    That is who is farther ahead, or moves to the fast side where nobody is.
+    The driver farther ahead goes first, and of two that are abreast the one that moves to the left.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
         side: Where drivers want to go, as `Controls.indicator`, (vehicle, simulation).
-        claims: `claimed` at the begin of the decision.
+        claims: `lane_claims` at the start of the decision.
     """
     constants = params.constants
     waits = np.zeros(state.motion.s.shape, bool)
@@ -236,7 +237,7 @@ def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaim
 
 
 def lane_change_direction(state: State, params: StepParameters) -> tuple[Mask, Mask]:
-    """Whether each lane change is to the fast side, and whole: a retreat has less far to go."""
+    """Whether each lane change is to the left, and over a whole lane, not a cancelled one."""
     low, high = lane_borders(state, params, 0.0)
     half = np.float32(0.5)
     way = half * (low + high) - state.path.coefficients[0]
@@ -246,7 +247,11 @@ def lane_change_direction(state: State, params: StepParameters) -> tuple[Mask, M
 def _cancels_lane_change(
     state: State, params: StepParameters, beliefs: Beliefs
 ) -> tuple[Mask, Mask]:
-    """Who gives up a lane change that has turned dangerous, and whether it is to the fast side."""
+    """Whether drivers cancel a lane change that has turned dangerous, and whether to the left.
+
+    A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth
+    until they left the road.
+    """
     vehicles = params.vehicles
     constants = params.constants
     v, gap, closing = state.motion.vx, beliefs.gap, beliefs.closing_speed
@@ -293,11 +298,11 @@ def start_lane_changes(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        sides: Who moves to the fast side, who to the slow side, and who of them breaks off a lane
-            change and so has less far to go; each (vehicle, simulation).
+        sides: Drivers who move to the left, to the right, and those of them who cancel a lane
+            change and so have less far to go; each (vehicle, simulation).
         beliefs: What drivers believe of the leader.
         decision_index: Number of the decision.
-        hasty: How long it takes who is in a hurry, 0 for who is not, (vehicle, simulation) [s].
+        hasty: Duration of an urgent lane change, 0 for the usual one, (vehicle, simulation) [s].
     """
     vehicles = params.vehicles
     constants, (fast, slow, back) = params.constants, sides

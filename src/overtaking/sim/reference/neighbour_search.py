@@ -27,12 +27,12 @@ def lane_borders(state: State, params: StepParameters, shift: float) -> tuple[F3
 
 
 def find_neighbours(state: State, params: StepParameters) -> Neighbours:
-    """The nearest vehicle ahead and behind in the own, the faster and the slower lane.
+    """The nearest vehicle ahead and behind in the own, the left and the right lane.
 
     A vehicle counts in every lane that its body overlaps by more than the margin, so one that
-    straddles a line is seen by both lanes; and in the lane that it is changing to, from the first
-    moment if it signals, and else as soon as it visibly moves over. Those who make for one place
-    from both sides would else see each other too late.
+    straddles a line counts in both lanes. It also counts in the lane that it changes to: at once if
+    it indicates, otherwise when it visibly moves over. Without this, two drivers that move to one
+    gap from both sides would see each other too late.
     """
     vehicles = params.vehicles
     bands = [lane_borders(state, params, shift) for shift in _LANE_OFFSETS]
@@ -73,6 +73,8 @@ def nearest_image(params: StepParameters, distance: F32) -> F32:
 
 def visibly_changes_lane(state: State, params: StepParameters, j: int) -> Mask:
     """Whether others can tell to which lane vehicle `j` is changing."""
+    # A wreck counts only where its body is. With its indicator on it stayed a neighbour in the lane
+    # that it had been changing to, however far it slid, and other drivers braked in a free lane.
     changing = (state.path.elapsed[j] < state.path.duration[j]) & (state.motion.is_wreck[j] == 0)
     moves = state.path.elapsed[j] > params.constants.visible_fraction * state.path.duration[j]
     return changing & ((state.controls.indicator[j] != 0) | moves)

@@ -134,7 +134,7 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
 def _believed_motion(
     state: State, params: StepParameters, context: DecisionContext, role: NeighbourRole
 ) -> NeighbourMotion:
-    """The model driver's beliefs; true closing speeds if the driver is told to change lanes."""
+    """The model driver's beliefs; true closing speeds if the script decides."""
     beliefs, ego = context.beliefs, EGO_SLOT
     is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]
     if role == NeighbourRole.LEADER:

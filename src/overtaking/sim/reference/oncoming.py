@@ -325,7 +325,7 @@ def nearest_oncoming(
 
 
 def is_being_passed(state: State, params: StepParameters) -> Mask:
-    """Whom others pass in the next lane, as they notice it, (vehicle, simulation)."""
+    """Whether another vehicle passes each driver in the next lane, as it notices."""
     vehicles = params.vehicles
     out, passed = state.is_overtaking(), np.zeros(state.motion.s.shape, bool)
     for j in range(len(state.motion.s)):

@@ -1,7 +1,6 @@
 """Overtaking as a state machine: follow, pull out, pass, return, or give up.
 
-The ego goes through it, and on two-way roads everybody by the same rules: `who` says of whom arrays
-tell.
+The ego goes through it, and on two-way roads every driver; `slots` selects the rows of the arrays.
 """
 
 import numpy as np
@@ -43,7 +42,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 
 
-OTHERS = slice(EGO_SLOT + 1, None)  # Everybody but the ego.
+OTHERS = slice(EGO_SLOT + 1, None)  # All drivers but the ego.
 
 
 def decide_ego(
@@ -54,9 +53,9 @@ def decide_ego(
     step: int,
     action: EgoAction | None = None,
 ) -> None:
-    """One decision of every ego; what it intends holds until it looks around again."""
+    """One decision of every ego; its intention holds until it checks its mirrors again."""
     ego = EGO_SLOT
-    # Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
+    # Also with an external driver: the model controls the pedals that the action does not set.
     continuation = _update_pass_continuation(state, params, context, ego)
     if action is None:
         intent = form_intent(state, params, context, ego, continuation)
@@ -90,7 +89,7 @@ def decide_others(
     context: DecisionContext,
     step: int,
 ) -> None:
-    """One decision of everybody else on a two-way road; who has overtaken may do so again."""
+    """One decision of the other drivers on a two-way road; they may overtake several times."""
     continuation = _update_pass_continuation(state, params, context, OTHERS)
     intent = form_intent(state, params, context, OTHERS, continuation)
     _count_waiting_time(state, params, context.beliefs, OTHERS)
@@ -116,7 +115,7 @@ def _update_pass_continuation(
     context: DecisionContext,
     slots: SlotSelection,
 ) -> PassContinuation | None:
-    """How drivers stand to oncoming traffic, remembered; None where there is none on the road."""
+    """How drivers go on with their pass, kept in the state; None on one-way roads."""
     if context.oncoming is None:
         return None
     continuation = decide_pass_continuation(state, params, context, slots)
@@ -128,9 +127,11 @@ def _update_pass_continuation(
 
 
 def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSelection) -> F32:
-    """How long hurried drivers take to change lanes, 0 for everybody else [s].
+    """Duration of an urgent lane change, 0 for drivers without urgency [s].
 
-    At a walking pace a change takes longer, as the wheels turn only so far.
+    Wheels turn only so far: two arcs of a turning circle of 11 m are 8 m long for a lane of 3.5 m,
+    and drivers take twice that. With shorter changes, vehicles that had slowed to 9 km/h swung
+    across their lane and left the road.
     """
     simulations, constants = params.simulations, params.constants
     hasty = np.zeros_like(state.motion.s)
@@ -196,7 +197,7 @@ def _carry_out_intent(
     intent: Intent,
     decision_index: int,
 ) -> None:
-    """Move over and show it; who pulls out remembers whom to overtake."""
+    """Start the intended lane changes, with the indicator; a driver that pulls out has a target."""
     neighbours = context.neighbours
     target = np.where(
         intent.starts_pull_out, neighbours.slot[LEADER, slots], state.overtake.target_slot[slots]

@@ -83,50 +83,50 @@ def _recorded_belief(
 ) -> dict[str, NDArray[Any]]:
     """What the ego believes of the neighbour in `role`, and the truth, by field of `Percepts`."""
     slot = neighbours.slot[role, EGO_SLOT]
-    nobody = slot < 0
+    is_missing = slot < 0
     speed, _ = state.road_velocity()
     own, other = speed[EGO_SLOT], value_at_slot(speed, slot)
     closing = own - other if role % 2 == 0 else other - own
     true_gap = to_recorded_integers(neighbours.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT)
     zero = np.int32(0)
     return {
-        "slot": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "slot": np.where(is_missing, np.int32(NO_VEHICLE), slot.astype(np.int32)),
         "is_detected": beliefs.is_detected[role, EGO_SLOT],
         "gap": to_recorded_integers(beliefs.gap[role, EGO_SLOT], _INTEGERS_PER_UNIT),
         "closing_speed": to_recorded_integers(
             beliefs.closing_speed[role, EGO_SLOT], _INTEGERS_PER_UNIT
         ),
-        "true_gap": np.where(nobody, zero, true_gap),
+        "true_gap": np.where(is_missing, zero, true_gap),
         "true_closing_speed": np.where(
-            nobody, zero, to_recorded_integers(closing, _INTEGERS_PER_UNIT)
+            is_missing, zero, to_recorded_integers(closing, _INTEGERS_PER_UNIT)
         ),
     }
 
 
 def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[str, NDArray[Any]]:
-    """What the ego believes of who comes, and the truth, by field of `Percepts`."""
+    """What the ego believes of the oncoming vehicle, and the truth, by field of `Percepts`."""
     ego = EGO_SLOT
     slot = oncoming.slot[ego]
-    nobody = slot < 0
+    is_missing = slot < 0
     speed, _ = state.road_velocity()
     zero = np.int32(0)
     closing = to_recorded_integers(speed[ego] + value_at_slot(speed, slot), _INTEGERS_PER_UNIT)
     return {
-        "slot": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "slot": np.where(is_missing, np.int32(NO_VEHICLE), slot.astype(np.int32)),
         "is_detected": oncoming.is_detected[ego],
         "gap": to_recorded_integers(oncoming.believed_gap[ego], _INTEGERS_PER_UNIT),
         "closing_speed": to_recorded_integers(oncoming.closing_speed[ego], _INTEGERS_PER_UNIT),
         "true_gap": np.where(
-            nobody, zero, to_recorded_integers(oncoming.gap[ego], _INTEGERS_PER_UNIT)
+            is_missing, zero, to_recorded_integers(oncoming.gap[ego], _INTEGERS_PER_UNIT)
         ),
-        "true_closing_speed": np.where(nobody, zero, closing),
+        "true_closing_speed": np.where(is_missing, zero, closing),
     }
 
 
 def _contacts(state: State) -> Contacts:
     """The first contact of each vehicle, (simulation, vehicle)."""
-    nobody = state.first_contact.partner < 0
-    partner = np.where(nobody, np.float32(NO_VEHICLE), state.first_contact.partner)
+    is_missing = state.first_contact.partner < 0
+    partner = np.where(is_missing, np.float32(NO_VEHICLE), state.first_contact.partner)
     return Contacts(
         partner=partner.T.astype(np.uint8),
         time=to_recorded_integers(state.first_contact.time, _INTEGERS_PER_UNIT).T.copy(),
@@ -173,6 +173,7 @@ class Recorder:
         self.stage[is_running, number] = stage[is_running]
         self.collided_with[is_running, number] = partner[is_running]
         self.num_frames[is_running] = number + 1
+        # Empty slots are not hashed, so the hash is the same for any number of slots.
         for i in range(len(vehicles.valid)):
             words = [recorded[i] for recorded in values.values()]
             for k in range(0, len(words), 4):

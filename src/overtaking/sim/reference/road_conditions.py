@@ -22,9 +22,7 @@ _TAU = np.float32(6.283_185_5)
 _HALF_PI = np.float32(1.570_796_4)
 
 
-_MIN_RADIUS_SHARE = np.float32(
-    0.25
-)  # Keeps the way in a bend finite for who has left the road inwards.
+_MIN_RADIUS_SHARE = np.float32(0.25)  # Keeps the path finite for a vehicle inside the bend.
 
 
 _MIN_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
@@ -114,10 +112,10 @@ def update_friction(state: State, params: StepParameters) -> None:
 
 
 def update_road_course(state: State, params: StepParameters) -> None:
-    """What the road does under each vehicle until the next decision: it bends, it rises.
+    """Curvature, slope and sight at each vehicle until the next decision.
 
-    Values are those of the middle of that time. For who comes the other way a bend to the left
-    is one to the right, and a rise is a fall.
+    Values are those of the middle of that time. For an oncoming vehicle a bend to the left is one
+    to the right, and a rise is a fall.
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road

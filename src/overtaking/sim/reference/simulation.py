@@ -162,7 +162,8 @@ def run(
     recorder = Recorder(scenario, params)
     pairs: collisions.Pairs = {}
     action: EgoAction | None = None
-    # Frames at other times than decisions want a state at every step.
+    # One linearly implicit step from decision to decision: an explicit one of 50 ms is unstable at
+    # low speed. Frames at other times than decisions need a state at every step.
     steps_at_once = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
     step = 0
     while (np.float32(step) <= state.end_step).any():
@@ -261,7 +262,7 @@ def act(
     step: int,
     action: EgoAction | None,
 ) -> collisions.Pairs:
-    """What everybody decides; what the ego does, where another driver has it, `action` say."""
+    """The decisions of all drivers; with an external driver, the ego carries out `action`."""
     neighbours, beliefs, oncoming = context.neighbours, context.beliefs, context.oncoming
     leader = acceleration.accel_behind_leader(state, params, neighbours, beliefs, oncoming)
     if oncoming is not None:

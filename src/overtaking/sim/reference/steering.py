@@ -86,7 +86,7 @@ def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
 
 
 def settle_into_bend(state: State, params: StepParameters) -> None:
-    """Drive steadily along the bend at the first frame, as who came into it before.
+    """Drive steadily along the bend at the first frame, as if the vehicle had entered it before.
 
     The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
 

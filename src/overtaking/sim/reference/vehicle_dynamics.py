@@ -329,7 +329,7 @@ def _select(mask: np.ndarray, a: MotionStep, b: MotionStep) -> MotionStep:
 
 
 def _stop_when_creeping(state: State, params: StepParameters, motion: MotionStep) -> None:
-    """Stop who hardly moves and is not asked to accelerate."""
+    """Stop vehicles that hardly move and are not asked to accelerate."""
     constants = params.constants
     creeps = (motion.vx < constants.standstill) & (np.abs(motion.vy) < constants.standstill)
     stands = creeps & (state.controls.requested_accel <= 0)
