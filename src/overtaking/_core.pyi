@@ -192,25 +192,30 @@ class Stepper:
     """A batch that waits at every decision for the actions of an external driver."""
 
     def __new__(
-        cls, /, batch: Mapping[str, Any], kind: str | None, is_true: bool, level: str | None = None
+        cls,
+        /,
+        batch: Mapping[str, Any],
+        action_kind: str | None,
+        observes_truth: bool,
+        level: str | None = None,
     ) -> Stepper:
         """Begin before the first decision.
 
         Args:
-            batch: vehicle, simulation, index, slots, seed, steps_per_frame, road and constants as
-                in `simulate`.
-            kind: Kind of the actions; None if the model's driver decides.
-            is_true: Whether the driver observes the true state, and not its beliefs.
+            batch: vehicle, simulation, scenario_index, num_slots, seed, steps_per_frame, road and
+                constants as in `simulate`.
+            action_kind: Kind of the actions; None if the model's driver decides.
+            observes_truth: Whether the driver observes the true state, and not its beliefs.
             level: SIMD level; None for the best of this CPU.
 
         Raises:
             ValueError: An array has another length, or the kind or SIMD level is unknown.
         """
 
-    def begin(self, /) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
+    def observe_start(self, /) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
         """Observations at the start, (simulation, field); which simulations run; zeros."""
 
-    def renew(
+    def restart(
         self, /, rows: NDArray[np.int64], batch: Mapping[str, Any]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
         """Begin new simulations in rows of the batch, and observe their start.
@@ -496,15 +501,15 @@ def simulate(
     *,
     vehicle: NDArray[np.floating[Any]],
     simulation: NDArray[np.floating[Any]],
-    index: NDArray[np.uint64],
-    slots: int,
+    scenario_index: NDArray[np.uint64],
+    num_slots: int,
     frames: int,
     seed: int,
     steps_per_frame: int,
     road: Mapping[str, Any],
     constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
-    later: Sequence[
+    switches: Sequence[
         tuple[
             NDArray[np.floating[Any]],
             NDArray[np.floating[Any]],
@@ -513,7 +518,7 @@ def simulate(
             int,
         ]
     ] = ...,
-    actions: tuple[str, NDArray[np.int32]] | None = None,
+    action_log: tuple[str, NDArray[np.int32]] | None = None,
     level: str | None = None,
 ) -> None:
     """Simulate a batch and fill the flat arrays of `outputs`.
@@ -521,8 +526,8 @@ def simulate(
     Args:
         vehicle: Flat (field, vehicle, simulation), fields as `FIELD_NAMES["vehicle"]`.
         simulation: Flat (field, simulation), fields as `FIELD_NAMES["simulation"]`.
-        index: Number of each simulation.
-        slots: Vehicle slots, at most `MAX_VEHICLES`.
+        scenario_index: Index of each scenario.
+        num_slots: Vehicle slots, at most `MAX_VEHICLES`.
         frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
         seed: Key of the random numbers.
         steps_per_frame: Steps between recorded frames.
@@ -531,9 +536,10 @@ def simulate(
         constants: values as `FIELD_NAMES["constants"]`, friction_new and friction_worn (3 x 4),
             friction_speeds (3), friction_films (4).
         outputs: Flat arrays by name.
-        later: For each step at which parameters change: vehicle and simulation parameters, numbers
-            of the simulations, judgement errors of the egos (2, simulation) or None, and the step.
-        actions: Kind and numbers of the actions of an external driver of the ego, (simulation,
+        switches: For each step at which parameters change: vehicle and simulation parameters,
+            indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
+            step.
+        action_log: Kind and numbers of the actions of an external driver of the ego, (simulation,
             action, part).
         level: SIMD level; None for the best of this CPU.
 
@@ -571,7 +577,8 @@ def weather_driven(
     """Write gusts, friction and wind of a decision into a table of vehicles.
 
     Args:
-        driven: vehicle, simulation, index, slots, seed, road and constants as in `simulate`, of one
+        driven: vehicle, simulation, scenario_index, num_slots, seed, road and constants as in
+            `simulate`, of one
             simulation.
         table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
         decision: Number of the decision, 20 a second.

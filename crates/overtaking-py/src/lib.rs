@@ -49,7 +49,7 @@ macro_rules! with_borrowed_outputs {
 
 /// Parameters of vehicles and simulations, simulation numbers, errors of the egos, and the step from which
 /// they hold.
-type Turn<'a> = (
+type SwitchArrays<'a> = (
     PyReadonlyArray1<'a, f32>,
     PyReadonlyArray1<'a, f32>,
     PyReadonlyArray1<'a, u64>,
@@ -62,8 +62,8 @@ type Turn<'a> = (
 /// Args:
 ///     vehicle: Flat (field, vehicle, simulation), fields as `FIELD_NAMES["vehicle"]`.
 ///     simulation: Flat (field, simulation), fields as `FIELD_NAMES["simulation"]`.
-///     index: Number of each simulation.
-///     slots: Vehicle slots, at most `MAX_VEHICLES`.
+///     scenario_index: Index of each scenario.
+///     num_slots: Vehicle slots, at most `MAX_VEHICLES`.
 ///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
 ///     seed: Key of the random numbers.
 ///     steps_per_frame: Steps between recorded frames.
@@ -72,9 +72,10 @@ type Turn<'a> = (
 ///     constants: values as `FIELD_NAMES["constants"]`, friction_new and friction_worn (3 x 4),
 ///         friction_speeds (3), friction_films (4).
 ///     outputs: Flat arrays by name.
-///     later: For each step at which parameters change: vehicle and simulation parameters, numbers
-///         of the simulations, judgement errors of the egos (2, simulation) or None, and the step.
-///     actions: Kind and numbers of the actions of an external driver of the ego, (simulation,
+///     switches: For each step at which parameters change: vehicle and simulation parameters,
+///         indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
+///         step.
+///     action_log: Kind and numbers of the actions of an external driver of the ego, (simulation,
 ///         action, part).
 ///     level: SIMD level; None for the best of this CPU.
 ///
@@ -85,16 +86,16 @@ type Turn<'a> = (
     *,
     vehicle: "NDArray[np.floating[Any]]",
     simulation: "NDArray[np.floating[Any]]",
-    index: "NDArray[np.uint64]",
-    slots: "int",
+    scenario_index: "NDArray[np.uint64]",
+    num_slots: "int",
     frames: "int",
     seed: "int",
     steps_per_frame: "int",
     road: "Mapping[str, Any]",
     constants: "Mapping[str, Any]",
     outputs: "dict[str, NDArray[Any]]",
-    later: "Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.uint64], NDArray[np.floating[Any]] | None, int]]" = Vec::new(),
-    actions: "tuple[str, NDArray[np.int32]] | None" = None,
+    switches: "Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.uint64], NDArray[np.floating[Any]] | None, int]]" = Vec::new(),
+    action_log: "tuple[str, NDArray[np.int32]] | None" = None,
     level: "str | None" = None,
 ) -> "None")]
 #[allow(clippy::too_many_arguments)]
@@ -102,33 +103,33 @@ fn simulate(
     py: Python<'_>,
     vehicle: PyReadonlyArray1<'_, f32>,
     simulation: PyReadonlyArray1<'_, f32>,
-    index: PyReadonlyArray1<'_, u64>,
-    slots: usize,
+    scenario_index: PyReadonlyArray1<'_, u64>,
+    num_slots: usize,
     frames: usize,
     seed: u64,
     steps_per_frame: u32,
     road: Road,
     constants: Numbers,
     outputs: &Bound<'_, PyDict>,
-    later: Vec<Turn<'_>>,
-    actions: Option<(String, PyReadonlyArray3<'_, i32>)>,
+    switches: Vec<SwitchArrays<'_>>,
+    action_log: Option<(String, PyReadonlyArray3<'_, i32>)>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (vehicle, simulation, index) = (
+    let (vehicle, simulation, scenario_index) = (
         vehicle.as_slice()?,
         simulation.as_slice()?,
-        index.as_slice()?,
+        scenario_index.as_slice()?,
     );
-    let batch = index.len();
-    if slots == 0 || slots > MAX_VEHICLES || steps_per_frame == 0 {
+    let batch = scenario_index.len();
+    if num_slots == 0 || num_slots > MAX_VEHICLES || steps_per_frame == 0 {
         return Err(PyValueError::new_err(format!(
-            "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
+            "num_slots: expected 1 to {MAX_VEHICLES}, got {num_slots}"
         )));
     }
     expect_length(
         "vehicle",
         vehicle.len(),
-        VEHICLE_NAMES.len() * slots * batch,
+        VEHICLE_NAMES.len() * num_slots * batch,
     )?;
     expect_length(
         "simulation",
@@ -136,31 +137,42 @@ fn simulate(
         SIMULATION_NAMES.len() * batch,
     )?;
     let constants = constants.constants()?;
-    let later: Vec<_> = later
+    let switches: Vec<_> = switches
         .iter()
-        .map(|(vehicle, simulation, index, errors, switch)| {
+        .map(|(vehicle, simulation, scenario_index, errors, step)| {
             Ok(ParameterSwitch {
                 vehicle: vehicle.as_slice()?,
                 simulation: simulation.as_slice()?,
-                scenario_index: index.as_slice()?,
-                judgement_errors: errors.as_ref().map(|one| one.as_slice()).transpose()?,
-                step: *switch,
+                scenario_index: scenario_index.as_slice()?,
+                judgement_errors: errors.as_ref().map(|array| array.as_slice()).transpose()?,
+                step: *step,
             })
         })
         .collect::<PyResult<_>>()?;
-    for later in &later {
-        expect_length("later vehicle", later.vehicle.len(), vehicle.len())?;
-        expect_length("later simulation", later.simulation.len(), simulation.len())?;
-        expect_length("later index", later.scenario_index.len(), index.len())?;
-        let errors = later.judgement_errors.map_or(2 * batch, <[f32]>::len);
-        expect_length("later errors", errors, 2 * batch)?;
+    for switch in &switches {
+        expect_length("switches: vehicle", switch.vehicle.len(), vehicle.len())?;
+        expect_length(
+            "switches: simulation",
+            switch.simulation.len(),
+            simulation.len(),
+        )?;
+        expect_length(
+            "switches: scenario_index",
+            switch.scenario_index.len(),
+            batch,
+        )?;
+        let num_errors = switch.judgement_errors.map_or(2 * batch, <[f32]>::len);
+        expect_length("switches: judgement_errors", num_errors, 2 * batch)?;
     }
-    let script = actions.as_ref().map(|actions| script(actions, batch));
+    let action_log = action_log
+        .as_ref()
+        .map(|actions| read_action_log(actions, batch))
+        .transpose()?;
     let inputs = Inputs {
         vehicle,
         simulation,
-        scenario_index: index,
-        num_slots: slots,
+        scenario_index,
+        num_slots,
         constants: &constants,
         num_lanes: road.num_lanes.clamp(1, 8),
         boundaries: road.boundaries,
@@ -171,17 +183,17 @@ fn simulate(
         course_table: &road.course_table,
         seed,
         steps_per_frame,
-        action_log: script.transpose()?,
+        action_log,
     };
     let level = require_level(level).map_err(PyValueError::new_err)?;
     let room = batch * SIMULATION_BYTES;
-    let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &later, out));
-    let done = with_outputs! { with_borrowed_outputs! { outputs, batch, slots, frames, run } };
+    let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &switches, out));
+    let done = with_outputs! { with_borrowed_outputs! { outputs, batch, num_slots, frames, run } };
     done?.map_err(PyValueError::new_err)
 }
 
-/// What another driver did, (simulation, decision, part), by the name of what it means.
-fn script<'a>(
+/// Actions of an external driver, (simulation, decision, part), and the name of their kind.
+fn read_action_log<'a>(
     (kind, values): &'a (String, PyReadonlyArray3<'_, i32>),
     batch: usize,
 ) -> PyResult<ActionLog<'a>> {
@@ -190,10 +202,12 @@ fn script<'a>(
     };
     let kind = ActionKind::from_name(kind)
         .ok_or_else(|| PyValueError::new_err(format!("no action {kind}")))?;
-    expect_length("actions", simulations, batch)?;
+    expect_length("action_log", simulations, batch)?;
     expect_length("parts", parts, MAX_ACTION_PARTS)?;
     if decisions == 0 {
-        return Err(PyValueError::new_err("actions: expected one decision"));
+        return Err(PyValueError::new_err(
+            "action_log: expected at least one decision",
+        ));
     }
     Ok(ActionLog {
         kind,

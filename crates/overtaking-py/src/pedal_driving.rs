@@ -14,8 +14,8 @@ use crate::inputs::{Numbers, Road, expect_length};
 pub struct Driven<'py> {
     vehicle: PyReadonlyArray1<'py, f32>,
     simulation: PyReadonlyArray1<'py, f32>,
-    index: PyReadonlyArray1<'py, u64>,
-    slots: usize,
+    scenario_index: PyReadonlyArray1<'py, u64>,
+    num_slots: usize,
     seed: u64,
     road: Road,
     constants: Numbers,
@@ -29,21 +29,25 @@ impl Driven<'_> {
         mut table: PyReadwriteArray2<'_, f32>,
     ) -> PyResult<()> {
         let (vehicle, simulation) = (self.vehicle.as_slice()?, self.simulation.as_slice()?);
-        if self.slots == 0 || self.slots > MAX_VEHICLES {
+        if self.num_slots == 0 || self.num_slots > MAX_VEHICLES {
             return Err(PyValueError::new_err(format!(
-                "slots: expected 1 to {MAX_VEHICLES}, got {}",
-                self.slots
+                "num_slots: expected 1 to {MAX_VEHICLES}, got {}",
+                self.num_slots
             )));
         }
-        expect_length("vehicle", vehicle.len(), VEHICLE_NAMES.len() * self.slots)?;
+        expect_length(
+            "vehicle",
+            vehicle.len(),
+            VEHICLE_NAMES.len() * self.num_slots,
+        )?;
         expect_length("simulation", simulation.len(), SIMULATION_NAMES.len())?;
-        expect_length("index", self.index.len(), 1)?;
+        expect_length("scenario_index", self.scenario_index.len(), 1)?;
         let constants = self.constants.constants()?;
         let inputs = Inputs {
             vehicle,
             simulation,
-            scenario_index: self.index.as_slice()?,
-            num_slots: self.slots,
+            scenario_index: self.scenario_index.as_slice()?,
+            num_slots: self.num_slots,
             constants: &constants,
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
@@ -64,7 +68,8 @@ impl Driven<'_> {
 /// Write gusts, friction and wind of a decision into a table of vehicles.
 ///
 /// Args:
-///     driven: vehicle, simulation, index, slots, seed, road and constants as in `simulate`, of one
+///     driven: vehicle, simulation, scenario_index, num_slots, seed, road and constants as in
+///         `simulate`, of one
 ///         simulation.
 ///     table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
 ///     decision: Number of the decision, 20 a second.
@@ -117,8 +122,8 @@ pub fn drive(
     steps: u32,
     level: Option<&str>,
 ) -> PyResult<()> {
-    expect_length("controls", controls.len(), 3 * driven.slots)?;
-    let mut rows = controls.as_slice()?.chunks_exact(driven.slots.max(1));
+    expect_length("controls", controls.len(), 3 * driven.num_slots)?;
+    let mut rows = controls.as_slice()?.chunks_exact(driven.num_slots.max(1));
     let mut row = || rows.next().unwrap_or_default();
     let controls = PedalControls {
         throttle: row(),

@@ -33,8 +33,8 @@ const STEPPED_BYTES: usize = 64 << 10;
 struct Batch<'py> {
     vehicle: PyReadonlyArray1<'py, f32>,
     simulation: PyReadonlyArray1<'py, f32>,
-    index: PyReadonlyArray1<'py, u64>,
-    slots: usize,
+    scenario_index: PyReadonlyArray1<'py, u64>,
+    num_slots: usize,
     seed: u64,
     steps_per_frame: u32,
     road: Road,
@@ -45,8 +45,8 @@ struct Batch<'py> {
 struct Kept {
     vehicle: Vec<f32>,
     simulation: Vec<f32>,
-    index: Vec<u64>,
-    slots: usize,
+    scenario_index: Vec<u64>,
+    num_slots: usize,
     seed: u64,
     steps_per_frame: u32,
     road: Road,
@@ -55,10 +55,10 @@ struct Kept {
 
 impl Batch<'_> {
     fn kept(self) -> PyResult<Kept> {
-        let (slots, batch) = (self.slots, self.index.len());
+        let (slots, batch) = (self.num_slots, self.scenario_index.len());
         if slots == 0 || slots > MAX_VEHICLES || self.steps_per_frame == 0 || batch == 0 {
             return Err(PyValueError::new_err(format!(
-                "slots: expected 1 to {MAX_VEHICLES}, got {slots}"
+                "num_slots: expected 1 to {MAX_VEHICLES}, got {slots}"
             )));
         }
         let (vehicle, simulation) = (self.vehicle.as_slice()?, self.simulation.as_slice()?);
@@ -75,8 +75,8 @@ impl Batch<'_> {
         Ok(Kept {
             vehicle: vehicle.to_vec(),
             simulation: simulation.to_vec(),
-            index: self.index.as_slice()?.to_vec(),
-            slots,
+            scenario_index: self.scenario_index.as_slice()?.to_vec(),
+            num_slots: slots,
             seed: self.seed,
             steps_per_frame: self.steps_per_frame,
             constants: self.constants.constants()?,
@@ -90,8 +90,8 @@ impl Kept {
         Inputs {
             vehicle: &self.vehicle,
             simulation: &self.simulation,
-            scenario_index: &self.index,
-            num_slots: self.slots,
+            scenario_index: &self.scenario_index,
+            num_slots: self.num_slots,
             constants: &self.constants,
             num_lanes: self.road.num_lanes.clamp(1, 8),
             boundaries: self.road.boundaries,
@@ -137,10 +137,10 @@ impl Stepper {
     /// Begin before the first decision.
     ///
     /// Args:
-    ///     batch: vehicle, simulation, index, slots, seed, steps_per_frame, road and constants as
-    ///         in `simulate`.
-    ///     kind: Kind of the actions; None if the model's driver decides.
-    ///     is_true: Whether the driver observes the true state, and not its beliefs.
+    ///     batch: vehicle, simulation, scenario_index, num_slots, seed, steps_per_frame, road and
+    ///         constants as in `simulate`.
+    ///     action_kind: Kind of the actions; None if the model's driver decides.
+    ///     observes_truth: Whether the driver observes the true state, and not its beliefs.
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
@@ -148,32 +148,32 @@ impl Stepper {
     #[new]
     #[pyo3(signature = (
         batch: "Mapping[str, Any]",
-        kind: "str | None",
-        is_true: "bool",
+        action_kind: "str | None",
+        observes_truth: "bool",
         level: "str | None" = None,
     ))]
     fn new(
         batch: Batch<'_>,
-        kind: Option<&str>,
-        is_true: bool,
+        action_kind: Option<&str>,
+        observes_truth: bool,
         level: Option<&str>,
     ) -> PyResult<Self> {
         let known = |name| {
             ActionKind::from_name(name)
                 .ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
         };
-        let kind = kind.map(known).transpose()?;
+        let kind = action_kind.map(known).transpose()?;
         let level = require_level(level).map_err(PyValueError::new_err)?;
-        let count = batch.index.len();
+        let count = batch.scenario_index.len();
         // The parameters are copied, and each simulation has states, a history and a row of each answer.
         expect_room(count.saturating_mul(STEPPED_BYTES))?;
         let kept = batch.kept()?;
-        let slots = kept.slots;
+        let slots = kept.num_slots;
         let (requests, theirs) = channel();
         let (given, answers) = channel();
         let talk = Talk {
             kind,
-            source: if is_true {
+            source: if observes_truth {
                 ObservationSource::Truth
             } else {
                 ObservationSource::Beliefs
@@ -204,7 +204,7 @@ impl Stepper {
 
     /// Observations at the start, (simulation, field); which simulations run; zeros.
     #[pyo3(signature = () -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
-    fn begin<'py>(&self, py: Python<'py>) -> PyResult<ObservedArrays<'py>> {
+    fn observe_start<'py>(&self, py: Python<'py>) -> PyResult<ObservedArrays<'py>> {
         self.ask(py, self.batch, None)
     }
 
@@ -248,7 +248,7 @@ impl Stepper {
         rows: "NDArray[np.int64]",
         batch: "Mapping[str, Any]",
     ) -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
-    fn renew<'py>(
+    fn restart<'py>(
         &self,
         py: Python<'py>,
         rows: PyReadonlyArray1<'py, i64>,
@@ -256,19 +256,19 @@ impl Stepper {
     ) -> PyResult<ObservedArrays<'py>> {
         let rows: Vec<_> = rows.as_slice()?.iter().map(|row| *row as usize).collect();
         let kept = batch.kept()?;
-        expect_length("rows", rows.len(), kept.index.len())?;
+        expect_length("rows", rows.len(), kept.scenario_index.len())?;
         let mut sorted = rows.clone();
         sorted.sort_unstable();
         sorted.dedup();
         if sorted.len() < rows.len() || sorted.last().is_some_and(|last| *last >= self.batch) {
             return Err(PyValueError::new_err("rows: expected each row once"));
         }
-        expect_length("slots", kept.slots, self.slots)?;
+        expect_length("num_slots", kept.num_slots, self.slots)?;
         let count = rows.len();
         let fresh = Fresh {
             vehicle: kept.vehicle,
             simulation: kept.simulation,
-            index: kept.index,
+            index: kept.scenario_index,
         };
         self.ask(py, count, Some(Request::Renew { rows, fresh }))
     }

@@ -88,16 +88,16 @@ def run(
     _core.simulate(
         vehicle=params.vehicle_table.reshape(-1),
         simulation=params.simulation_table.reshape(-1),
-        index=params.scenario_index,
-        slots=scenario.num_slots,
+        scenario_index=params.scenario_index,
+        num_slots=scenario.num_slots,
         frames=room,
         seed=params.seed,
         steps_per_frame=params.steps_per_frame,
         road=road_values(params),
         constants=engine_constants(params.constants),
         outputs=flat,
-        later=later,
-        actions=None if actions is None else (actions.kind, actions.values),
+        switches=later,
+        action_log=None if actions is None else (actions.kind, actions.values),
         level=forced,
     )
     return dataclasses.replace(_to_trajectories(scenario, outputs), actions=actions)

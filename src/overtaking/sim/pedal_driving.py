@@ -83,8 +83,8 @@ class EnginePedalDriving:
         self._inputs: dict[str, Any] = {
             "vehicle": np.ascontiguousarray(params.vehicle_table, np.float32).reshape(-1),
             "simulation": np.ascontiguousarray(params.simulation_table, np.float32).reshape(-1),
-            "index": params.scenario_index,
-            "slots": params.vehicle_table.shape[1],
+            "scenario_index": params.scenario_index,
+            "num_slots": params.vehicle_table.shape[1],
             "seed": params.seed,
             "road": road_values(params),
             "constants": engine_constants(params.constants),

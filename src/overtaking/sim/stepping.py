@@ -67,8 +67,8 @@ class EngineStepper:
         self._batch = _core.Stepper(_values(params), kind, observes_truth, simd_level(level))
 
     def observe_start(self) -> SteppedObservation:
-        """As `Stepper.begin`."""
-        return SteppedObservation(*self._batch.begin())
+        """As `Stepper.observe_start`."""
+        return SteppedObservation(*self._batch.observe_start())
 
     def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
         """As `Stepper.step`."""
@@ -84,7 +84,7 @@ class EngineStepper:
         Returns:
             The observations at their start, shape (row, `OBSERVATION_SIZE`).
         """
-        return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
+        return SteppedObservation(*self._batch.restart(rows, _values(parameters)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,8 +134,8 @@ def _values(params: StepParameters) -> dict[str, Any]:
     return {
         "vehicle": params.vehicle_table.reshape(-1),
         "simulation": params.simulation_table.reshape(-1),
-        "index": params.scenario_index,
-        "slots": params.vehicle_table.shape[1],
+        "scenario_index": params.scenario_index,
+        "num_slots": params.vehicle_table.shape[1],
         "seed": params.seed,
         "steps_per_frame": params.steps_per_frame,
         "road": road_values(params),
