@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind

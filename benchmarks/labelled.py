@@ -30,15 +30,13 @@ from overtaking.data.recipe import Keep
 from overtaking.data.shards import write_shard
 from overtaking.data.tables.encode_labels import contents, encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
-from overtaking.labels.events import case_of
-from overtaking.labels.features import (
-    attempt_features,
-    matched_features,
-    paper_features,
-    safety_measures,
-)
-from overtaking.labels.label import label
-from overtaking.labels.law import PORTUGAL, check
+from overtaking.labels.attempt_features import attempt_features
+from overtaking.labels.event_detection import case_of
+from overtaking.labels.labelling import label
+from overtaking.labels.law.judging import check
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.paper_features import matched_features, paper_features
+from overtaking.labels.safety_features import safety_measures
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import footprint, lateral_speed_at, side_of
+from overtaking.labels.snapshots import footprint, lateral_speed_at, side_of
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording

@@ -25,8 +25,8 @@ import overtaking as ot
 from overtaking.analysis.logic.law import PROGRAMS, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
 from overtaking.analysis.logic.source import Group, groups
-from overtaking.labels.events import case_of
-from overtaking.labels.law import PACKS, check
+from overtaking.labels.event_detection import case_of
+from overtaking.labels.law.judging import PACKS, check
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification

@@ -11,15 +11,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # The reference lies in the tests.
 
-from tests.reference.labels import events as readable_events
-from tests.reference.labels import signals as readable_signals
-from tests.reference.labels import stretches as readable_stretches
+from tests.reference.labels import readable_events, readable_scans, readable_signals
 
 from overtaking import _core
 from overtaking.labels import signals
-from overtaking.labels.law import alongside, frames
-from overtaking.labels.law.alongside import Alongside
-from overtaking.labels.law.frames import Span, Stretch, Stretches
+from overtaking.labels.law import case as case_of_law
+from overtaking.labels.law import margins
+from overtaking.labels.law.case import Alongside
+from overtaking.labels.law.margins import Stretch, Stretches
+from overtaking.labels.snapshots import Span
 from overtaking.model.ego_signals import EgoSignals, TargetSignals
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.safety_measures import Encounter
@@ -84,7 +84,7 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
     found = []
     for one in _ones(case.trajectories):
         own = {name: each[one.number] for name, each in stretched.items()}
-        found.append(readable_stretches.answers_of(case, one, _row(case.signals, one, names), own))
+        found.append(readable_scans.answers_of(case, one, _row(case.signals, one, names), own))
 
     def rows(name: str) -> Any:
         return zip(*(one[name] for one in found), strict=True)
@@ -114,13 +114,13 @@ def limited(signal: Any, limit: Any, span: Span, *, is_most: bool) -> Stretch:
     """Margins to a limit, one simulation after the other."""
     limits = np.full(len(signal), limit, np.float32)
     each = zip(signal, limits, _frames(span), strict=True)
-    return _stretch([readable_stretches.limited(*one, is_most=is_most) for one in each])
+    return _stretch([readable_scans.limited(*one, is_most=is_most) for one in each])
 
 
 def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
     """Bits that are set ever and always, one simulation after the other."""
     each = zip(values, _frames(span), strict=True)
-    found = [readable_stretches.bits_within(*one) for one in each]
+    found = [readable_scans.bits_within(*one) for one in each]
     ever, always = zip(*found, strict=True)
     return np.array(ever, np.uint8), np.array(always, np.uint8)
 
@@ -134,7 +134,7 @@ def overlaps(case: Case, span: Span) -> Alongside:
     return Alongside(rows=rows, frames=at, **said)
 
 
-def _stretch(found: list[readable_stretches.Lowest]) -> Stretch:
+def _stretch(found: list[readable_scans.Lowest]) -> Stretch:
     low, first, last, longest = zip(*found, strict=True)
     return Stretch(
         low=np.array(low, np.float32),
@@ -173,10 +173,10 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     signals.watch: watch,
     signals.target_signals: target_signals,
     signals.encounter: encounter,
-    frames.answers: answers,
-    frames.limited: limited,
-    frames.bits_within: bits_within,
-    alongside.overlaps: overlaps,
+    margins.answers: answers,
+    margins.limited: limited,
+    margins.bits_within: bits_within,
+    case_of_law.overlaps: overlaps,
 }
 """Compiled functions and what a person reads instead."""
 

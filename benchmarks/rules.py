@@ -13,8 +13,10 @@ from functools import partial
 
 import overtaking as ot
 from measure import Measure, number, parser, report
-from overtaking.labels.events import case_of
-from overtaking.labels.law import PORTUGAL, Rule, check, judge
+from overtaking.labels.event_detection import case_of
+from overtaking.labels.law.judging import check, judge
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Rule
 from overtaking.model.verdicts import Case
 
 BATCH, REPEATS = 512, 7

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from measure import parser
 from overtaking.analysis.stats.weighted_statistics import wilson_interval
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.batch import concatenate
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.verdicts import Labels, OvertakeClass

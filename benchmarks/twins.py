@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.scenario import Scenario
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.model.weather import REMOVABLE_FACTORS

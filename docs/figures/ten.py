@@ -16,7 +16,7 @@ from figures.svg import box, curve, document, element, label, line
 
 import overtaking as ot
 from overtaking.core.arrays import F64
-from overtaking.labels.instants import borders_of
+from overtaking.labels.snapshots import borders_of
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT

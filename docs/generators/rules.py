@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 from generators.knowledge import numbers_of, source_link
 from generators.markdown import page, section, table
 
-from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Text
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Pack, Policy, Rule
+    from overtaking.labels.law.judging import Policy
+    from overtaking.labels.law.rule import Pack, Rule
 
 INTRODUCTION = f"""\
 Two packs of rules: `{PORTUGAL.version}`, the Portuguese Highway Code and the regulation of signs,

@@ -96,7 +96,7 @@ _HOMES = {
     "ForcedDecision": "overtaking.model.scenario",
     "Driver": "overtaking.sim.external_driver",
     "DriverTraits": "overtaking.model.vehicles",
-    "LabelledTrajectories": "overtaking.labels.label",
+    "LabelledTrajectories": "overtaking.labels.labelling",
     "Lane": "overtaking.model.road",
     "MeasurementErrors": "overtaking.labels.law.measurement_errors",
     "Move": "overtaking.model.driver_interface",

@@ -31,7 +31,7 @@ from overtaking.core.errors import OvertakingError as OvertakingError
 from overtaking.core.errors import RecordingWarning as RecordingWarning
 from overtaking.data.balance import ClassBalance as ClassBalance
 from overtaking.data.load import Dataset as Dataset
-from overtaking.labels.label import LabelledTrajectories as LabelledTrajectories
+from overtaking.labels.labelling import LabelledTrajectories as LabelledTrajectories
 from overtaking.labels.law.measurement_errors import MeasurementErrors as MeasurementErrors
 from overtaking.model.driver_interface import Move as Move
 from overtaking.model.overtake_events import Outcome as Outcome

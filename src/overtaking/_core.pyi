@@ -290,7 +290,7 @@ def ego_signals_and_events(
             (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
             the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
         visibility: As `labels.signals.conditions` makes it.
-        thresholds: As `labels.events.thresholds` makes them.
+        thresholds: As `labels.event_detection.thresholds` makes them.
         constants: As in `simulate`.
         signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
         zero_from: Frame from which on these arrays are zero, before and after the call, shape

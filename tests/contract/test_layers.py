@@ -24,7 +24,7 @@ COMPILED = "overtaking._core"
 BINDINGS = (
     "overtaking.core.native",
     "overtaking.data.tables.digest",
-    "overtaking.labels.law.frames",
+    "overtaking.labels.law.margins",
     "overtaking.labels.signals",
     "overtaking.show.video.canvas",
     "overtaking.show.video.encode",
@@ -136,7 +136,7 @@ def test_dependencies_point_down(repository: Path, copy: Path):
     [
         ("core/spoiled.py", "import overtaking.cli", "dependencies point down"),
         ("labels/spoiled.py", "import overtaking.sim", "dependencies point down"),
-        ("labels/law/spoiled.py", "import overtaking.labels.features", "dependencies of labels"),
+        ("labels/law/spoiled.py", "import overtaking.labels.labelling", "dependencies of labels"),
         ("utils/__init__.py", "", "dependencies point down"),
         ("model/spoiled.py", "import pyarrow", "no table library below the data sets"),
         ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the data sets"),

@@ -12,7 +12,7 @@ import overtaking as ot
 from overtaking.cli import main, options
 from overtaking.data.balance import ClassBalance
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law import POLICIES, choose_policy, default_policy
+from overtaking.labels.law.judging import POLICIES, choose_policy, default_policy
 from overtaking.scenarios.profiles import profile_names
 from overtaking.show.video import jobs
 from overtaking.show.video.film import Film

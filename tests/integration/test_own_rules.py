@@ -15,7 +15,7 @@ from tests.support.overtakes import alone, limited
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.known_roads import known_road
 from overtaking.model.verdicts import Verdict
 

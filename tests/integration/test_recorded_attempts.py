@@ -9,7 +9,7 @@ import pytest
 
 from overtaking.core.errors import OvertakingError
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording

@@ -15,7 +15,7 @@ from tests.support.viewing import ROWS, at, enter
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.labels.law import POLICIES
+from overtaking.labels.law.judging import POLICIES
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 from overtaking.model.verdicts import OvertakeClass, Verdict
 from overtaking.show.wording import symbol

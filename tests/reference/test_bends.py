@@ -17,7 +17,7 @@ from tests.support.worlds import Vehicle, body_of, scenario
 
 from overtaking import _core
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.scenarios.profiles import load_specification

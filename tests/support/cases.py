@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.worlds import CLEAR, Vehicle, scenario
 
-from overtaking.labels.events import case_of
+from overtaking.labels.event_detection import case_of
 from overtaking.labels.signals import target_signals
 from overtaking.model.known_roads import known_road
 from overtaking.model.overtake_events import NEVER, OvertakeEvents

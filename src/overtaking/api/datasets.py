@@ -34,7 +34,7 @@ from overtaking.data.load import load as open_dataset
 from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
 from overtaking.data.recipe import Keep, Recipe
-from overtaking.labels.law import MeasurementErrors
+from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
 from overtaking.recordings.roads import resolve_road

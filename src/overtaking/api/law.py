@@ -47,25 +47,17 @@ from numpy.typing import NDArray
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.progress import ProgressCallback
 from overtaking.labels.explain.explanation import case_of
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import (
-    PACKS,
-    PORTUGAL,
-    Policy,
-    choose_policy,
-)
-from overtaking.labels.law import lacking as rules_lacking
-from overtaking.labels.law import policies_for as policies_of_package
-from overtaking.labels.law.policies import POLICIES, STORED
-from overtaking.labels.law.rule import (
-    MeasurementErrors,
-    Pack,
-)
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.judging import PACKS, POLICIES, STORED, Policy, choose_policy
+from overtaking.labels.law.judging import lacking as rules_lacking
+from overtaking.labels.law.judging import policies_for as policies_of_package
+from overtaking.labels.law.measurement_errors import MeasurementErrors
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Pack
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
-    from overtaking.analysis.law.curve import Curve
-    from overtaking.analysis.law.parting import Judged
+    from overtaking.analysis.law_statistics import Curve, Judged
     from overtaking.data.load import Dataset
 
     DatasetSource = Dataset | str | Path
@@ -198,7 +190,7 @@ def tolerance_curve(
         ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
-    from overtaking.analysis.law.curve import curve
+    from overtaking.analysis.law_statistics import curve
     from overtaking.api.datasets import load_dataset
 
     pack, source = load_pack(law), load_dataset(dataset)
@@ -237,7 +229,7 @@ def compare(
         ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
-    from overtaking.analysis.law.parting import compared
+    from overtaking.analysis.law_statistics import compared
     from overtaking.api.datasets import load_dataset
 
     packs = [load_pack(law) for law in laws]

@@ -20,8 +20,8 @@ from overtaking.api.datasets import load_dataset
 from overtaking.core.errors import ConfigError, check_extra
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import choose_policy
+from overtaking.labels.labelling import LabelledTrajectories
+from overtaking.labels.law.judging import choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments
 from overtaking.model.trajectories import Trajectories

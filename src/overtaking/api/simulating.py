@@ -34,9 +34,11 @@ from overtaking.api.simulator_registry import (
 from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import check_memory
 from overtaking.data.recipe import PolicyRecord, Simulator
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.label import label as label_batch
-from overtaking.labels.law import PORTUGAL, MeasurementErrors, Pack
+from overtaking.labels.labelling import LabelledTrajectories
+from overtaking.labels.labelling import label as label_batch
+from overtaking.labels.law.measurement_errors import MeasurementErrors
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Pack
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments, check_batch
 from overtaking.model.road import Road

@@ -21,8 +21,8 @@ from overtaking.api.simulator_registry import SIMULATORS, Count, ProfileSource, 
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.labels.label import label as label_batch
-from overtaking.labels.law import choose_policy, default_policy
+from overtaking.labels.labelling import label as label_batch
+from overtaking.labels.law.judging import choose_policy, default_policy
 from overtaking.model.batch import concatenate
 from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road

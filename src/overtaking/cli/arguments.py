@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.cli.options import Chosen, MeasurementErrorOptions, RoadChoice
-    from overtaking.labels.law import MeasurementErrors
+    from overtaking.labels.law.measurement_errors import MeasurementErrors
     from overtaking.model.road import Road
     from overtaking.recordings.opendrive_lanes import Side
 
@@ -53,7 +53,7 @@ def measurement_errors(choice: MeasurementErrorOptions) -> MeasurementErrors | N
     deviations = given(position_std=choice.position_std, speed_std=choice.speed_std)
     if not deviations:
         return None
-    from overtaking.labels.law import MeasurementErrors
+    from overtaking.labels.law.measurement_errors import MeasurementErrors
 
     return MeasurementErrors(**deviations)
 

@@ -179,7 +179,7 @@ def enough(
 def values_of_twin(one: "Twin", policy: str | None) -> dict[str, Any]:
     """Twins as plain values; without a policy, under the default of their profile."""
     from overtaking.analysis.whatif.scenes import class_of
-    from overtaking.labels.law import choose_policy
+    from overtaking.labels.law.judging import choose_policy
 
     policy = choose_policy(policy, one.profile)
     parting = one.parting

@@ -23,8 +23,9 @@ from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, ClassBalance, selec
 from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
-from overtaking.labels.label import label
-from overtaking.labels.law import PORTUGAL, choose_policy, policy
+from overtaking.labels.labelling import label
+from overtaking.labels.law.judging import choose_policy, policy
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.scenarios.sampler import ScenarioSource
 
 FILE_NAME = "balance.json"

@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.data.tables.names import CLASSES, POLICY_NAMES
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -32,7 +32,7 @@ from overtaking.data.manifest import ShardRecord, content_hash
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.import_report import ImportFinding  # noqa: TC001, pydantic reads it.
 from overtaking.model.trajectories import UNKNOWNS
 from overtaking.recordings.formats import check_options, read_recording

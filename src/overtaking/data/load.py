@@ -23,7 +23,7 @@ from overtaking.data.tables.files import read_columns, read_rows, read_table
 from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 from overtaking.model.checks import check_arguments, check_batch
 
 if TYPE_CHECKING:

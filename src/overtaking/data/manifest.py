@@ -33,7 +33,7 @@ from overtaking.data.location import Location
 from overtaking.data.recipe import Keep, PolicyRecord, Recipe, Simulator, tables_of
 from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 from overtaking.model.road import Road
 from overtaking.model.weather import LateralPushes
 from overtaking.scenarios.profiles import load_specification as checked_spec

@@ -13,8 +13,8 @@ from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
-from overtaking.labels.label import label
-from overtaking.labels.law import MeasurementErrors
+from overtaking.labels.labelling import label
+from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.model.trajectories import Trajectories
 
 Batches = Iterator[tuple[Numbers, Trajectories]]

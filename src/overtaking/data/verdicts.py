@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from overtaking.core.files import atomic_file
-from overtaking.labels.label import LabelledTrajectories
+from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.model.verdicts import OvertakeClass, Verdict
 
 Judged = tuple[NDArray[np.int64], LabelledTrajectories]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, Mask
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.batch import concatenate
 from overtaking.model.driver_interface import (
     ACTION_KINDS,

@@ -17,7 +17,7 @@ from overtaking.core.arrays import F64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.distances import lawful_gap
+from overtaking.labels.law.safe_distance import lawful_gap
 from overtaking.sim.ego_observation import EgoObservation
 
 CRASH_COST: Final = 100.0

@@ -16,7 +16,7 @@ from overtaking.core.arrays import F32, U8, ArrayLayout, Buffers, IndexArray, em
 from overtaking.core.float32_math import as_f32, log, maximum
 from overtaking.core.native import simd_level
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import METRES, borders_of, half_window, oncoming, side_of, slot_of
+from overtaking.labels.snapshots import METRES, borders_of, half_window, oncoming, side_of, slot_of
 from overtaking.model.batch import Batch, batch_fields, cached_per_batch
 from overtaking.model.ego_signals import EgoSignals, TargetSignals
 from overtaking.model.neighbours import NeighbourRole

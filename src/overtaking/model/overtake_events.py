@@ -1,9 +1,9 @@
 """Events of an overtake as frame numbers, its outcome, and the reason of the outcome.
 
-`labels.events` finds the events in recorded positions and bodies, never in the intention of a
-simulated driver, so recordings of real traffic and simulations are read alike. Rules of the law,
-features and the table `events` use them; `Outcome` and `OutcomeDetail` are columns of the table
-`labels`.
+`labels.event_detection` finds the events in recorded positions and bodies, never in the intention
+of a simulated driver, so recordings of real traffic and simulations are read alike. Rules of the
+law, features and the table `events` use them; `Outcome` and `OutcomeDetail` are columns of the
+table `labels`.
 
 The ego is the vehicle under study. Its target is the vehicle that it overtakes. Left is the side of
 the faster lanes, on a two-way road the side of the oncoming traffic, also in left-hand traffic.

@@ -1,9 +1,9 @@
 """Features of an overtake: the fifteen of the reproduced paper, and the state at its beginning.
 
-`labels.features` computes both from recorded batches. `PaperFeatures` becomes the table `features`
-of a data set; the paper is `pinto-2023` in `docs/reference/sources.md`. `AttemptFeatures` becomes
-the table `attempts`, which serves models of why drivers overtake; its parts are the classes before
-it.
+`labels.attempt_features` and `labels.paper_features` compute both from recorded batches.
+`PaperFeatures` becomes the table `features` of a data set; the paper is `pinto-2023` in
+`docs/reference/sources.md`. `AttemptFeatures` becomes the table `attempts`, which serves models of
+why drivers overtake; its parts are the classes before it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
 overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. In a

@@ -1,6 +1,6 @@
 """Surrogate measures of safety of an overtake: how near it came to a collision.
 
-`labels.features.safety` computes a `SafetyMeasures` from the recorded states of a batch of
+`labels.safety_features` computes a `SafetyMeasures` from the recorded states of a batch of
 simulations; `Batch` is the base class of dataclasses with such arrays. Users read it as the table
 `safety` of a data set, with one row for each simulation and moment. A measure of the whole
 manoeuvre stands in the row of the moment "manoeuvre" and is null in the other rows.

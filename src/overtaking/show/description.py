@@ -12,7 +12,8 @@ from overtaking.data.tables.columns import NAME_SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge.glossary import terms
-from overtaking.labels.law import POLICIES, PORTUGAL, default_policy
+from overtaking.labels.law.judging import POLICIES, default_policy
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.batch import batch_fields
 from overtaking.model.safety_measures import PassingSafety
 from overtaking.model.trajectories import (
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from overtaking.labels.explain import Thought
-    from overtaking.labels.label import LabelledTrajectories
-    from overtaking.labels.law import Pack, Policy
+    from overtaking.labels.explain.explanation import Thought
+    from overtaking.labels.labelling import LabelledTrajectories
+    from overtaking.labels.law.judging import Policy
+    from overtaking.labels.law.rule import Pack
     from overtaking.model.road import Road
     from overtaking.model.road_course import SpeedLimitSpan
     from overtaking.model.trajectories import Trajectories
@@ -70,7 +72,7 @@ def describe(
     Returns:
         Values of plain Python types, in SI units; None for unrecorded values.
     """
-    from overtaking.labels.explain import explain
+    from overtaking.labels.explain.explanation import explain
 
     run, explanation = labelled.trajectories, explain(labelled, pack=pack, policies=policies)
     scenario, vehicles = run.scenario, _rows(run, "vehicles")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from overtaking.labels.law import Text
+from overtaking.labels.law.rule import Text
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.labels.explain import Breach, Change, Doubt, Explanation, Thought
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.explain.breach import Change
+    from overtaking.labels.explain.explanation import Breach, Doubt, Explanation, Thought
+    from overtaking.labels.labelling import LabelledTrajectories
 
 Values = dict[str, Any]
 """A JSON object: names with units, plain Python values."""

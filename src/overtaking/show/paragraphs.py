@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law import Text
+from overtaking.labels.law.rule import Text
 from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.wording import BELIEFS, breach_words, words
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import LabelledTrajectories
-    from overtaking.labels.law import Pack, Policy, Rule
+    from overtaking.labels.labelling import LabelledTrajectories
+    from overtaking.labels.law.judging import Policy
+    from overtaking.labels.law.rule import Pack, Rule
 
     Values = dict[str, Any]
 

@@ -7,16 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.reference.labels.recordings import case, every_recording, readable, same, written
-from tests.reference.labels.signals import One, Row, encounter, signals, target_signals
+from tests.reference.labels.readable_recordings import (
+    case,
+    every_recording,
+    readable,
+    same,
+    written,
+)
+from tests.reference.labels.readable_signals import One, Row, encounter, signals, target_signals
 
 from overtaking import _core
 from overtaking.core import arrays
 from overtaking.core.errors import ConfigError
 from overtaking.core.native import SIMD_VARIABLE
 from overtaking.labels import signals as compiled
-from overtaking.labels.events import case_of
-from overtaking.labels.instants import across_at, lateral_speed_at, left_lane_at, vehicle_at
+from overtaking.labels.event_detection import case_of
+from overtaking.labels.snapshots import across_at, lateral_speed_at, left_lane_at, vehicle_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 

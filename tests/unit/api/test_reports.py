@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import overtaking as ot
-from overtaking.analysis.law.curve import Curve
+from overtaking.analysis.law_statistics import Curve
 from overtaking.analysis.reproduction.run import Reproduction
 from overtaking.analysis.whatif.twin import Twin
 from overtaking.core.errors import ConfigError

@@ -31,7 +31,7 @@ from overtaking.show.judgement import EVENTS, Values
 from overtaking.show.wording import SYMBOLS, margin_words, symbol
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 NUM_SIMULATIONS = 48
 

@@ -6,7 +6,7 @@ from overtaking.analysis.stats.columns import FEATURES
 from overtaking.data.tables.names import READINGS
 from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.glossary import TERM_GROUPS, terms
-from overtaking.labels.law import policies_for
+from overtaking.labels.law.judging import policies_for
 from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import OvertakeClass
 

@@ -9,7 +9,7 @@ import pytest
 from tests.support.cases import Belief, Track, case, two_way_road
 
 from overtaking.analysis.stats.diagrams import diagram
-from overtaking.labels.label import LabelledTrajectories, label
+from overtaking.labels.labelling import LabelledTrajectories, label
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectories import NO_VEHICLE, Lights, ManoeuvreKind, Trajectories
 from overtaking.model.vehicle_tracks import VehicleTracks

@@ -7,8 +7,11 @@ import pytest
 from tests.support import german_fixtures, law_fixtures
 
 import overtaking as ot
-from overtaking.labels.label import label
-from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
+from overtaking.labels.labelling import label
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Text
 from overtaking.labels.law.texts import words_of
 from overtaking.model.verdicts import Verdict
 from overtaking.show.paragraphs import paragraphs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.support.overtakes import alone, limited, meeting, overtake, rural
 
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.show import wording
 from overtaking.show.description import describe
 

@@ -9,7 +9,7 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.cli import comparison
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.batch import concatenate
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.trajectories import NO_VEHICLE

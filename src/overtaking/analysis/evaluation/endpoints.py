@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from overtaking.labels.law import PORTUGAL, policy
+from overtaking.labels.law.judging import policy
+from overtaking.labels.law.portugal import PORTUGAL
 
 POLICY: Final = "default"
 """The policy of the law that counts."""

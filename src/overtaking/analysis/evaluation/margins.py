@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from overtaking.analysis.evaluation.endpoints import POLICY
-from overtaking.labels.law import PORTUGAL, policy
+from overtaking.labels.law.judging import policy
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 _SAFETY: Final = {
     "ttc": ("least time to collision ahead", "s"),

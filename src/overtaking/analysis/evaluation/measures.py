@@ -10,14 +10,14 @@ from overtaking.analysis.evaluation import lane_changes, origins
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.analysis.validation.conflicts import episodes, near_crashes, reactions
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.labels.law import policy
+from overtaking.labels.law.judging import policy
 from overtaking.model.overtake_events import NEVER, OutcomeDetail
 from overtaking.model.verdicts import Belief, OvertakeClass, Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
     from overtaking.core.arrays import F64
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.model.trajectories import Trajectories
 
 Columns = dict[str, "F64"]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.validation.tally import Array
     from overtaking.analysis.validation.traffic import Batch
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 
 class Origin(Enum):

@@ -14,7 +14,7 @@ from overtaking.core.representation import CompactRepr, json_values
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.endpoints import Endpoint
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 TOO_FEW = "too few"
 

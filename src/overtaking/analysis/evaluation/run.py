@@ -14,7 +14,7 @@ from overtaking.analysis.evaluation.measures import Columns, columns
 from overtaking.analysis.evaluation.results import Contrast, Evaluation, Margin, Rate, Worst
 from overtaking.analysis.validation.overtakes import STRATA, strata
 from overtaking.core.progress import ProgressCallback, ProgressCounter
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import MODEL_VERSION
 

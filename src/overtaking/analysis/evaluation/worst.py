@@ -8,11 +8,11 @@ import numpy as np
 
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.analysis.evaluation.results import Worst
-from overtaking.labels.law import policy
+from overtaking.labels.law.judging import policy
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.measures import Columns
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 KEPT: Final = 10
 

@@ -11,7 +11,7 @@ from overtaking.analysis.learning.targets import Target, is_asked
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import DatasetError
 from overtaking.data.load import Dataset
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 
 _PART = r"(?: frames \d+ to \d+)? vehicles [\d ]*$"
 """The end of a `source_recording`: the part of the recording."""

@@ -13,7 +13,7 @@ from overtaking.analysis.logic.clauses import needed, program
 from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
 from overtaking.analysis.logic.vocabulary import CODES, MAX_FRAME, RULE, VERDICT
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER
 
 if TYPE_CHECKING:

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.integers import beside, changes, down, nearest, runs, up
-from overtaking.labels.instants import oncoming
-from overtaking.labels.law.distances import lawful_gap, sure_decel
-from overtaking.labels.law.opposite import coming, over_its_edge
-from overtaking.labels.law.others import back_indicator, others_at, out_indicator
-from overtaking.labels.law.places import target_reach
+from overtaking.labels.law.oncoming_traffic import over_its_edge
+from overtaking.labels.law.safe_distance import lawful_gap, sure_decel
+from overtaking.labels.law.zones import target_reach
+from overtaking.labels.snapshots import back_indicator, coming, oncoming, others_at, out_indicator
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
-from overtaking.labels.events import case_of
+from overtaking.labels.event_detection import case_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law import POLICIES
+from overtaking.labels.law.judging import POLICIES
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import RoadMark

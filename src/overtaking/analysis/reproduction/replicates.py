@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from overtaking.analysis.validation.overtakes import flying
 from overtaking.core.process_limits import ordered_map
 from overtaking.data.plan import CHUNK_SIZE, runs
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import POLICIES
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.judging import POLICIES
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.scenarios.sampler import ScenarioSource
 

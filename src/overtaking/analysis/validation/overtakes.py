@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.validation.traffic import CARS, Batch, limit
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.overtake_events import NEVER, OvertakeEvents
 from overtaking.model.trajectories import OVERTAKING_STAGES, Stage, Trajectories
 from overtaking.model.verdicts import OvertakeClass

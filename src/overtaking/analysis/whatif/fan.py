@@ -14,9 +14,9 @@ from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.arrays import I64
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import check_choice
-from overtaking.labels.label import label
-from overtaking.labels.law import choose_policy
-from overtaking.labels.law import policy as policy_named
+from overtaking.labels.labelling import label
+from overtaking.labels.law.judging import choose_policy
+from overtaking.labels.law.judging import policy as policy_named
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.verdicts import OvertakeClass

@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.data.branches import branch_again, drawn
 from overtaking.data.load import Dataset
-from overtaking.labels.label import LabelledTrajectories
+from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.model.scenario import BranchOrigin, Intervention, Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT

@@ -12,7 +12,7 @@ from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.data.branches import Told
-from overtaking.labels.label import LabelledTrajectories, label
+from overtaking.labels.labelling import LabelledTrajectories, label
 from overtaking.model.scenario import ForcedDecision, Intervention
 from overtaking.model.trajectories import STATE_RESOLUTION, States, Trajectories
 from overtaking.model.vehicles import EGO_SLOT

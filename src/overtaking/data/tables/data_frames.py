@@ -6,7 +6,7 @@ import pandas as pd
 from overtaking.core.process_limits import explain_refusals
 from overtaking.data.tables import encode, encode_labels, names
 from overtaking.data.tables.decode import decode
-from overtaking.labels.label import LabelledTrajectories
+from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.model.trajectories import Trajectories
 
 

@@ -14,9 +14,9 @@ from overtaking.data.tables.arrow import Array, Masked
 from overtaking.data.tables.build import Given, Rows, Texts, build, read_columns
 from overtaking.data.tables.encode import Numbers, encode
 from overtaking.data.tables.schemas import COLUMNS, LABEL_TABLES
-from overtaking.labels.instants import slot_of
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.snapshots import slot_of
 from overtaking.model.batch import concatenate
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER

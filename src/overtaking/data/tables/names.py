@@ -1,6 +1,7 @@
 """The names that enumeration columns can hold, in the order of their codes in memory."""
 
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.driver_interface import Move
 from overtaking.model.overtake_events import Outcome, OutcomeDetail
 from overtaking.model.road import RoadMark

@@ -1,7 +1,7 @@
-"""Reasons of a verdict: broken rules, beliefs of the driver, and what would have been lawful."""
+"""Reasons of a verdict: broken rules, beliefs of the driver, and remedies.
 
-from overtaking.labels.explain.breach import Breach, Change, Quantity, Remedy
-from overtaking.labels.explain.explanation import Doubt, Explanation, explain
-from overtaking.labels.explain.thoughts import Thought
-
-__all__ = ["Breach", "Change", "Doubt", "Explanation", "Quantity", "Remedy", "Thought", "explain"]
+- `explanation`: the explanation of one simulation;
+- `breach`: one broken rule, and the changes that would have kept it;
+- `remedies`, `gaps`, `german`: the remedies for each check;
+- `margins`: margins frame by frame, for charts.
+"""

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, IndexArray
-from overtaking.labels.law import Rule
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.verdicts import Belief, Case, Severity
+from overtaking.model.verdicts import Case
 
 
 class Quantity(StrEnum):
@@ -96,31 +95,6 @@ def sole(
         vehicle=vehicle,
     )
     return ((change,),)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Breach:
-    """A broken rule.
-
-    Attributes:
-        rule: The rule.
-        policies: Names of the policies that require it.
-        margin: How far beyond the border of the law, negative, in the unit of the rule.
-        first: First frame of the breach.
-        last: Last frame of the breach.
-        severity: Severity by the law to which the rule belongs.
-        belief: Whether the driver could know.
-        remedies: Each of them alone would have kept the rule; none where nothing would.
-    """
-
-    rule: Rule
-    policies: tuple[str, ...]
-    margin: float
-    first: int
-    last: int
-    severity: Severity
-    belief: Belief
-    remedies: tuple[Remedy, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,18 +1,130 @@
 """Everything that explains the verdicts on one simulation, as numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.breach import Breach, BreachFacts
+from overtaking.labels.explain.breach import BreachFacts, Remedy
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
-from overtaking.labels.explain.thoughts import Thought, thoughts
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule, Text
+from overtaking.labels.labelling import LabelledTrajectories
+from overtaking.labels.law.beliefs import belief, decision_at, margins_of
+from overtaking.labels.law.following import L3
+from overtaking.labels.law.judging import POLICIES, Policy
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.returning import L8
+from overtaking.labels.law.rule import Pack, Rule, Text
+from overtaking.labels.law.safe_distance import (
+    GapMargin,
+    margin_ahead,
+    margin_behind,
+    margin_of_gap,
+)
+from overtaking.labels.law.starting import L4, L5
 from overtaking.labels.signals import target_signals
-from overtaking.model.verdicts import Belief, Case, Severity, Verdict
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
+from overtaking.model.verdicts import Belief, Case, Finding, Severity, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Breach:
+    """A broken rule.
+
+    Attributes:
+        rule: The rule.
+        policies: Names of the policies that require it.
+        margin: How far beyond the border of the law, negative, in the unit of the rule.
+        first: First frame of the breach.
+        last: Last frame of the breach.
+        severity: Severity by the law to which the rule belongs.
+        belief: Whether the driver could know.
+        remedies: Each of them alone would have kept the rule; none where nothing would.
+    """
+
+    rule: Rule
+    policies: tuple[str, ...]
+    margin: float
+    first: int
+    last: int
+    severity: Severity
+    belief: Belief
+    remedies: tuple[Remedy, ...]
+
+
+_MARGINS: dict[
+    tuple[ManoeuvreKind, PerceivedVehicle], tuple[Callable[[Case], Finding], GapMargin]
+] = {
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): (L3.check, margin_of_gap),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, margin_ahead),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, margin_behind),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_of_gap),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): (L8.check, margin_behind),
+}
+"""By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thought:
+    """What the law says of one neighbour at one decision, in truth and as believed.
+
+    Attributes:
+        decision: Row of the percepts.
+        whom: The neighbour.
+        code: Of the rule.
+        margin: By the true gap and closing speed [m].
+        believed_margin: By those believed; None for a vehicle that was not noticed [m].
+        belief: What that makes of the driver.
+    """
+
+    decision: int
+    whom: PerceivedVehicle
+    code: str
+    margin: float
+    believed_margin: float | None
+    belief: Belief
+
+
+def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
+    """Compare the law with what the driver believed of each vehicle at its decisions.
+
+    Args:
+        case: One simulation.
+        pack: The pack of rules. Neighbours that no rule of it judges are left out.
+
+    Returns:
+        One item for each neighbour at each decision, in the order of decisions. Decisions to abort
+        have no item because no rule judges them; recordings without percepts have no items.
+    """
+    percepts = case.trajectories.percepts
+    if "percepts" in case.trajectories.unknown:
+        return ()
+    comparisons = list[Thought]()
+    for row in np.flatnonzero(percepts.valid[0]).tolist():
+        kind = ManoeuvreKind(int(percepts.kind[0, row]))
+        for whom in PerceivedVehicle:
+            has_neighbour = percepts.slot[0, row, whom] != NO_VEHICLE
+            if has_neighbour and (kind, whom) in _MARGINS:
+                check, margin = _MARGINS[kind, whom]
+                codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
+                # One comparison is enough: rules with the same check have the same margin.
+                comparisons += [_thought(case, row, whom, code, margin) for code in codes[:1]]
+    return tuple(comparisons)
+
+
+def _thought(case: Case, row: int, whom: PerceivedVehicle, code: str, margin: GapMargin) -> Thought:
+    percepts, at = case.trajectories.percepts, (slice(0, 1), row, whom)
+    decision = decision_at(case, np.array([row]), np.array([True]), percepts.time[:1, row])
+    true, believed = (float(one[0]) for one in margins_of(percepts, at, decision, margin))
+    return Thought(
+        decision=row,
+        whom=whom,
+        code=code,
+        margin=true,
+        believed_margin=believed if percepts.is_detected[0, row, whom] else None,
+        belief=Belief(int(belief(case, decision, {whom: margin})[0])),
+    )
+
 
 ALL_REMEDIES = REMEDIES | GERMAN
 """The remedies for the rules of both laws, by the check of the rule."""

@@ -6,13 +6,16 @@ from overtaking.core.arrays import F32, IndexArray
 from overtaking.core.float32_math import TWO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
-from overtaking.labels.law.beliefs import Margin
-from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
-from overtaking.labels.law.errors import back_frame, oncoming_margins
-from overtaking.labels.law.frames import after_cut_ins
-from overtaking.labels.law.opposite import gap_to_return, on_the_other_side, room_and_time
-from overtaking.labels.law.others import coming, others_at
-from overtaking.labels.law.speeds import speed_limits
+from overtaking.labels.law.case import after_cut_ins, on_the_other_side
+from overtaking.labels.law.oncoming_traffic import (
+    back_frame,
+    gap_to_return,
+    oncoming_margins,
+    room_and_time,
+)
+from overtaking.labels.law.safe_distance import GapMargin, margin_behind, margin_of_gap, sure_decel
+from overtaking.labels.law.speed import speed_limits
+from overtaking.labels.snapshots import coming, others_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.world.road_surface import stoppable_speed
@@ -152,7 +155,7 @@ def more_distance(
 
 
 def _margins(
-    facts: BreachFacts, neighbour: NeighbourRole, frames: IndexArray, margin: Margin
+    facts: BreachFacts, neighbour: NeighbourRole, frames: IndexArray, margin: GapMargin
 ) -> F32:
     gap, closing = _gaps(facts, neighbour, frames)
     return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))

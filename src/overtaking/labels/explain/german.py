@@ -17,7 +17,7 @@ from overtaking.labels.explain.remedies import (
     pass_on_the_left,
     see_oncoming_traffic,
 )
-from overtaking.labels.law.frames import after_cut_ins
+from overtaking.labels.law.case import after_cut_ins
 from overtaking.labels.law.germany.distances import (
     A1,
     A2,
@@ -41,7 +41,7 @@ from overtaking.labels.law.germany.overtaking import (
     bicycle_distance,
     motor_vehicle_distance,
 )
-from overtaking.labels.law.lamps import L19
+from overtaking.labels.law.lamps_and_indicators import L19
 from overtaking.model.neighbours import NeighbourRole
 
 if TYPE_CHECKING:
@@ -50,8 +50,7 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F32
     from overtaking.labels.explain.breach import BreachFacts, Remedy
     from overtaking.labels.explain.remedies import Find
-    from overtaking.labels.law import Finding
-    from overtaking.model.verdicts import Case
+    from overtaking.model.verdicts import Case, Finding
 
 
 def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:

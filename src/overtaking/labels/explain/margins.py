@@ -7,23 +7,20 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64
 from overtaking.labels.explain.explanation import case_of
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import PORTUGAL, Finding, Pack
-from overtaking.labels.law.alongside import (
-    L10,
-    LateralDistance,
-    alongside,
-    motor_vehicle_distance,
-)
-from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
-from overtaking.labels.law.frames import Span, after_cut_ins, conduct, settled
-from overtaking.labels.law.gaps import L3
+from overtaking.labels.labelling import LabelledTrajectories
+from overtaking.labels.law.alongside import L10, LateralDistance, motor_vehicle_distance
+from overtaking.labels.law.case import after_cut_ins, alongside, conduct, settled
+from overtaking.labels.law.following import L3
 from overtaking.labels.law.germany import distances, driving, overtaking
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.safe_distance import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.sight import L14, L14s
-from overtaking.labels.law.speeds import L12, Limits, rounded, speed_limits
+from overtaking.labels.law.speed import L12, Limits, rounded, speed_limits
+from overtaking.labels.snapshots import Span
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.verdicts import Case, Verdict
+from overtaking.model.verdicts import Case, Finding, Verdict
 
 
 def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:

@@ -9,36 +9,34 @@ from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
-from overtaking.labels.law import Finding, Rule
 from overtaking.labels.law.alongside import (
     L1,
     L10,
     L11,
     L22,
     LateralDistance,
-    alongside,
     bicycle_distance,
     in_queue,
-    lane_index,
     motor_vehicle_distance,
 )
-from overtaking.labels.law.distances import full_decel
-from overtaking.labels.law.gaps import L3, L4, L5, L8, L23, L24
-from overtaking.labels.law.lamps import L18, L19
-from overtaking.labels.law.lanes import L2, L16, L20, left_widths
-from overtaking.labels.law.opposite import L25, L26, L27, L28, nearest_coming, over_its_edge
-from overtaking.labels.law.places import L17, L29, target_keeps_its_side
+from overtaking.labels.law.case import alongside, lane_index
+from overtaking.labels.law.following import L3, L28
+from overtaking.labels.law.lamps_and_indicators import L18, L19
+from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_widths
+from overtaking.labels.law.margins import SAME_MARGIN_M
+from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27, nearest_coming, over_its_edge
+from overtaking.labels.law.returning import L8, L9, L21, L23
+from overtaking.labels.law.rule import Rule
+from overtaking.labels.law.safe_distance import full_decel
 from overtaking.labels.law.sight import L14, L15, L14s, L15s, passing_margin, passing_sight
-from overtaking.labels.law.speeds import L12, L13, speed_limits
-from overtaking.labels.law.when import L6, L7, L9, L21
-from overtaking.model.verdicts import Case
+from overtaking.labels.law.speed import L12, L13, speed_limits
+from overtaking.labels.law.starting import L4, L5, L6, L7
+from overtaking.labels.law.zones import L17, L29, target_keeps_its_side
+from overtaking.model.verdicts import Case, Finding
 from overtaking.world.road_surface import stoppable_speed
 
 Find = Callable[[BreachFacts], tuple[Remedy, ...]]
 """A function that finds the remedies for a breach."""
-
-_SAME = 1e-3
-"""Margins that differ by less are one [m]."""
 
 
 def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -140,7 +138,7 @@ def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
     if facts.case.trajectories.road.is_two_way:
         clear = float(passing_margin(facts.case)[0])
-        if abs(clear - facts.margin) < _SAME:
+        if abs(clear - facts.margin) < SAME_MARGIN_M:
             return see_oncoming_traffic(facts)
     return _more_sight(facts, constant("law.sight.least"))
 
@@ -217,7 +215,7 @@ def elsewhere(facts: BreachFacts) -> tuple[Remedy, ...]:
 def elsewhere_or_target_in_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L17: before or after the place, or with the target on its own side of the road."""
     alone = target_keeps_its_side(facts.case)
-    if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < _SAME:
+    if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < SAME_MARGIN_M:
         return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
     return elsewhere(facts)
 

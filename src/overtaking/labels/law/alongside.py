@@ -1,75 +1,25 @@
 """Rules about ego and target side by side: L1, L10, L11, L22."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.arrays import F32, U8, IndexArray, Mask
+from overtaking.core.arrays import F32, IndexArray, Mask
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import across_at, at, slot_of, vehicle_at
-from overtaking.labels.law.errors import lane_error
-from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
+from overtaking.labels.law.case import alongside, lane_index, target_may_be
+from overtaking.labels.law.margins import ENDLESS
+from overtaking.labels.law.measurement_errors import MeasurementErrors, lane_error
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.others import num_slow, target_may_be
-from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread
-from overtaking.labels.signals import beside_target
-from overtaking.model.batch import cached_per_batch
-from overtaking.model.overtake_events import NEVER
-from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.verdicts import Case
+from overtaking.labels.law.rule import Grade, Rule, Spread
+from overtaking.labels.snapshots import across_at, at, num_slow, slot_of, vehicle_at
+from overtaking.model.verdicts import Case, Finding
 
 _HALF_LANE = np.float32(0.5)
+
 _LANE_AND_HALF = np.float32(1.5)
+
 _LEAST_SPEED = np.float32(1e-3)
 """One step of recorded speed, so that a start from rest can be divided by [m/s]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Alongside:
-    """The frames in which ego and target overlap, in order; arrays have shape (instant,).
-
-    Attributes:
-        rows: Simulation of each.
-        frames: Its frame.
-        lane: Lane of the target.
-        lateral_gap: Between the sides of their bodies [m].
-        accel: Of the target [m/s^2].
-    """
-
-    rows: IndexArray
-    frames: IndexArray
-    lane: U8
-    lateral_gap: F32
-    accel: F32
-
-    def check(self, case: Case, margin: F32, about: Mask | None = None) -> Finding:
-        """A margin of these frames that may never be negative, in the simulations that count."""
-        rows, frames = self.rows, self.frames
-        if about is not None:
-            counted = about[rows]
-            rows, frames, margin = rows[counted], frames[counted], margin[counted]
-        return always_at(margin, rows, frames, case.signals.num_simulations)
-
-
-@cached_per_batch
-def alongside(case: Case) -> Alongside:
-    """The frames in which ego and target overlap, in the overtake."""
-    events, end = case.events, driving_end(case)
-    over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
-    begun = (events.overlap_begin != NEVER) & (case.target.slot != NO_VEHICLE)
-    return overlaps(case, Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over))
-
-
-def overlaps(case: Case, span: Span) -> Alongside:
-    """The frames of a span in which ego and target overlap along the road."""
-    rows, frames, lane, lateral_gap, accel = beside_target(case, span.ends)
-    return Alongside(rows=rows, frames=frames, lane=lane, lateral_gap=lateral_gap, accel=accel)
-
-
-def lane_index(lane: U8) -> np.ndarray:
-    """Lane indices as signed numbers, with -1 for what is beyond the slow edge."""
-    return lane.view(np.int8)
 
 
 def _on_the_left(case: Case) -> Finding:
@@ -150,7 +100,6 @@ L1 = Rule(
         of=_lane_of_both,
     ),
 )
-
 
 LateralDistance = Callable[[Case], np.float32]
 """The smallest lawful distance between the sides of ego and target on the road of a batch [m]."""

@@ -1,6 +1,5 @@
 """Beliefs of the ego at its decision, beside the true values."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,9 +7,9 @@ import numpy as np
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
 from overtaking.core.float32_math import as_f32
-from overtaking.labels.instants import METRES, at
-from overtaking.labels.law.distances import sure_decel
-from overtaking.labels.law.frames import frames_of
+from overtaking.labels.law.margins import frames_of
+from overtaking.labels.law.safe_distance import GapMargin, sure_decel
+from overtaking.labels.snapshots import METRES, at
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle, Percepts
@@ -18,9 +17,6 @@ from overtaking.model.verdicts import Belief, Case
 
 _LATEST_PULL_OUT = 1.0
 """A pull-out is decided before it can be seen, and gusts may be taken for its start [s]."""
-
-Margin = Callable[[F32, F32, F32, F32], F32]
-"""Margin from gap, speed of the ego, closing speed and sure deceleration."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +51,7 @@ def going_back(case: Case) -> Decision:
     return _last(case, ManoeuvreKind.RETURN, case.events.return_end)
 
 
-def belief(case: Case, decision: Decision, conditions: dict[PerceivedVehicle, Margin]) -> U8:
+def belief(case: Case, decision: Decision, conditions: dict[PerceivedVehicle, GapMargin]) -> U8:
     """`Belief` of each simulation.
 
     Args:
@@ -84,7 +80,7 @@ def belief(case: Case, decision: Decision, conditions: dict[PerceivedVehicle, Ma
 
 
 def margins_of(
-    percepts: Percepts, place: tuple[Any, ...], decision: Decision, margin: Margin
+    percepts: Percepts, place: tuple[Any, ...], decision: Decision, margin: GapMargin
 ) -> tuple[F32, F32]:
     """The margin to a vehicle at a decision: in truth, and as believed.
 

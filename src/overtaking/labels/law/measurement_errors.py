@@ -1,10 +1,29 @@
-"""Standard deviations of recorded positions and speeds."""
+"""Errors of measurement and what they do to margins.
 
+A margin is a function of positions and speeds. By the law of propagation of uncertainty its
+variance is the sum of the squares of what each of them contributes, and a contribution is half the
+change of the margin as that one moves by its standard deviation to either side (JCGM 100:2008,
+5.1.2 and the note to 5.1.3). So each rule needs only its margin as a function of errors, at the
+frame that decides.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
+from overtaking.core.arrays import F32, I32, IndexArray
+from overtaking.labels.law.case import beside, on_the_other_side
+from overtaking.labels.law.margins import MIN_RATE_OF_CHANGE
+from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.safe_distance import GapMargin, sure_decel
+from overtaking.labels.snapshots import METRES, Span, at
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.verdicts import Case, Finding
 
 MAX_POSITION_STD = 100.0
 """Largest standard deviation of a position [m]."""
@@ -41,3 +60,110 @@ class MeasurementErrors:
         if not (self.position_std or self.speed_std):
             return ""
         return f"+-{self.position_std:g}m+-{self.speed_std:g}mps"
+
+
+def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
+    """Standard deviation of a margin.
+
+    Args:
+        margin: The margin as a function of one error for each of the inputs.
+        sizes: Standard deviation of each input.
+
+    Source:
+        JCGM 100:2008, 5.1.2 and the note to 5.1.3.
+    """
+    total = np.float32(0.0)
+    for k, size in enumerate(sizes):
+        moved = [np.float32(0.0)] * len(sizes)
+        moved[k] = np.float32(size)
+        up = margin(*moved)
+        moved[k] = -moved[k]
+        half = (up - margin(*moved)) * np.float32(0.5)
+        total = total + half * half
+    return np.sqrt(total)
+
+
+def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding) -> I32:
+    """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
+    rows, frames = span.frames()
+    decide = np.maximum(span.start, 0).astype(np.int32)
+    if not rows.size:
+        return decide
+    deviation = np.abs(margin(rows, frames) - checked.margin[rows])
+    order = np.lexsort((frames, deviation, rows))
+    first = order[np.append(True, np.diff(rows[order]) != 0)]
+    decide[rows[first]] = frames[first]
+    return decide
+
+
+def gap_error(
+    case: Case, place: NeighbourRole, frame: I32, margin: GapMargin, errors: MeasurementErrors
+) -> F32:
+    """Error of a margin of the gap to a neighbour, from positions and speeds of both."""
+    other, seen = beside(case, place, frame), case.signals
+    speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
+    is_ahead = place in (
+        NeighbourRole.LEADER,
+        NeighbourRole.LEFT_LEADER,
+        NeighbourRole.RIGHT_LEADER,
+    )
+
+    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
+        near = moved_neighbour(other, own, its, faster, its_faster, is_ahead=is_ahead)
+        return margin(near.gap, speed + faster, near.closing_speed, decel)
+
+    return standard_error(moved, *of_both(errors))
+
+
+def moved_neighbour(
+    other: Encounter, own: F32, its: F32, faster: F32, its_faster: F32, *, is_ahead: bool
+) -> Encounter:
+    """A neighbour as it would have been seen with errors.
+
+    Args:
+        other: As it was seen.
+        own: Error of the ego's position along the road [m].
+        its: Of the neighbour's [m].
+        faster: Of the ego's speed [m/s].
+        its_faster: Of the neighbour's [m/s].
+        is_ahead: Whether it is ahead of the ego.
+    """
+    sign = np.float32(1.0 if is_ahead else -1.0)
+    return other.replace(
+        gap=other.gap + sign * (its - own),
+        closing_speed=other.closing_speed + sign * (faster - its_faster),
+    )
+
+
+def of_both(errors: MeasurementErrors) -> tuple[float, float, float, float]:
+    """Errors of two positions and two speeds."""
+    return errors.position_std, errors.position_std, errors.speed_std, errors.speed_std
+
+
+def lane_error(distance: F32, errors: MeasurementErrors) -> F32:
+    """Error of a margin in lanes: half a lane where a centre is one error from the border [lanes].
+
+    Args:
+        distance: From the border that decides, either way [m].
+        errors: Of the measurement.
+    """
+    return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES)
+
+
+def zero_if_infinite(error: F32) -> F32:
+    """An error where there is nobody whose position could be wrong: 0."""
+    return np.where(np.isfinite(error), error, np.float32(0.0))
+
+
+GAP_ERROR_FORMULA = "sqrt(2 sp^2 + sv^2 ((t + v/b)^2 + (u/b)^2)), v behind and u ahead"
+
+BRAKING_ERROR_FORMULA = (
+    "sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = "
+    f"{amount('law.entry.braking')} decides"
+)
+
+
+def time_back_error(case: Case, errors: MeasurementErrors) -> F32:
+    """Error of when the ego is back on its side, by its position across the road [s]."""
+    across = at(case.signals.lateral_speed, on_the_other_side(case).stop)
+    return np.float32(errors.position_std) / np.maximum(np.abs(across), MIN_RATE_OF_CHANGE)

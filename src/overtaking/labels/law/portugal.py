@@ -1,16 +1,17 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice."""
 
 from overtaking.labels.law.alongside import L1, L10, L11, L22
-from overtaking.labels.law.gaps import L3, L4, L5, L8, L23, L24
-from overtaking.labels.law.lamps import L18, L19
-from overtaking.labels.law.lanes import L2, L16, L20
-from overtaking.labels.law.opposite import L25, L26, L27, L28
-from overtaking.labels.law.places import L17, L29
+from overtaking.labels.law.following import L3, L28
+from overtaking.labels.law.lamps_and_indicators import L18, L19
+from overtaking.labels.law.lines_and_lanes import L2, L16, L20
+from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
+from overtaking.labels.law.returning import L8, L9, L21, L23
 from overtaking.labels.law.rule import Pack
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
-from overtaking.labels.law.speeds import L12, L13
+from overtaking.labels.law.speed import L12, L13
+from overtaking.labels.law.starting import L4, L5, L6, L7
 from overtaking.labels.law.texts import edition, with_texts
-from overtaking.labels.law.when import L6, L7, L9, L21
+from overtaking.labels.law.zones import L17, L29
 
 # fmt: off
 _RULES = (

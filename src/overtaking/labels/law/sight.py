@@ -1,39 +1,46 @@
 """Rules about sight: L14 and L15, each with a strict variant for obstacles without lamps."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from overtaking.core.arrays import F32, I32
+from overtaking.core.arrays import F32, I32, IndexArray
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import at, seconds_of
-from overtaking.labels.law.errors import STOPPING, STOPPING_UNLIT
-from overtaking.labels.law.frames import (
-    Span,
-    Stretch,
-    always,
-    conduct,
-    limited,
-    manoeuvre,
-    never_negative,
-    stretches,
-)
+from overtaking.labels.law.case import conduct, manoeuvre, optical_range, seconds_of, stretches
+from overtaking.labels.law.margins import SAME_MARGIN_M, Stretch, always, limited, never_negative
+from overtaking.labels.law.measurement_errors import MeasurementErrors, deciding
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread
-from overtaking.model.batch import cached_per_batch
+from overtaking.labels.law.rule import Grade, Rule, Spread
+from overtaking.labels.law.safe_distance import full_decel, stop_distance
+from overtaking.labels.snapshots import Span, at
 from overtaking.model.overtake_events import NEVER
-from overtaking.model.verdicts import Case
+from overtaking.model.verdicts import Case, Finding
 from overtaking.world.sight_distance import sight_at
-from overtaking.world.weather_parameters import weather_effects
-
-_SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
 
 
-@cached_per_batch
-def optical_range(case: Case) -> F32:
-    """Meteorological optical range in fog and falling rain, shape (simulation,) [m]."""
-    sight = weather_effects(case.trajectories.scenario).sight
-    air = sight["fog_extinction"] + sight["rain_extinction"]
-    return constant("weather.fog.transmission_depth") / air
+def _stopping(sight: str) -> Callable[[Case, Finding, MeasurementErrors], F32]:
+    """Of the stopping distance where it comes nearest to the sight."""
+
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+        seen = case.signals
+
+        def margin(rows: IndexArray, frames: IndexArray) -> F32:
+            stop = stop_distance(seen.speed[rows, frames], seen.friction[rows, frames])
+            return getattr(seen, sight)[rows, frames] - stop
+
+        frame = deciding(conduct(case), margin, found)
+        speed = at(seen.speed, frame)
+        time = constant("law.sight.reaction_time") + speed / full_decel(at(seen.friction, frame))
+        return time * np.float32(errors.speed_std)
+
+    return of
+
+
+STOPPING = Spread(formula="(t + v/b) sv, in the frame of the smallest margin",
+                  of=_stopping("sight_lit"))  # fmt: skip
+
+STOPPING_UNLIT = Spread(formula=STOPPING.formula, of=_stopping("sight_unlit"))
 
 
 def _stops_for_lit(case: Case) -> Finding:
@@ -61,6 +68,7 @@ def _stops_within(sight: str) -> str:
 
 
 STOPS_FOR_LIT = _stops_within("the distance at which a lit vehicle is seen")
+
 STOPS_FOR_UNLIT = _stops_within("the distance at which an unlit obstacle is seen")
 
 L14 = Rule(
@@ -204,7 +212,7 @@ def sight_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
     if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)
-    decides = np.abs(passing_margin(case) - found.margin) < _SAME
+    decides = np.abs(passing_margin(case) - found.margin) < SAME_MARGIN_M
     return np.where(decides, time_needed(case) * np.float32(errors.speed_std), np.float32(0.0))
 
 
@@ -214,12 +222,12 @@ _ONCOMING = Spread(
     formula=f"{_TIME_LEFT} sv where oncoming traffic decides, else 0", of=sight_error
 )
 
-
 _SEE = (
     "Do not overtake where visibility is insufficient, that is, where the carriageway cannot be "
     f"seen over {amount('law.sight.least')}; with oncoming traffic, where it is not clear over the "
     "length that is needed."
 )
+
 _ENOUGH_SIGHT = (
     f"air and road give a sight of (v + limit) {_TIME_LEFT} or more, limit: the highest for "
     "oncoming traffic within that sight."

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import PercentFormatter
 
-from overtaking.analysis.law.curve import STEPS
+from overtaking.analysis.law_statistics import STEPS
 from overtaking.show import palette
 from overtaking.show.plots.style import is_narrow, new_figure, styled
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from overtaking.analysis.law.curve import Curve
+    from overtaking.analysis.law_statistics import Curve
 
 _COLUMN_LETTERS = 22  # Of the title of a rule beside its bar, in narrow figures.
 _TITLES = {
@@ -32,7 +32,7 @@ def draw_curve(found: Curve) -> Figure:
     """Share of legal overtakes by each tolerance; below, the rules that are broken, and alone.
 
     Args:
-        found: `analysis.law.curve.curve`.
+        found: `analysis.law_statistics.curve`.
     """
     codes = [code for code, count in found.broken.items() if count]
     down, across = (len(STEPS) // 2, 2) if is_narrow() else (1, len(STEPS))

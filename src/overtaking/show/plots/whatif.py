@@ -12,8 +12,8 @@ from overtaking.analysis.whatif.scenes import class_of
 from overtaking.analysis.whatif.twin import Twin
 from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
-from overtaking.labels.label import label
-from overtaking.labels.law import choose_policy
+from overtaking.labels.labelling import label
+from overtaking.labels.law.judging import choose_policy
 from overtaking.model.vehicle_tracks import EGO_ROW, VehicleTracks
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show import palette

@@ -161,7 +161,7 @@ def _films(
 ) -> list[tuple[str, str]]:
     """Film the worst scenes: names of the files, and captions."""
     from overtaking.analysis.evaluation.endpoints import POLICY
-    from overtaking.labels.law import policy
+    from overtaking.labels.law.judging import policy
     from overtaking.model.verdicts import OvertakeClass
     from overtaking.show.video.jobs import Job
     from overtaking.show.video.produce import produce

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError, DatasetError, check_choice, nearest_first
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report import gallery
 
@@ -149,7 +149,7 @@ def _draw_example(
     """A typical simulation of a class in space and time."""
     from overtaking.analysis.stats.diagrams import diagram
     from overtaking.analysis.stats.distributions import typical
-    from overtaking.labels.label import label
+    from overtaking.labels.labelling import label
 
     sample = compute_statistics().sample
     row = typical(sample).get(class_name)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from overtaking.data.load import Dataset
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import choose_policy
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.judging import choose_policy
 from overtaking.show.report.learned import learn
 from overtaking.show.report.write import Progress, Report, write_report
 

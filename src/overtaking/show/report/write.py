@@ -16,8 +16,9 @@ from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.representation import CompactRepr
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.labelling import LabelledTrajectories
+from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.import_report import ImportFinding, summarize_findings
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.paragraphs import paragraphs

@@ -14,7 +14,7 @@ import numpy as np
 from overtaking.analysis.database.query import query
 from overtaking.analysis.whatif.scenes import scene_of
 from overtaking.core.errors import ConfigError, NoSuchSimulationError, OvertakingError
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.show.server.index import Index, titles
 from overtaking.show.server.kept import Kept
 from overtaking.show.server.thumbnail import thumbnail
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.data.load import Dataset
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.show.server.wanted import Branch, Futures, Rows
 
 FAULT = "a fault of overtaking itself, please report it"

@@ -11,7 +11,7 @@ from overtaking.analysis.whatif.fan import fan_of
 from overtaking.core.errors import ConfigError
 from overtaking.core.random_numbers import Stream
 from overtaking.knowledge.carla_catalogue import weather_presets
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.scenario import ForcedDecision, Intervention
 from overtaking.scenarios.random_draws import RandomStream
 from overtaking.scenarios.specification import PresetWeather
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from overtaking.analysis.whatif.scenes import Scene
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectories import Trajectories
     from overtaking.model.weather import Weather

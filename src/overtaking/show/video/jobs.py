@@ -8,8 +8,8 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.load import Dataset
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import Policy, choose_policy, policy
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.judging import Policy, choose_policy, policy
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.verdicts import OvertakeClass
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.labels.law import POLICIES, PORTUGAL, Policy
+from overtaking.labels.law.judging import POLICIES, Policy
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Findings, Severity, Verdict

@@ -1,8 +1,8 @@
 """A film of twins: a simulation as it was, and below it the same with something changed."""
 
 from overtaking.analysis.whatif.twin import Twin
-from overtaking.labels.law import choose_policy
-from overtaking.labels.law import policy as policy_named
+from overtaking.labels.law.judging import choose_policy
+from overtaking.labels.law.judging import policy as policy_named
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas

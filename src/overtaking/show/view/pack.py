@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.labels.explain.margins import margins
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.vehicles import Colour
 from overtaking.model.verdicts import Verdict
@@ -29,7 +29,7 @@ from overtaking.world.surrogate_safety import ttc
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.model.road import Road
     from overtaking.model.trajectories import Trajectories
 

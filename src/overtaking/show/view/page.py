@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.knowledge.glossary import terms
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.show.palette import ACCENT, CLASS_COLOURS, CLASS_MARKERS, GRID, INK, QUIET
 from overtaking.show.video import palette
 from overtaking.show.video.jobs import MIN_DURATION_S

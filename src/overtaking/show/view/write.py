@@ -9,7 +9,7 @@ from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import write_atomically
 from overtaking.data.load import Dataset
-from overtaking.labels.law import choose_policy
+from overtaking.labels.law.judging import choose_policy
 from overtaking.model.import_report import ImportFinding, joined_findings
 from overtaking.show import wording
 from overtaking.show.video.jobs import jobs, num_films, profile_of
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.data.generate import ProgressCallback
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.show.video.jobs import Source
 
 MOST_BYTES = 64_000_000

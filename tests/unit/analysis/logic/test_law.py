@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,9 +14,14 @@ from tests.support.logic import group_of, program_of, solved
 from overtaking import sample, simulate
 from overtaking.analysis.logic.export import PROGRAMS
 from overtaking.analysis.logic.law import CODES, CODES_DE, judged, law, lawyer
-from overtaking.labels.events import case_of
-from overtaking.labels.law import GERMANY, PORTUGAL, Pack, check
+from overtaking.labels.event_detection import case_of
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import check
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Case, Verdict
+
+if TYPE_CHECKING:
+    from overtaking.labels.law.rule import Pack
 
 pytestmark = pytest.mark.ci
 

@@ -11,7 +11,8 @@ from overtaking.analysis.logic.export import PROGRAMS
 from overtaking.analysis.logic.question import question
 from overtaking.analysis.logic.vocabulary import CODES, PREDICATES
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import GERMANY, PORTUGAL
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.portugal import PORTUGAL
 
 NAMES = {code.lower() for code in CODES}
 

@@ -10,7 +10,7 @@ import pytest
 
 from overtaking.analysis.stats.diagrams import Diagram, diagram
 from overtaking.core.units import mps_from_kmh
-from overtaking.labels.label import label
+from overtaking.labels.labelling import label
 from overtaking.model.overtake_events import NEVER
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
@@ -18,7 +18,7 @@ from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 PHASES = ("follows", "pulls out", "in the other lane", "returns", "done")
 

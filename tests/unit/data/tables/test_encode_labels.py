@@ -10,8 +10,8 @@ from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.names import EVENTS
 from overtaking.data.tables.schemas import KEYS, LABEL_TABLES, SCHEMAS
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import PORTUGAL
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.verdicts import OvertakeClass, Severity, Verdict
 from overtaking.recordings.roads import load_road

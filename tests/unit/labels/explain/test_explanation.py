@@ -9,10 +9,11 @@ from tests.support.cases import Track
 from tests.support.overtakes import crossing
 
 import overtaking as ot
-from overtaking.labels.explain import explain
-from overtaking.labels.explain.thoughts import thoughts
-from overtaking.labels.label import LabelledTrajectories, label
-from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, policy
+from overtaking.labels.explain.explanation import explain, thoughts
+from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.law.judging import POLICIES, Policy, policy
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Pack
 from overtaking.model.trajectories import (
     ManoeuvreKind,
     PerceivedVehicle,

@@ -11,8 +11,10 @@ from tests.support.worlds import wide_road
 
 import overtaking as ot
 from overtaking.labels.explain.margins import margins
-from overtaking.labels.label import label
-from overtaking.labels.law import GERMANY, PORTUGAL, check, policies_for
+from overtaking.labels.labelling import label
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import check, policies_for
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Verdict
 
 

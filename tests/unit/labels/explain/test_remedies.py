@@ -22,19 +22,20 @@ from tests.support.overtakes import (
 )
 from tests.support.worlds import wide_road
 
-from overtaking.labels.events import case_of
+from overtaking.labels.event_detection import case_of
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy
 from overtaking.labels.explain.explanation import ALL_REMEDIES
 from overtaking.labels.explain.remedies import remedies_of
-from overtaking.labels.law import GERMANY, PORTUGAL, judge
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import judge
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road_course import RoadCourse
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Finding
-    from overtaking.model.verdicts import Case
+    from overtaking.model.verdicts import Case, Finding
 
 RULES = {rule.code: rule for rule in (*PORTUGAL.rules, *GERMANY.rules)}
 FIXTURES = (*law_fixtures.FIXTURES, *german_fixtures.FIXTURES)

@@ -9,13 +9,15 @@ import pytest
 from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import crossing, overtake
 
-from overtaking.labels.law import PORTUGAL, check, judge
+from overtaking.labels.law.judging import check, judge
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import UNKNOWNS
 from overtaking.model.verdicts import Severity, Verdict
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Finding, Rule
+    from overtaking.labels.law.rule import Rule
+    from overtaking.model.verdicts import Finding
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 

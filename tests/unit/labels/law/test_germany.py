@@ -11,7 +11,11 @@ from tests.support.german_fixtures import FIXTURES, behind
 from tests.support.overtakes import alone, overtake
 
 from overtaking.knowledge.toml_reader import all_quantities
-from overtaking.labels.law import GERMANY, PORTUGAL, Text, check, germany, legality, policies_for
+from overtaking.labels.law import germany
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import check, legality, policies_for
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Text
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Severity, Verdict
 

@@ -16,13 +16,14 @@ from overtaking import label, sample, simulate
 from overtaking.analysis.logic.law import CODES, judged, lawyer
 from overtaking.analysis.logic.recorded import road_columns
 from overtaking.data.tables.encode import encode
-from overtaking.labels.events import case_of
+from overtaking.labels.attempt_features import attempt_features, attempt_features_at
+from overtaking.labels.event_detection import case_of
 from overtaking.labels.explain.margins import margins
-from overtaking.labels.features import attempt_features
-from overtaking.labels.features.decision import attempt_features_at
-from overtaking.labels.features.oncoming import oncoming_measures
-from overtaking.labels.law import GERMANY, PORTUGAL, check, judge
-from overtaking.labels.law.speeds import speed_limits
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import check, judge
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.speed import speed_limits
+from overtaking.labels.safety_features import oncoming_measures
 from overtaking.model.known_roads import known_road
 from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 from overtaking.model.verdicts import Severity, Verdict

@@ -24,8 +24,9 @@ from tests.support.overtakes import (
 
 from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels import law
-from overtaking.labels.law import PORTUGAL, judge
-from overtaking.labels.law.frames import conduct, driving_end, manoeuvre
+from overtaking.labels.law.case import conduct, driving_end, manoeuvre
+from overtaking.labels.law.judging import judge
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model import verdicts
 from overtaking.model.road import RoadMark
 from overtaking.model.road_course import RoadCourse

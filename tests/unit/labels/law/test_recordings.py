@@ -9,9 +9,10 @@ import pytest
 from tests.support.cases import Track, ramp, seen_case
 from tests.support.overtakes import crossing
 
-from overtaking.labels.instants import lateral_speed_at
-from overtaking.labels.law import PORTUGAL, judge
-from overtaking.labels.law.others import steady_speed_at
+from overtaking.labels.law.judging import judge
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.starting import steady_speed_at
+from overtaking.labels.snapshots import lateral_speed_at
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED
 

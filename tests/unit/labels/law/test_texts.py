@@ -13,9 +13,12 @@ from tests.support import german_fixtures, law_fixtures
 
 import overtaking as ot
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.label import label
-from overtaking.labels.law import GERMANY, PORTUGAL, Grade, adopt, policies_for
+from overtaking.labels.labelling import label
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.judging import policies_for
 from overtaking.labels.law.numbers import amount, bare, fill_placeholders
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.rule import Grade, adopt
 from overtaking.labels.law.texts import words_of
 from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
@@ -25,8 +28,8 @@ from overtaking.show.view.pack import pack as page_payload
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from overtaking.labels.label import LabelledTrajectories
-    from overtaking.labels.law import Rule
+    from overtaking.labels.labelling import LabelledTrajectories
+    from overtaking.labels.law.rule import Rule
 
 PACKS = {"pt": PORTUGAL, "de": GERMANY}
 FIXTURES = {"pt": law_fixtures.FIXTURES, "de": german_fixtures.FIXTURES}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from matplotlib.figure import Figure
 
-from overtaking.analysis.law.curve import Curve
+from overtaking.analysis.law_statistics import Curve
 from overtaking.core.errors import ConfigError
 from overtaking.show.report.figures import draw
 

@@ -18,7 +18,7 @@ from overtaking import label, sample, simulate
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.knowledge.glossary import TERM_GROUPS, terms
-from overtaking.labels.law import POLICIES
+from overtaking.labels.law.judging import POLICIES
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.verdicts import Verdict
 from overtaking.show.report import files

@@ -11,7 +11,8 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import POLICIES, PORTUGAL, policy
+from overtaking.labels.law.judging import POLICIES, policy
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.trajectories import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.verdicts import Findings, OvertakeClass

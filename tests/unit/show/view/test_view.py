@@ -18,8 +18,8 @@ import pytest
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.glossary import terms
-from overtaking.labels.law import POLICIES, PORTUGAL
-from overtaking.labels.law.policies import STORED
+from overtaking.labels.law.judging import POLICIES, STORED
+from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.known_roads import known_road
 from overtaking.model.overtake_events import NEVER
@@ -37,7 +37,7 @@ from overtaking.show.view.page import MAX_FINDINGS, THEMES, page, words
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.labels.label import LabelledTrajectories
+    from overtaking.labels.labelling import LabelledTrajectories
 
 NUM_SIMULATIONS = 24
 

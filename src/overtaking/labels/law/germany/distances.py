@@ -4,30 +4,22 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.frames import (
-    ENDLESS,
+from overtaking.labels.law.case import (
     after_cut_ins,
-    always,
+    distance_from,
+    ego_may_be,
     settled,
-    stretch,
+    stretches_of,
 )
+from overtaking.labels.law.margins import ENDLESS, always, decided, inapplicable, stretch
+from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import amount
-from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.places import distance_from, stretches_of
-from overtaking.labels.law.rule import (
-    Finding,
-    Grade,
-    MeasurementErrors,
-    Rule,
-    Spread,
-    decided,
-    inapplicable,
-)
+from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road_course import ZoneKind
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.model.verdicts import Case
+from overtaking.model.verdicts import Case, Finding
 
 
 def _gap(case: Case) -> tuple[F32, Mask]:

@@ -4,28 +4,25 @@ import numpy as np
 
 from overtaking.core.arrays import F32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import seconds_of
-from overtaking.labels.law.errors import OF_SPEED
-from overtaking.labels.law.frames import ENDLESS, always, conduct, ends_in
-from overtaking.labels.law.gaps import L8, L23, NO_HARD_BRAKING, SAFE_RETURN
-from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, NO_DAZZLE, dazzles
-from overtaking.labels.law.lanes import L2, OFF_THE_LINE
+from overtaking.labels.law.case import conduct, limit_table, limits_of, optical_range, seconds_of
+from overtaking.labels.law.lamps_and_indicators import BEAMS, FOG, HIGH, L19, NO_DAZZLE, dazzles
+from overtaking.labels.law.lines_and_lanes import L2, OFF_THE_LINE
+from overtaking.labels.law.margins import ENDLESS, always, decided, ends_in
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.rule import Finding, Grade, Rule, adopt, decided
-from overtaking.labels.law.sight import L14, STOPS_FOR_LIT, STOPS_FOR_UNLIT, L14s, optical_range
-from overtaking.labels.law.speeds import (
+from overtaking.labels.law.returning import KEEPS_RIGHT, L8, L21, L23, NO_HARD_BRAKING, SAFE_RETURN
+from overtaking.labels.law.rule import Grade, Rule, adopt
+from overtaking.labels.law.sight import L14, STOPS_FOR_LIT, STOPS_FOR_UNLIT, L14s
+from overtaking.labels.law.speed import (
     L12,
+    OF_SPEED,
     WITHIN_LIMIT,
     decisive_limit,
     keeps_limit,
     limit_spread,
-    limit_table,
-    limits_of,
     perhaps,
 )
-from overtaking.labels.law.when import KEEPS_RIGHT, L21
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.model.verdicts import Case, Severity, Verdict
+from overtaking.model.verdicts import Case, Finding, Severity, Verdict
 
 _STVO = "de-stvo-2013"
 

@@ -3,23 +3,23 @@
 import numpy as np
 
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.frames import instant
+from overtaking.labels.law.case import ego_may_be, target_may_be
+from overtaking.labels.law.margins import decided, inapplicable, instant
 from overtaking.labels.law.numbers import amount
-from overtaking.labels.law.opposite import L25, L26, NO_REACTION, TIME_TO_PASS
-from overtaking.labels.law.others import ego_may_be, target_may_be
-from overtaking.labels.law.places import (
+from overtaking.labels.law.oncoming_traffic import L25, L26, NO_REACTION, TIME_TO_PASS
+from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
+from overtaking.labels.law.sight import SEES_ONCOMING, passing_margin, pull_out_frame, sight_error
+from overtaking.labels.law.zones import (
     WHILE_OVERTAKING,
     away_from_each,
     immediately_before,
     of_two_wheels,
     place_spread,
 )
-from overtaking.labels.law.rule import Finding, Grade, Rule, Spread, adopt, decided, inapplicable
-from overtaking.labels.law.sight import SEES_ONCOMING, passing_margin, pull_out_frame, sight_error
 from overtaking.model.road_course import ZoneKind
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.model.verdicts import Case
+from overtaking.model.verdicts import Case, Finding
 from overtaking.world.sight_distance import all_zones_for
 
 _STVO = "de-stvo-2013"

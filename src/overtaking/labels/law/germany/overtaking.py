@@ -7,7 +7,6 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import HALF
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.instants import at, vehicle_at
 from overtaking.labels.law.alongside import (
     L1,
     L10,
@@ -15,25 +14,23 @@ from overtaking.labels.law.alongside import (
     L22,
     NOT_IN_QUEUES,
     TARGET_KEEPS_SPEED,
-    alongside,
     check_lateral_distance,
     in_queue,
-    lane_index,
 )
-from overtaking.labels.law.distances import beside
-from overtaking.labels.law.errors import gap_error
-from overtaking.labels.law.frames import ENDLESS, instant
-from overtaking.labels.law.gaps import BACK_BEFORE_ONCOMING, L24
-from overtaking.labels.law.lamps import INDICATES, L18
+from overtaking.labels.law.case import alongside, beside, ego_may_be, lane_index, optical_range
+from overtaking.labels.law.lamps_and_indicators import INDICATES, L18
+from overtaking.labels.law.margins import ENDLESS, instant
+from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
 from overtaking.labels.law.numbers import amount
-from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread, adopt
-from overtaking.labels.law.sight import optical_range
-from overtaking.labels.law.when import L7, L9, RETURNS_SOON, TARGET_KEEPS_LANE
+from overtaking.labels.law.oncoming_traffic import BACK_BEFORE_ONCOMING, L24
+from overtaking.labels.law.returning import L9, RETURNS_SOON
+from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
+from overtaking.labels.law.starting import L7, TARGET_KEEPS_LANE
+from overtaking.labels.snapshots import at, vehicle_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.model.verdicts import Case
+from overtaking.model.verdicts import Case, Finding
 
 
 def _on_the_left(case: Case) -> Finding:

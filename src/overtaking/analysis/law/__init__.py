@@ -1,1 +1,0 @@
-"""The law over many overtakes: the effect of tolerances, and differences between two laws."""

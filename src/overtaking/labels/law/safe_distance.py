@@ -1,0 +1,143 @@
+"""Lawful gaps with their numbers, decelerations, and the gap between two neighbours."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from overtaking.core.arrays import F32, F32Like
+from overtaking.core.float32_math import as_f32, clamp, maximum, minimum
+from overtaking.knowledge.toml_reader import constant
+from overtaking.labels.law.case import beside
+from overtaking.labels.law.numbers import amount, bare
+from overtaking.labels.snapshots import Frames, at
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.verdicts import Case
+from overtaking.world.road_surface import stopping_distance
+from overtaking.world.surrogate_safety import assumed_decel, safe_distance
+
+GapMargin = Callable[[F32, F32, F32, F32], F32]
+"""Margin from gap, speed of the ego, closing speed and sure deceleration."""
+
+REACTION_AND_DECEL = (
+    f"t = {amount('law.safe_distance.reaction_time')}, b = "
+    f"min({amount('law.safe_distance.decel_limit')}, {bare('friction.table.usable_share')} mu g)"
+)
+
+
+def sure_decel(friction: F32) -> F32:
+    """Deceleration that both vehicles are thought capable of on the ego's friction [m/s^2]."""
+    # Beyond the end of a recording there is no friction, and none of this counts.
+    return assumed_decel(
+        np.maximum(friction, constant("friction.table.floor")),
+        share=constant("friction.table.usable_share"),
+        limit=constant("law.safe_distance.decel_limit"),
+        gravity=constant("model.nature.gravity"),
+    )
+
+
+def full_decel(friction: F32) -> F32:
+    """Deceleration with all the grip that a driver may count on, for rules about sight [m/s^2]."""
+    grip = np.maximum(friction, constant("friction.table.floor"))
+    return constant("friction.table.usable_share") * constant("model.nature.gravity") * grip
+
+
+def stop_distance(speed: F32, friction: F32) -> F32:
+    """Distance in which the ego stops, as L14 reckons it [m]."""
+    return stopping_distance(
+        speed, as_f32(constant("law.sight.reaction_time")), full_decel(friction)
+    )
+
+
+def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
+    """Gap that Article 18(1) asks of the vehicle behind [m].
+
+    Args:
+        rear_speed: Of the vehicle behind [m/s].
+        closing_speed: Its speed minus that of the one ahead [m/s].
+        decel: `sure_decel` [m/s^2].
+    """
+    return safe_distance(
+        rear_speed,
+        rear_speed - closing_speed,
+        reaction_time=constant("law.safe_distance.reaction_time"),
+        follower_decel=decel,
+        leader_decel=decel,
+    )
+
+
+def margin_of_gap(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of the ego's gap to the vehicle ahead: lawful [m]."""
+    return gap - lawful_gap(speed, closing_speed, decel)
+
+
+def margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of a gap to the vehicle ahead: lawful, and no collision for 3 s [m].
+
+    The time to collision is at least 3 s where the gap is at least 3 s of closing speed.
+    """
+    soon = constant("law.entry.ttc") * closing_speed
+    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), soon)
+
+
+def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+    """Margin of a gap to the vehicle behind: lawful for it, and no abrupt braking [m].
+
+    Args:
+        gap: [m].
+        speed: Of the ego [m/s].
+        closing_speed: Of the vehicle behind [m/s].
+        decel: `sure_decel` [m/s^2].
+    """
+    approach = np.maximum(closing_speed, np.float32(0.0))
+    # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
+    braked = approach * approach / (np.float32(2.0) * constant("law.entry.braking"))
+    return gap - np.maximum(lawful_gap(speed + closing_speed, closing_speed, decel), braked)
+
+
+def slow_lane_room(case: Case, frame: Frames) -> F32:
+    """Room for the ego in the lane to its right, negative where it is taken, (simulation,) [m].
+
+    The smallest of three margins: to the safe distance ahead and behind, and to the vehicle ahead
+    being reached within 10 s; at most 200 m either way. A lane that does not exist counts as empty.
+
+    Args:
+        case: The batch.
+        frame: A frame of each simulation; nobody is there where that is `NEVER`.
+    """
+    speed, decel = at(case.signals.speed, frame), sure_decel(at(case.signals.friction, frame))
+    ahead = beside(case, NeighbourRole.RIGHT_LEADER, frame)
+    behind = beside(case, NeighbourRole.RIGHT_FOLLOWER, frame)
+    return room_beside(speed, decel, ahead, behind)
+
+
+def room_beside(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> F32:
+    """Room between two neighbours, as in `slow_lane_room` [m].
+
+    Args:
+        speed: Of the ego [m/s].
+        decel: `sure_decel` [m/s^2].
+        ahead: The neighbour ahead.
+        behind: The neighbour behind.
+    """
+    reach = constant("law.return.reach")
+    soon = constant("law.return.free_time") * ahead.closing_speed
+    before = maximum(lawful_gap(speed, ahead.closing_speed, decel), soon)
+    after = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
+    room = np.full(len(speed), reach, np.float32)
+    room = np.where(ahead.valid, minimum(room, ahead.gap - before), room)
+    room = np.where(behind.valid, minimum(room, behind.gap - after), room)
+    return clamp(room, -reach, reach)
+
+
+def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
+    """Distance at which something is seen minus the stopping distance [m].
+
+    Args:
+        speed: Of the ego [m/s].
+        friction: Peak friction under it, same shape [1].
+        lit: Distance at which a lit vehicle is seen, same shape [m].
+        unlit: Distance at which an unlit one is seen, same shape [m].
+    """
+    stop = stop_distance(speed, friction)
+    return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
