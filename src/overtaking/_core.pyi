@@ -486,7 +486,7 @@ def scan_spans(
         signals: As in `target_signals`.
         spans: First and last frame, flat (span, end, simulation).
         moments: Frames (-1: no event) and slots (255: no vehicle), flat (moment, simulation).
-        law: Numbers of the law, as `labels.law.frames` makes them.
+        law: Numbers of the law, as `labels.law.margins` makes them.
         outputs: measures, frames and sums, each with a row for each of its names; filled.
         level: As in `ego_signals_and_events`.
 

@@ -7,9 +7,9 @@ why drivers overtake; its parts are the classes before it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
 overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. In a
-simulation without an attempt another frame stands for it. `labels.features` draws this frame so
-that waiting times have the distribution of the waiting times of attempts. Otherwise a model could
-tell the two kinds of simulation apart by the time of the measurement.
+simulation without an attempt another frame stands for it. `labels.paper_features` draws this frame
+so that waiting times have the distribution of the waiting times of attempts. Otherwise a model
+could tell the two kinds of simulation apart by the time of the measurement.
 
 Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
 column is null. `null_unless` is the path of the flag that decides this: ".has_oncoming" is a field
