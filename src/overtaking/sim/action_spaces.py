@@ -1,4 +1,9 @@
-"""The actions of a driver, and how an answer becomes the action that is recorded."""
+"""The actions that an external driver may answer, and their conversion to recorded actions.
+
+Both simulators carry out only the kinds of action in `model.driver_interface.ACTION_KINDS`. A
+driver may also answer a speed or a trajectory. Those answers are turned into an acceleration and a
+lane, or an acceleration and a wheel angle, anew at each decision.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,16 +17,19 @@ from overtaking.model.driver_interface import ACTION_KINDS, MAX_ACTION_PARTS, Ac
 from overtaking.sim.ego_observation import EgoObservation
 
 Track = Callable[[EgoObservation], F64]
-"""From what is observed to an action, while an answer holds."""
+"""A function from an observation to actions of shape (simulation, part), while an answer holds."""
 
 
-_SPEED_TIME_CONSTANT = 1.0  # In which a difference of speed is made up for; a choice [s].
+_SPEED_TIME_CONSTANT = 1.0
+"""Ratio of speed error to acceleration in the action space `speed_lane` [s]. Chosen."""
 
 
-_POINT_TIMES = (0.5, 1.0, 1.5, 2.0)  # When the points of a trajectory are reached [s].
+_POINT_TIMES = (0.5, 1.0, 1.5, 2.0)
+"""Times after an answer at which the ego is to reach the points of a trajectory [s]. Chosen."""
 
 
-_MIN_TRACKING_SPEED = 1.0  # Keeps curvatures finite [m/s].
+_MIN_TRACKING_SPEED = 1.0
+"""Smallest speed in the formula of the wheel angle, which divides by its square [m/s]. Chosen."""
 
 
 _, _LANE = ACTION_KINDS["accel_lane"]
@@ -29,13 +37,13 @@ _, _LANE = ACTION_KINDS["accel_lane"]
 
 @dataclass(frozen=True, slots=True)
 class ActionSpace:
-    """A way in which a driver drives.
+    """The numbers that a driver answers, and the kind of action that they become.
 
     Attributes:
         parts: The numbers of an answer.
-        kind: The kind of action that it becomes, a name in `model.driver_interface.ACTION_KINDS`.
-        plan: From an answer and what was observed then to what follows it; None where the answer is
-            the action.
+        kind: Kind of the recorded action, a name in `model.driver_interface.ACTION_KINDS`.
+        plan: Function from answers of shape (simulation, part) and the observation that they answer
+            to a `Track`; None where the answer itself is the action.
     """
 
     parts: tuple[ActionPart, ...]
@@ -44,52 +52,62 @@ class ActionSpace:
 
 
 def _track_speed(answer: F64, _: EgoObservation) -> Track:
-    """Accelerate as comfortably as the scenario's driver towards a speed."""
+    """Accelerate towards the answered speed, within the comfort limits of the model driver."""
 
     def track(observation: EgoObservation) -> F64:
-        wanted = (answer[:, 0] - observation.ego.speed) / _SPEED_TIME_CONSTANT
-        accel = np.clip(wanted, -observation.vehicle.decel, observation.vehicle.accel)
+        unlimited_accel = (answer[:, 0] - observation.ego.speed) / _SPEED_TIME_CONSTANT
+        accel = np.clip(unlimited_accel, -observation.vehicle.decel, observation.vehicle.accel)
         return np.stack([accel, answer[:, 1]], axis=1)
 
     return track
 
 
 def _track_points(answer: F64, begin: EgoObservation) -> Track:
-    """Drive through points with the constant accelerations that miss them least.
+    """Drive through the answered points with constant accelerations along and across the road.
 
-    Along and across the road these are the least squares over the points that are left; anew at
-    every decision, so errors fade.
+    Each acceleration is a least-squares fit to the points ahead. The fit is repeated at every
+    decision from the observed position and speed, so tracking errors do not add up.
     """
     points = answer.reshape(len(answer), len(_POINT_TIMES), 2)
-    places = points[:, :, 0] + begin.ego.s[:, None]
-    sides = points[:, :, 1] + begin.ego.lateral_position[:, None]
+    point_s = points[:, :, 0] + begin.ego.s[:, None]
+    point_lateral_position = points[:, :, 1] + begin.ego.lateral_position[:, None]
 
     def track(observation: EgoObservation) -> F64:
+        # A point whose time is over gets the time 0 and so no weight in the fit.
         times = np.maximum(np.array(_POINT_TIMES) - (observation.time - begin.time), 0.0)
         ego, vehicle = observation.ego, observation.vehicle
         speed, heading = ego.speed.astype(np.float64), ego.heading.astype(np.float64)
-        along, across = speed * np.cos(heading), speed * np.sin(heading)
-        accel = _least_squares_accel(places - ego.s[:, None], along, times)
-        aside = _least_squares_accel(sides - ego.lateral_position[:, None], across, times)
+        distances_along = point_s - ego.s[:, None]
+        distances_across = point_lateral_position - ego.lateral_position[:, None]
+        accel = _least_squares_accel(distances_along, speed * np.cos(heading), times)
+        lateral_accel = _least_squares_accel(distances_across, speed * np.sin(heading), times)
+        # Steady cornering of the single-track model: the Ackermann angle, wheelbase times curvature
+        # a / v^2, plus understeer times lateral acceleration a.
         v = np.maximum(speed, _MIN_TRACKING_SPEED)
-        angle = aside * (vehicle.wheelbase / (v * v) + vehicle.understeer)
-        return np.stack([accel, angle], axis=1)
+        wheel_angle = lateral_accel * (vehicle.wheelbase / (v * v) + vehicle.understeer)
+        return np.stack([accel, wheel_angle], axis=1)
 
     return track
 
 
-def _least_squares_accel(way: F64, speed: F64, times: F64) -> F64:
-    """The constant acceleration that misses points least, shape (simulation,) [m/s^2].
+def _least_squares_accel(distances: F64, speed: F64, times: F64) -> F64:
+    """The constant acceleration with the smallest sum of squared distances from the points.
+
+    At time t the vehicle has moved v t + a t^2 / 2, which is linear in a. With h = t^2 / 2 the
+    least-squares solution is a = sum(h (distance - v t)) / sum(h^2).
 
     Args:
-        way: How far each point is, shape (simulation, point) [m].
-        speed: The speed now, shape (simulation,) [m/s].
-        times: In how long each point is to be reached, shape (point,) [s].
+        distances: Distance from the vehicle to each point, shape (simulation, point) [m].
+        speed: Present speed in the direction of the distances, shape (simulation,) [m/s].
+        times: Time until each point is to be reached, shape (point,) [s].
+
+    Returns:
+        Accelerations, shape (simulation,) [m/s^2]; zero if the times of all points are over.
     """
     half_squares = 0.5 * times * times
-    total = float((half_squares * half_squares).sum())
-    rest = (half_squares * (way - speed[:, None] * times)).sum(axis=1)
-    return rest / total if total > 0.0 else np.zeros_like(rest)
+    denominator = float((half_squares * half_squares).sum())
+    numerator = (half_squares * (distances - speed[:, None] * times)).sum(axis=1)
+    return numerator / denominator if denominator > 0.0 else np.zeros_like(numerator)
 
 
 _POINT_PARTS = tuple(
@@ -113,25 +131,41 @@ ACTION_SPACES: Final = {
     "accel_move": ActionSpace(ACTION_KINDS["accel_move"], "accel_move"),
     "accel_steer_signal": ActionSpace(ACTION_KINDS["accel_steer_signal"], "accel_steer_signal"),
 }
-"""The actions that a driver may answer, by name; the first one is the default."""
+"""The action spaces by the names that a `Driver` states; the first is the default."""
 
 
 def clip_to_limits(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mask]:
-    """Answers within the limits of their parts, and which were beyond by more than rounding.
+    """Clip answers to the limits of their parts.
 
     Args:
         values: Answers, shape (simulation, part).
-        parts: What they are.
+        parts: The parts, which state limits and resolution.
+
+    Returns:
+        The clipped answers, and whether any part of an answer was outside its limits, shape
+        (simulation,). An excess of up to half a resolution does not count, because the later
+        rounding to whole steps would remove it too.
     """
-    step, least, most = np.array([(one.resolution, one.low, one.high) for one in parts]).T
-    within = np.clip(values, least, most)
-    return within, (np.abs(values - within) > 0.5 * step).any(axis=1)
+    limits = np.array([(part.resolution, part.low, part.high) for part in parts])
+    resolution, low, high = limits.T
+    clipped = np.clip(values, low, high)
+    return clipped, (np.abs(values - clipped) > 0.5 * resolution).any(axis=1)
 
 
 def to_action_integers(
     values: F64, active: Mask, parts: tuple[ActionPart, ...]
 ) -> NDArray[np.int32]:
-    """Rounded actions; zero where nothing runs, shape (simulation, `MAX_ACTION_PARTS`)."""
+    """Convert actions to the integers that are recorded and that both simulators carry out.
+
+    Args:
+        values: Actions, shape (simulation, part).
+        active: Whether each simulation runs, shape (simulation,).
+        parts: The parts of the kind of action.
+
+    Returns:
+        Each part as a number of steps of its resolution, shape (simulation, `MAX_ACTION_PARTS`).
+        Zero for simulations that have ended and for parts that the kind of action does not have.
+    """
     steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
         clipped = np.clip(values[:, k], part.low, part.high)

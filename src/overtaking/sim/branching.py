@@ -1,4 +1,8 @@
-"""What would have happened: the same simulation with something changed from a frame on."""
+"""Branches: the same simulations with weather, drivers or vehicles changed from a frame on.
+
+A branch equals its source up to the first change, because the same random numbers are drawn; each
+later difference is an effect of the changes.
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -30,32 +34,33 @@ __all__ = [
 
 
 Simulate = Callable[..., Trajectories]
-"""`engine.run`, or `reference.run`."""
+"""The function `run` of the engine or of the reference."""
 
 
 _REMOVED_S = np.float32(-30_000.0)
-"""Station of removed vehicles: behind the road, where they meet no other vehicle [m].
+"""Station of removed vehicles, so far before the start of the road that they meet no vehicle [m].
 
-Slots keep their numbers, and with them their random numbers. A flag of validity that changes would
-leave half-written frames.
+A removed vehicle keeps its slot, so all vehicles keep their random numbers. Its flag `valid` stays
+true, because a flag that changes in the middle of a simulation would leave half-written frames.
 """
 
 
 _REMOVED_SPACING = np.float32(1_000.0)
-"""Distance between vehicles that are removed [m]."""
+"""Distance between the stations of removed vehicles in successive slots [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioVersion:
-    """A batch as it is from a frame on.
+    """The scenarios of a batch as they are from a frame on.
 
     Attributes:
-        frame: The frame.
-        scenario: Weather, drivers and bodies from then on. By how much its starts differ from
-            those of the version before, vehicles are displaced and sped up.
+        frame: First frame at which this version holds.
+        scenario: Weather, drivers and vehicle bodies from this frame on. A difference from the
+            `start_s` of the previous version displaces the vehicle by as much, and a difference
+            from its `start_speed` changes the speed by as much.
         decision: Decision forced on every ego.
-        scenario_index: Numbers from which everything is drawn from then on; None for those of the
-            scenario.
+        scenario_index: Indices from which all random numbers are drawn from this frame on, shape
+            (simulation,); None for the indices of the scenario.
         judgement_errors: As in `world.step_parameters.StepParameters`.
     """
 
@@ -75,73 +80,96 @@ def branch(
     interventions: Iterable[Intervention] = (),
     run: Simulate = engine.run,
 ) -> Trajectories:
-    """Simulate again, with something changed.
+    """Simulate a batch again with interventions.
 
-    The part before a change is simulated too, not read from a file, so the result is exact; with
-    nothing changed its trace hash is that of the undisturbed simulation.
+    The frames before the first intervention are simulated too, because a recording lacks a part of
+    the state. Without any change the trace hash equals the trace hash of the source.
 
     Args:
-        source: A batch of scenarios; or a branch, whose changes come before these.
-        frame: First frame that `decision` and `weather` can affect, 0 to the last one before the
-            horizon.
+        source: A batch of scenarios, or a branch, whose interventions then stay in force.
+        frame: First frame that `decision` and `weather` can affect, from 0 to the last frame before
+            the horizon.
         decision: Decision forced on every ego.
-        weather: Weather of every simulation from then on, shape as in the scenarios.
-        interventions: Other changes, at frames of their own.
-        run: `engine.run`, or `reference.run` for the readable twin.
+        weather: Weather of every simulation from this frame on, shape (simulation,) or (1,).
+        interventions: Further interventions, each with its own frame.
+        run: `engine.run` or `reference.run`.
+
+    Returns:
+        The recordings, with the interventions in `branch_origin`.
 
     Raises:
-        ConfigError: There is no such frame or vehicle, or a change cannot be made.
+        ConfigError: A frame, vehicle, trait or weather factor does not exist, the ego is to be
+            removed, or the source was driven by an external driver.
     """
-    before = _origin_of(source)
-    first = Intervention(frame=frame, decision=decision, weather=weather)
-    # The later of two that begin together is made on top of the earlier.
-    made = tuple(sorted((*before.interventions, first, *interventions), key=lambda one: one.frame))
-    stages = versions_by_frame(before.scenario, made)
-    found = with_final_conditions(
-        simulate_versions(before.scenario, stages, run), before.scenario, stages, made
+    origin = _origin_of(source)
+    first_intervention = Intervention(frame=frame, decision=decision, weather=weather)
+    # The sort is stable: of two interventions at one frame, the later argument acts on the result
+    # of the earlier.
+    all_interventions = tuple(
+        sorted(
+            (*origin.interventions, first_intervention, *interventions),
+            key=lambda intervention: intervention.frame,
+        )
     )
-    meant = tuple(one for one in made if one != Intervention(frame=one.frame))
-    branched = BranchOrigin(scenario=before.scenario, interventions=meant)
-    return found.replace(branch_origin=branched if meant else None)
+    versions = versions_by_frame(origin.scenario, all_interventions)
+    trajectories = with_final_conditions(
+        simulate_versions(origin.scenario, versions, run),
+        origin.scenario,
+        versions,
+        all_interventions,
+    )
+    effective_interventions = tuple(
+        intervention
+        for intervention in all_interventions
+        if intervention != Intervention(frame=intervention.frame)
+    )
+    branch_origin = BranchOrigin(scenario=origin.scenario, interventions=effective_interventions)
+    return trajectories.replace(branch_origin=branch_origin if effective_interventions else None)
 
 
 def simulate_versions(
     scenario: Scenario, versions: Sequence[ScenarioVersion], run: Simulate
 ) -> Trajectories:
-    """Simulate a batch that is another one from some frames on.
+    """Simulate a batch whose scenarios are replaced by other versions at some frames.
 
     Args:
-        scenario: The batch as it begins.
-        versions: In the order of their frames; one at frame 0 is how it begins.
-        run: `engine.run`, or `reference.run`.
+        scenario: The batch before the first version.
+        versions: Versions in the order of their frames. A version at frame 0 replaces the start.
+        run: `engine.run` or `reference.run`.
 
     Raises:
-        ConfigError: There is no such frame.
+        ConfigError: The frame of a version does not exist.
     """
     params = step_parameters(scenario)
-    last = max(params.num_frames - 1, 0)
+    last_frame = max(params.num_frames - 1, 0)
     switches: list[ParameterSwitch] = []
-    for one in versions:
-        is_beyond = one.frame > last and scenario.num_simulations > 0
-        if one.frame < 0 or is_beyond:
-            raise _frame_error(last, one.frame)
-        then = step_parameters(one.scenario)
-        if one.scenario_index is not None:
-            then = dataclasses.replace(
-                then, scenario_index=np.ascontiguousarray(one.scenario_index)
+    for version in versions:
+        # A batch without simulations has no frames, so it takes versions at any frame.
+        is_after_end = version.frame > last_frame and scenario.num_simulations > 0
+        if version.frame < 0 or is_after_end:
+            raise _frame_error(last_frame, version.frame)
+        new_params = step_parameters(version.scenario)
+        if version.scenario_index is not None:
+            new_params = dataclasses.replace(
+                new_params, scenario_index=np.ascontiguousarray(version.scenario_index)
             )
-        then = dataclasses.replace(
-            with_forced_decision(then, int(one.decision)), judgement_errors=one.judgement_errors
+        new_params = dataclasses.replace(
+            with_forced_decision(new_params, int(version.decision)),
+            judgement_errors=version.judgement_errors,
         )
-        if one.frame == 0:
-            params = then
+        if version.frame == 0:
+            params = new_params
         else:
-            switches.append(ParameterSwitch(one.frame * params.steps_per_frame, then))
+            switches.append(ParameterSwitch(version.frame * params.steps_per_frame, new_params))
     return run(scenario, params, switches)
 
 
 def _origin_of(source: Scenario | Trajectories) -> BranchOrigin:
-    """What a batch branches from, and the changes that were made already."""
+    """The scenarios without any intervention, and the interventions that a source has already.
+
+    Raises:
+        ConfigError: An external driver drove the source.
+    """
     if isinstance(source, Scenario):
         return BranchOrigin(scenario=source, interventions=())
     if source.actions is not None:
@@ -156,52 +184,63 @@ def _origin_of(source: Scenario | Trajectories) -> BranchOrigin:
 
 
 def versions_by_frame(scenario: Scenario, changes: Iterable[Intervention]) -> list[ScenarioVersion]:
-    """The batch after each frame at which something changes.
+    """The versions of a batch, one for each frame that has interventions.
 
     Args:
-        scenario: The batch as it begins.
-        changes: In the order of their frames.
+        scenario: The batch without interventions.
+        changes: Interventions in the order of their frames. Each acts on the result of the previous
+            one, and a forced decision holds until the next one.
 
     Raises:
-        ConfigError: There is no such vehicle, trait or weather.
+        ConfigError: A vehicle, trait or weather factor does not exist, or the ego is to be removed.
     """
-    found: dict[int, ScenarioVersion] = {}
+    versions: dict[int, ScenarioVersion] = {}
     decision = ForcedDecision.FREE
-    for one in changes:
-        scenario = apply_intervention(scenario, one)
-        decision = decision if one.decision is None else one.decision
-        found[one.frame] = ScenarioVersion(frame=one.frame, scenario=scenario, decision=decision)
-    return list(found.values())
+    for change in changes:
+        scenario = apply_intervention(scenario, change)
+        decision = decision if change.decision is None else change.decision
+        versions[change.frame] = ScenarioVersion(
+            frame=change.frame, scenario=scenario, decision=decision
+        )
+    return list(versions.values())
 
 
 def apply_intervention(scenario: Scenario, change: Intervention) -> Scenario:
-    """The scenarios with what a change says.
+    """The scenarios with the weather, driver and vehicle of an intervention.
+
+    Changes of position and speed are made to `start_s` and `start_speed`, also for a later frame:
+    the simulators take the difference between two versions as the change at that frame.
 
     Raises:
-        ConfigError: There is no such vehicle, trait or weather.
+        ConfigError: The vehicle, trait or weather factor does not exist, or the ego is to be
+            removed.
     """
     weather = scenario.weather if change.weather is None else change.weather
     if len(weather.rain) == 1:
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
-    found = scenario.replace(weather=weather.without(*change.without))
+    new_scenario = scenario.replace(weather=weather.without(*change.without))
     if not change.is_about_vehicle:
-        return found
+        return new_scenario
     _check_vehicle(scenario, change)
-    slot, start, drivers = change.slot, scenario.start_s, _with_traits(scenario.drivers, change)
-    speed = _add_to_slot(scenario.start_speed, slot, change.speed_change)
-    comes = _is_oncoming(scenario)[:, slot]
-    place = _add_to_slot(
-        start, slot, np.where(comes, -change.position_change, change.position_change)
-    )
+    slot, drivers = change.slot, _with_traits(scenario.drivers, change)
+    start_speed = _add_to_slot(scenario.start_speed, slot, change.speed_change)
+    # Stations fall along the way of an oncoming vehicle.
+    is_oncoming = _is_oncoming(scenario)[:, slot]
+    displacement = np.where(is_oncoming, -change.position_change, change.position_change)
+    start_s = _add_to_slot(scenario.start_s, slot, displacement)
     if change.remove:
-        place[:, slot] = _REMOVED_S - _REMOVED_SPACING * np.float32(slot)
-    return found.replace(drivers=drivers, start_s=place, start_speed=speed)
+        start_s[:, slot] = _REMOVED_S - _REMOVED_SPACING * np.float32(slot)
+    return new_scenario.replace(drivers=drivers, start_s=start_s, start_speed=start_speed)
 
 
 def _with_traits(drivers: DriverTraits, change: Intervention) -> DriverTraits:
-    """Drivers with other traits of one of them."""
+    """The drivers, with the new traits and the new desired speed of one driver per simulation.
+
+    Raises:
+        ConfigError: A trait does not exist.
+    """
     fields_of_drivers = batch_fields(DriverTraits)
-    found = {}
+    new_traits = {}
     for name, value in change.traits.items():
         if name not in fields_of_drivers:
             raise ConfigError.unknown_choice(
@@ -209,30 +248,34 @@ def _with_traits(drivers: DriverTraits, change: Intervention) -> DriverTraits:
             )
         array = getattr(drivers, name).copy()
         array[:, change.slot] = value
-        found[name] = array
-    drivers = drivers.replace(**found)
-    wish = _add_to_slot(drivers.desired_speed, change.slot, change.speed_change)
-    return drivers.replace(desired_speed=np.where(wish < 0, np.float32(0.0), wish))
+        new_traits[name] = array
+    drivers = drivers.replace(**new_traits)
+    desired_speed = _add_to_slot(drivers.desired_speed, change.slot, change.speed_change)
+    return drivers.replace(
+        desired_speed=np.where(desired_speed < 0, np.float32(0.0), desired_speed)
+    )
 
 
 def _is_oncoming(scenario: Scenario) -> Mask:
-    """Whose way ahead is against that of the road, (simulation, vehicle)."""
+    """Whether each vehicle starts in the opposing lane, shape (simulation, vehicle)."""
+    # Lanes 0 to num_lanes - 1 are lanes of the road's own direction.
     return scenario.start_lane == scenario.road.num_lanes
 
 
-def _add_to_slot(values: F32, slot: int, by: ArrayLike) -> F32:
-    """Values with a number added to those of one vehicle."""
-    found = values.copy()
-    found[:, slot] = found[:, slot] + np.asarray(by, np.float32)
-    return found
+def _add_to_slot(values: F32, slot: int, increase: ArrayLike) -> F32:
+    """A copy of values of shape (simulation, vehicle), increased in one slot."""
+    new_values = values.copy()
+    new_values[:, slot] = new_values[:, slot] + np.asarray(increase, np.float32)
+    return new_values
 
 
 def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
-    """Refuse a vehicle that a simulation lacks, and to remove the ego."""
-    slot, least = change.slot, int(scenario.num_vehicles.min(initial=scenario.num_slots))
-    if slot >= least:
+    """Reject a slot that is empty in any simulation, and the removal of the ego."""
+    slot = change.slot
+    min_vehicles = int(scenario.num_vehicles.min(initial=scenario.num_slots))
+    if slot >= min_vehicles:
         raise ConfigError.out_of_range(
-            what="vehicle", where="branch", low=0, high=least - 1, got=slot
+            what="vehicle", where="branch", low=0, high=min_vehicles - 1, got=slot
         )
     if change.remove and slot == EGO_SLOT:
         raise ConfigError(
@@ -250,43 +293,49 @@ def with_final_conditions(
     stages: Sequence[ScenarioVersion],
     changes: Sequence[Intervention],
 ) -> Trajectories:
-    """A recording of versions as it is judged: with weather and drivers of the last of them.
+    """The recording of a branch, with the scenarios by which events and law are judged.
+
+    These are the scenarios of the last version, but with the true starts: the last version contains
+    the displacements of later frames as changes of `start_s` and `start_speed`. Starts of removed
+    vehicles far before the road are left out too.
 
     Args:
         run: The recording.
-        first: The batch as it begins.
-        stages: The versions.
-        changes: What makes them.
+        first: The batch without interventions.
+        stages: The versions of the batch, at least one.
+        changes: The interventions of the versions.
     """
-    begins = first
-    for one in changes:
-        if one.frame == 0 and not one.remove:
-            begins = apply_intervention(begins, one)
-    last = stages[-1].scenario
-    kept = last.replace(start_s=begins.start_s, start_speed=begins.start_speed)
-    return _hide_removed(run, changes).replace(scenario=kept)
+    start = first
+    for change in changes:
+        if change.frame == 0 and not change.remove:
+            start = apply_intervention(start, change)
+    final_scenario = stages[-1].scenario.replace(
+        start_s=start.start_s, start_speed=start.start_speed
+    )
+    return _hide_removed(run, changes).replace(scenario=final_scenario)
 
 
 def _hide_removed(run: Trajectories, changes: Sequence[Intervention]) -> Trajectories:
-    """The recording without vehicles from when they are removed; nothing is said of them then."""
-    gone = [one for one in changes if one.remove]
-    if not gone:
+    """The recording in which removed vehicles have no states from their removal on."""
+    removals = [change for change in changes if change.remove]
+    if not removals:
         return run
-    there = np.ones(run.states.s.shape, np.bool_)
-    for one in gone:
-        there[:, one.slot, one.frame :] = False
-    rows = {
-        name: np.where(there, getattr(run.states, name), kind(0))
-        for name, kind in STATE_DTYPES.items()
+    is_recorded = np.ones(run.states.s.shape, np.bool_)
+    for removal in removals:
+        is_recorded[:, removal.slot, removal.frame :] = False
+    states = {
+        name: np.where(is_recorded, getattr(run.states, name), dtype(0))
+        for name, dtype in STATE_DTYPES.items()
     }
-    return run.replace(is_recorded=there, states=States(**rows))
+    return run.replace(is_recorded=is_recorded, states=States(**states))
 
 
-def _frame_error(last: int, got: int) -> ConfigError:
+def _frame_error(last_frame: int, frame: int) -> ConfigError:
+    """The error for a frame that a batch does not have."""
     return ConfigError(
         what="frame",
         where="branch",
-        expected=f"0 to {last}, the last one before the horizon",
-        got=got,
+        expected=f"0 to {last_frame}, the last one before the horizon",
+        got=frame,
         next_step="choose a recorded frame",
     )

@@ -1,4 +1,8 @@
-"""The observations that an external driver of the ego gets."""
+"""The observations that an external driver of the ego gets at a decision.
+
+`EgoObservation` gives names to the columns of a table from either simulator. `Observation` adds the
+scenarios, from which a driver can draw random numbers that do not depend on the batch.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,19 +28,19 @@ from overtaking.world.step_parameters import VehicleParameters
 
 @dataclass(frozen=True, kw_only=True)  # No slots: the views are cached in the instance.
 class EgoObservation(ContentEquality):
-    """Observations of the egos of a batch, by name: `ego.speed`, `leader.gap`.
+    """Observations of the egos of a batch by name, such as `ego.speed` or `leader.gap`.
 
     Each column has shape (simulation,) and is a view of the table. Left is the overtaking side,
     also in left-hand traffic.
 
     Attributes:
         time: Time since the start [s].
-        is_running: Whether each simulation runs; the observations of the others are zero, shape
+        is_running: Whether each simulation runs, shape (simulation,). The observations of
+            simulations that have ended are zero.
+        table: All observed values in the order of `model.driver_interface`, which is also the input
+            of an ONNX file, shape (simulation, `OBSERVATION_SIZE`).
+        vehicle: Parameters of the ego's vehicle and of its model driver, each of shape
             (simulation,).
-        table: All observed values in the order of an ONNX file, shape (simulation,
-            `model.driver_interface.OBSERVATION_SIZE`).
-        vehicle: Parameters of the ego's vehicle, and of the driver that the scenario has put into
-            it, each of shape (simulation,).
     """
 
     time: float
@@ -110,10 +114,10 @@ class EgoObservation(ContentEquality):
 
 @dataclass(frozen=True, kw_only=True)
 class Observation(EgoObservation):
-    """Observations of the egos of a batch at a decision, by name.
+    """Observations of the egos of a batch at a decision, with their scenarios.
 
     Attributes:
-        decision_index: Number of the decision since the start, 20 a second.
+        decision_index: Number of decisions since the start, 20 a second; 0 at the first decision.
         scenario: The scenarios, with index, road and weather of each simulation.
     """
 
@@ -130,10 +134,20 @@ class Observation(EgoObservation):
 
 
 DriverFunction = Callable[[Observation], NDArray[np.floating | np.integer]]
-"""From the observations of all simulations to an action for each."""
+"""A function from the observations of all simulations to actions of shape (simulation, part)."""
 
 
 def uniform_numbers(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
-    """Four random numbers in (0, 1) of each simulation and stream, along a last axis."""
+    """Four random numbers in (0, 1) of each simulation and stream.
+
+    Args:
+        scenario: A batch of scenarios, with their seed and their scenario indices.
+        stream: A number in `core.random_numbers.Stream`, or an array that broadcasts with the
+            scenario indices.
+        decision: Number of the decision.
+
+    Returns:
+        The numbers along a new last axis: shape (simulation, 4) for one stream.
+    """
     words = random_numbers.philox_words(scenario.seed, scenario.scenario_index, stream, decision)
     return np.stack([random_numbers.uniform_from_word(word) for word in words], axis=-1)
