@@ -1,8 +1,10 @@
 //! The overtaking engine: the model of `overtaking.sim.reference`, sixteen simulations at a time.
 //!
-//! Every module mirrors the Python module of the same name: the same formulas with the same operations
-//! in the same order, so that both record the same bits. The sources of the formulas are given there.
-//! Arithmetic is `+ - * / sqrt` and comparisons on `f32` only; no fused multiply-add, no libm.
+//! The modules at the top level mirror the Python modules of the same name: the same formulas with the same operations
+//! in the same order, so that both record the same bits. The Python modules name the sources of the formulas. `math`
+//! has vectors, elementary functions and random numbers; `run` has the loop over time. Arithmetic is `+ - * / sqrt`
+//! and comparisons on `f32` only: fused multiply-add and the mathematical functions of the system round differently on
+//! different machines.
 
 #[macro_use]
 mod params;
@@ -43,8 +45,8 @@ pub use run::engine::{
     Inputs, ParameterSwitch, default_level_name, require_level, simd_levels, simulate,
 };
 
-/// Vehicle slots that the engine is compiled for.
+/// Numbers of vehicle slots that the engine is compiled for; a batch uses the smallest that holds its vehicles.
 pub const SLOT_CAPACITIES: [usize; 3] = [8, 16, 32];
 
-/// Most vehicle slots of a simulation.
+/// Largest number of vehicle slots of a simulation.
 pub const MAX_VEHICLES: usize = SLOT_CAPACITIES[SLOT_CAPACITIES.len() - 1];

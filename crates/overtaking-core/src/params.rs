@@ -1,4 +1,9 @@
-//! What does not change during a block, as `overtaking.world.step_parameters` gives it.
+//! Parameters of a block of sixteen simulations: road, vehicles, drivers, weather and constants of the model.
+//!
+//! `overtaking.world.step_parameters` computes them in Python, before the simulation starts; only a branch of a
+//! simulation replaces them on the way. Station `s` is the position along the road [m], the lateral position `d`
+//! counts towards the overtaking side [m]. *Along* means in the road's own direction, *against* in the direction of
+//! oncoming traffic.
 
 use fearless_simd::Simd;
 
@@ -7,56 +12,57 @@ use crate::names::{ModelConstants, SimulationParams, VehicleParams};
 use crate::run::engine::Inputs;
 use crate::state::EGO_SLOT;
 
-/// The road as the step sees it, lateral axis towards the fast side.
+/// The road of all simulations of a batch, with the lateral axis towards the overtaking side.
 #[derive(Clone, Copy, Debug)]
 pub struct Road<'a> {
-    /// Driving lanes.
+    /// Number of lanes that vehicles use, including the opposing lane if there is oncoming traffic.
     pub num_lanes: usize,
-    /// Lane borders from slow to fast, padded with the last [m].
+    /// Lane borders from the kerb side to the overtaking side, padded with copies of the last one [m].
     pub boundaries: [f32; 9],
-    /// Film factor of each lane's drainage path, padded.
+    /// Factor on the thickness of the water film in each lane, from the length of its drainage path, padded [1].
     pub film_path: [f32; 8],
     /// +1 in right-hand traffic, -1 in left-hand traffic.
     pub overtaking_sign: f32,
-    /// World x, y of the road's origin [m], heading [rad], its cosine and sine.
+    /// World x and y of the point (s, d) = (0, 0) [m], heading of the road [rad], cosine and sine of the heading.
     pub pose: [f32; 5],
-    /// Its directions.
+    /// Own direction and oncoming traffic.
     pub directions: RoadDirections,
-    /// Geometry, sight and limits by station.
+    /// Geometry, sight distances and speed limits by station.
     pub course_table: CourseTable<'a>,
 }
 
-/// Geometry, sight and limits of a road at equally spaced stations, as `CourseTable` in
-/// `overtaking.world.road_parameters` explains. Without stations for a road that is straight and level and has one
-/// limit.
+/// Geometry, sight distances and speed limits of a road at stations 2 m apart, from s = 0.
+///
+/// The slices are empty if the road is straight and level and has one speed limit. `CourseTable` in
+/// `overtaking.world.road_parameters` has the formulas.
 #[derive(Clone, Copy, Debug)]
 pub struct CourseTable<'a> {
-    /// Towards the overtaking side [1/m].
+    /// Curvature, positive where the road bends towards the overtaking side [1/m].
     pub curvature: &'a [f32],
-    /// Positive where the road rises.
+    /// Sine of the slope, positive where the road rises along `s` [1].
     pub sine_of_slope: &'a [f32],
-    /// Radius by which drivers choose their speed [m].
+    /// Radius by which drivers choose their speed; large where bends are wide or far ahead [m].
     pub radius_along: &'a [f32],
     pub radius_against: &'a [f32],
-    /// Sight distance from a car [m].
+    /// Length of road that a car driver sees past bends and over crests [m].
     pub sight_along: &'a [f32],
     pub sight_against: &'a [f32],
-    /// Sight distance from a truck [m].
+    /// The same for a truck driver, whose eyes are higher [m].
     pub truck_sight_along: &'a [f32],
     pub truck_sight_against: &'a [f32],
-    /// Speed that the limits allow [m/s].
+    /// Largest speed from which a driver can slow down in time for each speed limit here and ahead [m/s].
     pub allowed_speed_along: &'a [f32],
     pub allowed_speed_against: &'a [f32],
 }
 
-/// Rows of a `CourseTable`.
+/// Number of fields of a `CourseTable`.
 const COURSE_ROWS: usize = 10;
 
 impl<'a> CourseTable<'a> {
-    /// Views on the rows of the table of Python, one after the other.
+    /// Split the flat array of the Python table, (row, station), into its rows.
     fn from_rows(table: &'a [f32]) -> Self {
         let stations = table.len() / COURSE_ROWS;
-        let row = |k: usize| &table[k * stations..(k + 1) * stations];
+        let row = |index: usize| &table[index * stations..(index + 1) * stations];
         Self {
             curvature: row(0),
             sine_of_slope: row(1),
@@ -73,7 +79,7 @@ impl<'a> CourseTable<'a> {
 }
 
 impl<'a> Road<'a> {
-    /// That of a batch.
+    /// The road of a batch.
     pub fn of(inputs: &Inputs<'a>) -> Self {
         Self {
             num_lanes: inputs.num_lanes,
@@ -86,67 +92,72 @@ impl<'a> Road<'a> {
         }
     }
 
-    /// Whether vehicle `i` overtakes as the ego does: against oncoming traffic everybody.
+    /// Whether the driver of slot `i` overtakes through the stages of the ego's model.
+    ///
+    /// With oncoming traffic all drivers do. Otherwise only the ego does, and other drivers change lanes by MOBIL.
     pub fn can_overtake(&self, i: usize) -> bool {
         i == EGO_SLOT || self.directions.has_oncoming_traffic
     }
 
-    /// Whether it bends or rises anywhere, or has several limits.
+    /// Whether the road bends, rises or has several speed limits.
     pub fn varies_along_road(&self) -> bool {
         !self.course_table.curvature.is_empty()
     }
 }
 
-/// Most stations between which sight, or the line between the directions, changes.
+/// Number of columns in the tables of sight and of the solid line. Chosen; `overtaking.world.road_parameters` has the
+/// same number.
 pub const MAX_STATIONS: usize = 64;
 
-/// The directions of a road.
+/// The two directions of a road, and the line between them.
 #[derive(Clone, Copy, Debug)]
 pub struct RoadDirections {
-    /// Lanes of the road's own direction.
+    /// Number of lanes of the road's own direction.
     pub num_own_lanes: usize,
-    /// Whether others may come the other way.
+    /// Whether vehicles may come in the opposing lane.
     pub has_oncoming_traffic: bool,
     /// End of the road, from which oncoming vehicles count their stations [m].
     pub length: f32,
-    /// Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
+    /// Sum of the lateral positions of both edges; an oncoming vehicle at `d` is at `edge_sum - d`
+    /// in the coordinates of its own direction [m].
     pub edge_sum: f32,
-    /// Along and against the road: stations, how far one sees there [m], and how much more per metre.
+    /// Sight distances that a map states, along and against the road: stations [m], sight distance there [m], and its
+    /// change per metre from there on [1].
     pub sight: [[[f32; MAX_STATIONS]; 3]; 2],
-    /// Stations, and 1 from where on the line is not to be crossed by who drives along the road, and by who
-    /// comes the other way.
+    /// Stations [m]; 1 if from there on traffic along the road must not cross the line, else 0; the same for oncoming
+    /// traffic.
     pub solid_line: [[f32; MAX_STATIONS]; 3],
 }
 
-/// The station_indices of a table, without the last one's repetitions.
+/// Indices of the stations of a table, without the copies of the last station that pad it.
 #[inline(always)]
 pub fn station_indices(stations: &[f32; MAX_STATIONS]) -> impl Iterator<Item = usize> + '_ {
-    (0..MAX_STATIONS).take_while(|k| *k == 0 || stations[*k] > stations[*k - 1])
+    (0..MAX_STATIONS).take_while(|index| *index == 0 || stations[*index] > stations[*index - 1])
 }
 
-/// Steps between two decisions.
+/// Number of steps of 10 ms between two decisions of drivers, which are 50 ms apart.
 pub const SUBSTEPS: u32 = 5;
 
-/// A length of step, and what follows from it.
+/// The length of an integration step, and numbers that depend on it and on constants alone.
 #[derive(Clone, Copy, Debug)]
 pub struct StepLength {
-    /// Its length [s].
+    /// Length of the step [s].
     pub length: f32,
-    /// Half of it.
+    /// Half the length [s].
     pub half: f32,
-    /// One over it [1/s].
+    /// Reciprocal of the length [1/s].
     pub inverse: f32,
-    /// Share of the way to the wanted wheel angle.
+    /// Share of the difference to the desired wheel angle that the wheels turn in a step: a lag of first order [1].
     pub steering: f32,
-    /// The same of the lean of a two-wheeler.
+    /// The same share for the lean of a two-wheeler [1].
     pub leaning: f32,
-    /// How far the front wheels turn at most [rad].
+    /// Largest turn of the front wheels in a step [rad].
     pub max_wheel_turn: f32,
 }
 
 impl StepLength {
-    /// A step of this length.
-    pub fn of(constants: &ModelConstants, length: f32) -> Self {
+    /// A step of `length` seconds.
+    fn new(constants: &ModelConstants, length: f32) -> Self {
         let half = 0.5 * length;
         Self {
             length,
@@ -159,27 +170,27 @@ impl StepLength {
     }
 }
 
-/// Quotients of constants: a division costs as much for one number as for sixteen.
+/// Quotients of constants, computed once: each division of a single number costs as much as one of sixteen.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivedConstants {
     /// A step of 10 ms.
     pub fine: StepLength,
-    /// Five at once, from one decision to the next.
+    /// A step of 50 ms, from one decision to the next.
     pub coarse: StepLength,
-    /// Share of the answer to the side wind that is given in a decision.
+    /// Share of the difference to the steering that balances the side wind, corrected at each decision [1].
     pub wind_trim_share: f32,
-    /// Throttle that is taken back per speed above the limit [s/m].
+    /// Reciprocal of the speed range in which the governor of a vehicle closes the throttle [s/m].
     pub per_governor_band: f32,
-    /// One over gravity [s^2/m].
+    /// Reciprocal of the acceleration of gravity [s^2/m].
     pub inverse_gravity: f32,
 }
 
 impl DerivedConstants {
-    /// The quotients.
+    /// Compute the quotients of the constants of the model.
     pub fn of(constants: &ModelConstants) -> Self {
         Self {
-            fine: StepLength::of(constants, constants.step),
-            coarse: StepLength::of(constants, constants.decision),
+            fine: StepLength::new(constants, constants.step),
+            coarse: StepLength::new(constants, constants.decision),
             wind_trim_share: constants.decision / constants.wind_lag,
             per_governor_band: 1.0 / constants.governor_band,
             inverse_gravity: 1.0 / constants.gravity,
@@ -187,67 +198,75 @@ impl DerivedConstants {
     }
 }
 
-/// Everything that does not change during a block, but for a branch.
+/// All parameters of a block. Only a `ParameterSwitch`, for a branch, changes their values.
 pub struct Params<'a, S: Simd, const N: usize> {
+    /// Token of the SIMD level, which vectors are made with.
     pub simd: S,
     pub constants: &'a ModelConstants,
     pub derived: DerivedConstants,
     pub road: &'a Road<'a>,
+    /// Parameters of the vehicle and driver in each slot (number of a vehicle in its simulation).
     pub vehicles: [VehicleParams<S>; N],
+    /// Parameters of each simulation, such as its weather.
     pub simulations: SimulationParams<S>,
-    /// Slots in use by any simulation of the block.
+    /// Number of slots up to the last one that a running simulation of the block uses.
     pub num_slots_in_use: usize,
-    /// Whether any of its roads is a ring.
+    /// Whether the road of any simulation of the block is a ring.
     pub is_ring: bool,
+    /// Lower and upper 32 bits of the seed.
     pub key: [u32; 2],
+    /// Lower 32 bits of the scenario index of each simulation, which its random numbers depend on.
     pub scenario_index_low: [u32; SIMD_LANES],
+    /// Upper 32 bits.
     pub scenario_index_high: [u32; SIMD_LANES],
 }
 
 impl<S: Simd, const N: usize> CopyLane for Params<'_, S, N> {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self.vehicles.copy_lane(lane, &from.vehicles, other);
-        self.simulations.copy_lane(lane, &from.simulations, other);
-        self.is_ring |= from.is_ring;
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self.vehicles.copy_lane(lane, &source.vehicles, source_lane);
+        self.simulations
+            .copy_lane(lane, &source.simulations, source_lane);
+        self.is_ring |= source.is_ring;
         self.scenario_index_low
-            .copy_lane(lane, &from.scenario_index_low, other);
+            .copy_lane(lane, &source.scenario_index_low, source_lane);
         self.scenario_index_high
-            .copy_lane(lane, &from.scenario_index_high, other);
+            .copy_lane(lane, &source.scenario_index_high, source_lane);
     }
 }
-/// A struct whose fields are loaded in order from rows of sixteen numbers.
+
+/// Declare a struct of vectors, whose fields are loaded in order from rows of sixteen numbers.
 macro_rules! parameter_rows {
     ($(#[$doc:meta])* $name:ident, $names:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
         pub struct $name<S: Simd> { $(pub(crate) $field: F32<S>),* }
 
-        /// Names of the fields, in the order in which they are handed over.
+        /// Names of the fields, in the order of the rows that Python passes.
         pub const $names: &[&str] = &[$(stringify!($field)),*];
 
         impl<S: Simd> CopyLane for $name<S> {
-            fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-                $(self.$field.copy_lane(lane, &from.$field, other);)*
+            fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+                $(self.$field.copy_lane(lane, &source.$field, source_lane);)*
             }
         }
 
         impl<S: Simd> $name<S> {
-            /// Fill the fields from consecutive rows.
+            /// Fill the fields in order: field number `k` from `row(k)`, one number per simulation.
             #[inline(always)]
             pub(crate) fn load(simd: S, mut row: impl FnMut(usize) -> [f32; SIMD_LANES]) -> Self {
-                let mut at = 0;
+                let mut index = 0;
                 $(
-                    let $field = F32::simd_from(simd, row(at));
-                    at += 1;
+                    let $field = F32::simd_from(simd, row(index));
+                    index += 1;
                 )*
-                debug_assert_eq!(at, $names.len());
+                debug_assert_eq!(index, $names.len());
                 Self { $($field),* }
             }
         }
     };
 }
 
-/// A struct of numbers filled in order from a slice.
+/// Declare the struct of constants of the model: numbers that are filled in order from a slice, and friction tables.
 macro_rules! named_constants {
     ($(#[$doc:meta])* $name:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
@@ -257,13 +276,13 @@ macro_rules! named_constants {
                 #[allow(missing_docs)] // `overtaking.world.constants` documents them.
                 pub $field: f32,
             )*
-            /// Peak friction of a new tyre at (speed, film) station_indices.
+            /// Peak friction of a new tyre, (speed, thickness of the water film) [1].
             pub friction_new: [[f32; 4]; 3],
-            /// The same of a worn one.
+            /// Peak friction of a worn tyre, same shape [1].
             pub friction_worn: [[f32; 4]; 3],
-            /// Speed station_indices [m/s].
+            /// Speeds of the rows of both tables [m/s].
             pub friction_speeds: [f32; 3],
-            /// Film station_indices [mm].
+            /// Film thicknesses of the columns of both tables [mm].
             pub friction_films: [f32; 4],
         }
 
@@ -277,8 +296,8 @@ macro_rules! named_constants {
             /// If the slice has another length.
             pub fn set(&mut self, values: &[f32]) {
                 assert_eq!(values.len(), Self::NAMES.len());
-                let mut rest = values.iter();
-                $(if let Some(value) = rest.next() { self.$field = *value; })*
+                let mut remaining = values.iter();
+                $(if let Some(value) = remaining.next() { self.$field = *value; })*
             }
         }
     };

@@ -1,4 +1,4 @@
-//! The threads of this process.
+//! The thread pool that all parallel work of the engine in this process shares.
 
 use std::process::id;
 use std::ptr::null_mut;
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// The pool of one process.
+/// A pool and the id of the process that built it.
 struct ProcessPool {
     process: u32,
     pool: ThreadPool,
@@ -40,8 +40,7 @@ fn build_pool(last: *mut ProcessPool) -> Result<&'static ThreadPool, String> {
         .map_err(|error| error.to_string())?;
     let process = id();
     let new = Box::into_raw(Box::new(ProcessPool { process, pool }));
-    let order = (Ordering::AcqRel, Ordering::Acquire);
-    match LAST_BUILT.compare_exchange(last, new, order.0, order.1) {
+    match LAST_BUILT.compare_exchange(last, new, Ordering::AcqRel, Ordering::Acquire) {
         // SAFETY: Nothing frees a pointer that was stored.
         Ok(_) => Ok(unsafe { &(*new).pool }),
         Err(stored) => {

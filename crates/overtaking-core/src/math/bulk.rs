@@ -1,4 +1,8 @@
-//! Draws and elementary functions of many numbers; see `overtaking.core.random_numbers` and `.elementary`.
+//! Random numbers and elementary functions of whole arrays, for Python.
+//!
+//! `overtaking.core.native` calls these functions for large arrays. They return the same bits as their Python twins
+//! in `overtaking.core.random_numbers` and `overtaking.core.float32_math`, at every SIMD level. `forced` is the name
+//! of a level, `None` the fastest level of this CPU.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -8,19 +12,19 @@ use crate::math::philox;
 use crate::math::vectors::{F32, SIMD_LANES, dispatch};
 use crate::run::engine::require_level;
 
-/// A block of draws of every simulation and stream.
+/// The position of one block of four random words in the random numbers of each simulation.
 pub struct DrawBlock<'a> {
-    /// Key of the random numbers.
+    /// Seed of the data set: the key of the generator.
     pub seed: u64,
-    /// Number of each simulation.
+    /// Scenario index of each simulation.
     pub index: &'a [u64],
-    /// Stream of each.
+    /// Stream (purpose of the draws) of each simulation, as long as `index`.
     pub stream: &'a [u32],
-    /// Number of the block inside the stream.
+    /// Number of the block within the stream, from 0.
     pub draw: u32,
 }
 
-/// The four words of a block, each as long as the block.
+/// Fill `out` with the four random words of a block, four arrays as long as `block.index`.
 ///
 /// # Errors
 /// The SIMD level is unknown or not supported by this CPU.
@@ -34,76 +38,76 @@ pub fn random_words(
     Ok(())
 }
 
-/// The exponential of each number, in its place.
+/// Replace each number by its exponential.
 ///
 /// # Errors
-/// As for `words`.
+/// The SIMD level is unknown or not supported by this CPU.
 pub fn exp_in_place(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
     let level = require_level(forced)?;
     dispatch!(level, |simd| fill_exponentials(simd, values));
     Ok(())
 }
 
-/// The natural logarithm of each number, in its place.
+/// Replace each number by its natural logarithm.
 ///
 /// # Errors
-/// As for `words`.
+/// The SIMD level is unknown or not supported by this CPU.
 pub fn log_in_place(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
     let level = require_level(forced)?;
     dispatch!(level, |simd| fill_logarithms(simd, values));
     Ok(())
 }
 
-/// The uniform number in (0, 1) that each word stands for.
+/// Convert each random word to a uniform number in (0, 1).
+///
+/// The upper 23 bits select one of 2^23 equal intervals, and the number is the middle of the interval.
 pub fn uniform_numbers(words: &[u32]) -> Vec<f32> {
     let number = |&word: &u32| ((word >> 9) as f32 + 0.5) * (1.0 / (1 << 23) as f32);
     words.iter().map(number).collect()
 }
 
-/// Something to compare many numbers with.
+/// The second operand of a minimum or maximum of an array.
 pub enum Operand<'a> {
-    /// One number.
+    /// The same number for each element.
     One(f32),
-    /// One number for each.
+    /// An array of the same length.
     Each(&'a [f32]),
 }
 
-/// The larger of each number and another, in its place; the other where they are equal.
+/// Replace each number by the larger of itself and the operand.
+///
+/// Equal numbers give the operand, as in Python: zeros of different sign are equal.
 pub fn maximum_in_place(values: &mut [f32], others: &Operand<'_>) {
-    with_others(
-        values,
-        others,
-        |value, other| if value > other { value } else { other },
-    );
+    combine_in_place(values, others, |value, operand| {
+        if value > operand { value } else { operand }
+    });
 }
 
-/// The smaller of each number and another, in its place; the other where they are equal.
+/// Replace each number by the smaller of itself and the operand, with the same rule for equal numbers.
 pub fn minimum_in_place(values: &mut [f32], others: &Operand<'_>) {
-    with_others(
-        values,
-        others,
-        |value, other| if value < other { value } else { other },
-    );
+    combine_in_place(values, others, |value, operand| {
+        if value < operand { value } else { operand }
+    });
 }
 
 #[inline(always)]
-fn with_others(values: &mut [f32], others: &Operand<'_>, chosen: impl Fn(f32, f32) -> f32) {
-    match *others {
-        Operand::One(other) => values
+fn combine_in_place(values: &mut [f32], operands: &Operand<'_>, choose: impl Fn(f32, f32) -> f32) {
+    match *operands {
+        Operand::One(operand) => values
             .iter_mut()
-            .for_each(|value| *value = chosen(*value, other)),
-        Operand::Each(others) => {
-            for (value, &other) in values.iter_mut().zip(others) {
-                *value = chosen(*value, other);
+            .for_each(|value| *value = choose(*value, operand)),
+        Operand::Each(operands) => {
+            for (value, &operand) in values.iter_mut().zip(operands) {
+                *value = choose(*value, operand);
             }
         }
     }
 }
 
-/// Two independent normal numbers from each two uniform ones, in their places.
+/// Replace each pair of uniform numbers (`u`, `v`) by two independent standard normal numbers (Box-Muller transform).
 ///
 /// # Errors
-/// As for `words`.
+/// The SIMD level is unknown or not supported by this CPU.
 pub fn normal_pairs_in_place(
     forced: Option<&str>,
     u: &mut [f32],
@@ -119,11 +123,11 @@ fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
     let [a, b, c, d] = out;
     let out = a.chunks_mut(SIMD_LANES).zip(b.chunks_mut(SIMD_LANES));
     let out = out.zip(c.chunks_mut(SIMD_LANES).zip(d.chunks_mut(SIMD_LANES)));
-    let given = block
+    let inputs = block
         .index
         .chunks(SIMD_LANES)
         .zip(block.stream.chunks(SIMD_LANES));
-    for ((index, stream), ((a, b), (c, d))) in given.zip(out) {
+    for ((index, stream), ((a, b), (c, d))) in inputs.zip(out) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -134,9 +138,9 @@ fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
                     high[lane] = (index >> 32) as u32;
                     streams[lane] = stream;
                 }
-                let found = philox::words_of(key, &low, &high, &streams, block.draw);
-                for (row, words) in [a, b, c, d].into_iter().zip(found) {
-                    row.copy_from_slice(&words[..row.len()]);
+                let words = philox::words_of_streams(key, &low, &high, &streams, block.draw);
+                for (row, values) in [a, b, c, d].into_iter().zip(words) {
+                    row.copy_from_slice(&values[..row.len()]);
                 }
             },
         );
@@ -175,7 +179,7 @@ fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
     }
 }
 
-/// At most sixteen numbers, and ones beyond them.
+/// Load at most sixteen numbers; the other lanes are 1, where every function here is defined.
 #[inline(always)]
 fn load<S: Simd>(simd: S, row: &[f32]) -> F32<S> {
     let mut values = [1.0; SIMD_LANES];

@@ -1,4 +1,7 @@
-//! Elementary functions with the same bits on every machine; see `overtaking.core.float32_math`.
+//! Elementary functions of `f32` with the same bits on every machine.
+//!
+//! `overtaking.core.float32_math` has the same operations in the same order, and the source of the polynomials, the
+//! Cephes library. Functions of the system are not used, because their last bit differs between systems.
 
 // The coefficients are written as in Python, so that both can be compared digit by digit.
 #![allow(clippy::excessive_precision, clippy::approx_constant)]
@@ -24,6 +27,7 @@ fn int_as_float<S: Simd>(x: i32x16<S>) -> F32<S> {
 pub fn exp<S: Simd>(x: F32<S>) -> F32<S> {
     let x = clamp_to(x, -87.0, 88.0);
     let k = (x * 1.442_695_04).round_ties_even();
+    // ln 2 in two parts, so that the subtraction loses no digits.
     let r = x - k * 0.693_359_375 - k * -2.121_944_4e-4;
     let p = 1.987_569_1e-4 * r + 1.398_199_9e-3;
     let p = p * r + 8.333_452e-3;
@@ -35,7 +39,7 @@ pub fn exp<S: Simd>(x: F32<S>) -> F32<S> {
     value * int_as_float((exponent + 127) << 23)
 }
 
-/// Natural logarithm of a positive normal `x`.
+/// Natural logarithm of `x`; a smaller `x` counts as the smallest positive normal number.
 #[inline(always)]
 pub fn log<S: Simd>(x: F32<S>) -> F32<S> {
     let x = at_least(x, 1.175_494_4e-38);
@@ -58,10 +62,14 @@ pub fn log<S: Simd>(x: F32<S>) -> F32<S> {
     m + y + e * 0.693_359_375
 }
 
-/// Sine and cosine; angles up to an eighth of a turn need no reduction, which changes no bit.
+/// Sine and cosine of angles [rad].
+///
+/// If all sixteen angles are below 0.78, just under pi / 4, the quadrant is 0 and the reduction of the angle would
+/// change no bit, so it is left out. Most angles of a simulation are that small.
 #[inline(always)]
 pub fn sincos<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     if x.abs().simd_lt(0.78).all_true() {
+        // Adding 0 turns -0 into 0, as the reduction would.
         return sincos_reduced(x + 0.0);
     }
     x.simd.vectorize(
@@ -70,6 +78,7 @@ pub fn sincos<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     )
 }
 
+/// Sine and cosine of angles from -pi / 4 to pi / 4.
 #[inline(always)]
 fn sincos_reduced<S: Simd>(r: F32<S>) -> (F32<S>, F32<S>) {
     let z = r * r;
@@ -82,12 +91,14 @@ fn sincos_reduced<S: Simd>(r: F32<S>) -> (F32<S>, F32<S>) {
     (s, c)
 }
 
+/// Sine and cosine of any angles: reduced by quarters of a turn, then exchanged and negated by quadrant.
 #[inline(always)]
 fn sincos_full<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     let k = (x * 0.636_619_77).round_ties_even();
+    // Pi / 2 in three parts, so that the subtraction loses no digits.
     let r = x - k * 1.570_312_5 - k * 4.837_512_969_970_703e-4 - k * 7.549_789_95e-8;
-    let number: i32x16<S> = k.to_int();
-    let quadrant = number & 3;
+    let quarter_turns: i32x16<S> = k.to_int();
+    let quadrant = quarter_turns & 3;
     let (s, c) = sincos_reduced(r);
     let odd = (quadrant & 1).simd_eq(1);
     let sine = select(odd, c, s);
@@ -97,7 +108,7 @@ fn sincos_full<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     (sine, select(flip, -cosine, cosine))
 }
 
-/// Inverse tangent.
+/// Inverse tangent [rad].
 #[inline(always)]
 pub fn atan<S: Simd>(x: F32<S>) -> F32<S> {
     let simd = x.simd;

@@ -1,4 +1,8 @@
-//! Counter-based random numbers, Philox 4x32-10; see `overtaking.core.random_numbers`.
+//! Counter-based random numbers: Philox 4x32-10 (Salmon et al., SC'11), sixteen simulations at a time.
+//!
+//! The generator has no state. It maps a key (the seed of the data set), a scenario index (lower and upper 32 bits),
+//! a stream (the purpose of the draws) and the number of a draw to four random words of 32 bits. A simulation
+//! therefore has the same random numbers in every batch. `overtaking.core.random_numbers` is the Python twin.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, u32x16};
@@ -6,14 +10,16 @@ use fearless_simd::{Simd, u32x16};
 use crate::math::vectors::{F32, SIMD_LANES};
 
 const ROUNDS: usize = 10;
-/// The bits of a word.
+/// Mask of the lower 32 bits.
 const WORD: u64 = 0xFFFF_FFFF;
 /// Stream of gusts and errors of perception; the vehicle's slot is added.
 pub const MOTION: u32 = 0x300;
 /// Stream of looks over the shoulder; the vehicle's slot is added.
 pub const GLANCES: u32 = 0x400;
 
-/// The four words of draw `draw` of `stream` in each simulation of a block.
+/// The four random words with number `draw` in `stream`, for each simulation of a block.
+///
+/// `low` and `high` are the lower and upper 32 bits of the scenario indices.
 #[inline(always)]
 pub fn words(
     key: [u32; 2],
@@ -22,22 +28,23 @@ pub fn words(
     stream: u32,
     draw: u32,
 ) -> [[u32; SIMD_LANES]; 4] {
-    words_of(key, low, high, &[stream; SIMD_LANES], draw)
+    words_of_streams(key, low, high, &[stream; SIMD_LANES], draw)
 }
 
-/// As `words`, each of a stream of its own.
+/// The same as `words`, with a stream for each simulation.
 #[inline(always)]
-pub fn words_of(
+pub fn words_of_streams(
     key: [u32; 2],
     low: &[u32; SIMD_LANES],
     high: &[u32; SIMD_LANES],
     stream: &[u32; SIMD_LANES],
     draw: u32,
 ) -> [[u32; SIMD_LANES]; 4] {
-    // Words in lanes of 64 bits, as products need them; what is in the upper halves means nothing.
-    let wide = |words: &[u32; SIMD_LANES]| words.map(u64::from);
-    let (mut c0, mut c1) = ([u64::from(draw); SIMD_LANES], wide(stream));
-    let (mut c2, mut c3) = (wide(low), wide(high));
+    // In 64 bits, because a round needs the upper and the lower half of each product. `c1` and `c3` keep whole
+    // products: their upper halves are removed by the mask of the next round or by the last conversion.
+    let widen = |numbers: &[u32; SIMD_LANES]| numbers.map(u64::from);
+    let (mut c0, mut c1) = ([u64::from(draw); SIMD_LANES], widen(stream));
+    let (mut c2, mut c3) = (widen(low), widen(high));
     let [mut k0, mut k1] = key;
     for _ in 0..ROUNDS {
         for lane in 0..SIMD_LANES {
@@ -51,10 +58,10 @@ pub fn words_of(
         k0 = k0.wrapping_add(0x9E37_79B9);
         k1 = k1.wrapping_add(0xBB67_AE85);
     }
-    [c0, c1, c2, c3].map(|words| words.map(|word| word as u32))
+    [c0, c1, c2, c3].map(|lanes| lanes.map(|word| word as u32))
 }
 
-/// A word as a number in the open interval (0, 1).
+/// Convert random words to uniform numbers in (0, 1): the middle of one of 2^23 equal intervals, by the upper 23 bits.
 #[inline(always)]
 pub fn uniform<S: Simd>(simd: S, word: [u32; SIMD_LANES]) -> F32<S> {
     let bits = u32x16::simd_from(simd, word) >> 9;
@@ -69,9 +76,9 @@ mod tests {
     /// Known-answer vectors of the Random123 library.
     #[test]
     fn words_match_the_published_vectors() {
-        let zero = words([0, 0], &[0; SIMD_LANES], &[0; SIMD_LANES], 0, 0);
+        let zeros = words([0, 0], &[0; SIMD_LANES], &[0; SIMD_LANES], 0, 0);
         assert_eq!(
-            zero.map(|w| w[0]),
+            zeros.map(|word| word[0]),
             [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]
         );
         let pi = words(
@@ -82,7 +89,7 @@ mod tests {
             0x243f_6a88,
         );
         assert_eq!(
-            pi.map(|w| w[7]),
+            pi.map(|word| word[7]),
             [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]
         );
     }

@@ -1,11 +1,14 @@
-//! Sixteen simulations side by side, and the few operations on them that need a name.
+//! Vectors of sixteen numbers, and the operations on them whose bits or speed need care.
+//!
+//! The engine computes sixteen simulations at a time, a *block*: lane `k` of each vector belongs to the simulation in
+//! lane `k` of the block. A *slot* is the number of a vehicle in its simulation.
 
 use core::sync::atomic::{Ordering, compiler_fence};
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, mask32x16};
 
-/// Simulations in a block.
+/// Number of simulations in a block.
 pub const SIMD_LANES: usize = 16;
 
 /// One number of each simulation of a block.
@@ -25,19 +28,20 @@ pub fn select<S: Simd>(mask: Mask<S>, a: F32<S>, b: F32<S>) -> F32<S> {
     mask.select(a, b)
 }
 
-/// Write `value` to a place where `mask` holds.
+/// Assign `value` to the lanes of `place` where `mask` holds.
 ///
-/// The fence, which is no instruction, lies between the load and the store: else LLVM 22 makes one masked store of both,
-/// which AMD's CPUs up to Zen 3 take a dozen cycles for (llvm-project, issue 213195).
+/// The fence produces no instruction. It separates the load from the store; without it, LLVM 22 merges both into a
+/// masked store, which takes a dozen cycles on AMD CPUs up to Zen 3 (llvm-project, issue 213195).
 #[inline(always)]
 pub fn assign_where<S: Simd>(place: &mut F32<S>, mask: Mask<S>, value: F32<S>) {
-    let before = *place;
+    let previous = *place;
     compiler_fence(Ordering::SeqCst);
-    *place = select(mask, value, before);
+    *place = select(mask, value, previous);
 }
 
-/// Whether the CPU's own minimum and maximum return the second value where both are equal, as zeros
-/// of either sign are; x86 does, ARM orders the zeros.
+/// Whether the CPU instructions for minimum and maximum return the second of two equal values.
+///
+/// This matters for 0 and -0, which are equal: x86 returns the second one, ARM orders them.
 const SECOND_OF_EQUALS: bool = cfg!(any(target_arch = "x86", target_arch = "x86_64"));
 
 /// The smaller of two values; `b` where they are equal.
@@ -60,13 +64,13 @@ pub fn max<S: Simd>(a: F32<S>, b: F32<S>) -> F32<S> {
     }
 }
 
-/// `max` with a number.
+/// The larger of `a` and one number for all lanes.
 #[inline(always)]
 pub fn at_least<S: Simd>(a: F32<S>, b: f32) -> F32<S> {
     max(a, splat(a.simd, b))
 }
 
-/// `min` with a number.
+/// The smaller of `a` and one number for all lanes.
 #[inline(always)]
 pub fn at_most<S: Simd>(a: F32<S>, b: f32) -> F32<S> {
     min(a, splat(a.simd, b))
@@ -78,46 +82,48 @@ pub fn clamp<S: Simd>(value: F32<S>, low: F32<S>, high: F32<S>) -> F32<S> {
     min(max(value, low), high)
 }
 
-/// `value` limited to an interval between numbers.
+/// `value` limited to [low, high], with the same limits in all lanes.
 #[inline(always)]
 pub fn clamp_to<S: Simd>(value: F32<S>, low: f32, high: f32) -> F32<S> {
     clamp(value, splat(value.simd, low), splat(value.simd, high))
 }
 
-/// Largest whole number not above `x`, |x| < 2^22; never -0.
+/// Largest whole number not above `x`, for |x| < 2^22. The result is -0 only if `x` is -0.
 #[inline(always)]
 pub fn floor<S: Simd>(x: F32<S>) -> F32<S> {
     let nearest = x.round_ties_even();
     select(nearest.simd_gt(x), nearest - 1.0, nearest)
 }
 
-/// Numbers of a block in which those of one simulation can be replaced by those of another.
+/// Data of a block that can be copied for one simulation, from a lane of one block to a lane of another.
 pub trait CopyLane {
-    /// Put what belongs to lane `other` of `from` into lane `lane`.
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize);
+    /// Copy lane `source_lane` of `source` into lane `lane`.
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize);
 }
 
 impl<S: Simd> CopyLane for F32<S> {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self.as_mut_slice()[lane] = from.as_slice()[other];
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self.as_mut_slice()[lane] = source.as_slice()[source_lane];
     }
 }
 
 impl CopyLane for [u32; SIMD_LANES] {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self[lane] = from[other];
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self[lane] = source[source_lane];
     }
 }
 
 impl<T: CopyLane, const K: usize> CopyLane for [T; K] {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        for (mine, theirs) in self.iter_mut().zip(from) {
-            mine.copy_lane(lane, theirs, other);
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        for (element, source_element) in self.iter_mut().zip(source) {
+            element.copy_lane(lane, source_element, source_lane);
         }
     }
 }
 
 /// Evaluate an expression with the SIMD type of a level.
+///
+/// SSE4.2 uses the code of SSE2, so that one portable variant is compiled for x86.
 #[macro_export]
 macro_rules! dispatch {
     ($level:expr, |$simd:ident| $body:expr) => {
@@ -143,7 +149,7 @@ macro_rules! dispatch {
 }
 pub(crate) use dispatch;
 
-/// Evaluate an expression in a function of its own that may use the SIMD features of the CPU.
+/// Evaluate an expression in a separate function that is compiled for the SIMD features of the CPU.
 macro_rules! with_cpu_features {
     ($simd:expr, $body:expr) => {
         $simd.vectorize(
@@ -154,9 +160,10 @@ macro_rules! with_cpu_features {
 }
 pub(crate) use with_cpu_features;
 
-/// The value of vehicle `slot` in each simulation; slot 0's where there is nobody.
+/// The value of vehicle `slot` in each simulation; the value of slot 0 where no vehicle has that slot.
 ///
-/// A macro, because a closure that the compiler leaves outside would lose the features of the CPU.
+/// `$count` is the number of slots, and `$value` gives the value of slot `$j`. This is a macro, because the compiler
+/// may compile a closure as a separate function without the SIMD features of the CPU.
 macro_rules! at_slot {
     ($count:expr, $slot:expr, |$j:ident| $value:expr) => {{
         let slot = $slot;
@@ -181,9 +188,9 @@ macro_rules! each_at_slot {
             $values
         };
         for $j in 1..$count {
-            let here = slot.simd_eq($j as i32 as f32);
+            let is_slot = slot.simd_eq($j as i32 as f32);
             for (picked, value) in picked.iter_mut().zip($values) {
-                *picked = $crate::math::vectors::select(here, value, *picked);
+                *picked = $crate::math::vectors::select(is_slot, value, *picked);
             }
         }
         picked
