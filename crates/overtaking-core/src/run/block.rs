@@ -1,8 +1,13 @@
-//! Blocks of sixteen simulations that advance together, and move together when others end.
+//! Blocks of sixteen simulations that advance together.
 //!
-//! A lane whose simulation has ended costs as much as any other. So blocks pause together after some whole
-//! tiles of frames, and when the simulations that still run fit into fewer blocks, they change seats. What a
-//! simulation computes does not depend on its lane.
+//! A block computes its simulations in the sixteen lanes of SIMD vectors. A lane whose simulation has ended costs as
+//! much as any other, so the blocks of a thread pause together at regular steps. If the simulations that still run fit
+//! into fewer blocks, they move to free lanes, and the empty blocks are dropped. The results of a simulation do not
+//! depend on its lane.
+//!
+//! A *share* is the part of a batch that one thread simulates. A *step* is an integration step of 10 ms, a *decision*
+//! of the drivers comes every `SUBSTEPS` steps, and a *frame* is a recorded state. A *tile* buffers the last sixteen
+//! frames. A *slot* is the number of a vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -21,31 +26,33 @@ use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput};
 use crate::run::step::{advance, decide, drive_ego, update_slip_reach};
 use crate::state::{EGO_SLOT, History, HistoryRows, State};
 
-/// Tiles of frames between two pauses at least: a larger block takes longer to come back into the caches.
-const fn tiles_per_phase(slots: usize) -> u32 {
+/// Number of tiles between two pauses, at least one. Chosen: 1, 2 or 4 tiles for blocks of 8, 16 or 32 slots, because
+/// the caches take longer to load the state of a larger block again after a pause.
+const fn tiles_between_pauses(slots: usize) -> u32 {
     (slots / SLOT_CAPACITIES[0]) as u32
 }
 
-/// Memory that a thread uses again.
+/// Buffers that a thread uses again for each of its shares.
 #[derive(Default)]
 pub struct ThreadMemory<const N: usize> {
     tile: FrameTile<N>,
     histories: Vec<History<N>>,
 }
 
-/// Simulate the share of one thread.
+/// Simulate a share from its first step to the end of its last simulation.
 ///
-/// Not inlined: what divides the shares calls itself, and would have room for all of this each time.
+/// It is not inlined, because Rayon divides the shares recursively, and each level of the recursion would reserve stack
+/// for all locals of this function.
 #[inline(never)]
 pub fn run<'a, S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'a>,
-    later: &[ParameterSwitch<'_>],
+    switches: &[ParameterSwitch<'_>],
     share: Vec<SimulationOutput<'a>>,
-    scratch: &mut ThreadMemory<N>,
+    memory: &mut ThreadMemory<N>,
 ) {
     let road = Road::of(inputs);
-    let ThreadMemory { tile, histories } = scratch;
+    let ThreadMemory { tile, histories } = memory;
     histories.resize_with(
         histories.len().max(share.len().div_ceil(SIMD_LANES)),
         History::default,
@@ -63,12 +70,12 @@ pub fn run<'a, S: Simd, const N: usize>(
             )
         })
         .collect();
-    let mut minds = DecisionContext::new(simd);
-    let length = phase(tiles_per_phase(N), inputs.steps_per_frame);
+    let mut context = DecisionContext::new(simd);
+    let length = steps_between_pauses(tiles_between_pauses(N), inputs.steps_per_frame);
     let mut step = 0;
     while !blocks.is_empty() {
         for block in &mut blocks {
-            block.advance((step, step + length), inputs, later, tile, &mut minds);
+            block.advance((step, step + length), inputs, switches, tile, &mut context);
         }
         step += length;
         blocks.retain_mut(|block| block.finish_ended(step));
@@ -76,30 +83,32 @@ pub fn run<'a, S: Simd, const N: usize>(
     }
 }
 
-/// Steps between two pauses: whole tiles of frames, and whole decisions.
-fn phase(tiles: u32, steps_per_frame: u32) -> u32 {
-    let tiles = tiles * FRAMES_PER_TILE as u32 * steps_per_frame;
-    if tiles.is_multiple_of(SUBSTEPS) {
-        tiles
+/// Steps between two pauses: a whole number of tiles, so that none is half full, and of decisions.
+fn steps_between_pauses(tiles: u32, steps_per_frame: u32) -> u32 {
+    let steps = tiles * FRAMES_PER_TILE as u32 * steps_per_frame;
+    if steps.is_multiple_of(SUBSTEPS) {
+        steps
     } else {
-        tiles * SUBSTEPS
+        steps * SUBSTEPS
     }
 }
 
-/// Sixteen simulations, or fewer when some have ended.
+/// Up to sixteen simulations that advance together.
 pub(crate) struct Block<'a, S: Simd, const N: usize> {
-    pub(crate) world: Params<'a, S, N>,
+    pub(crate) params: Params<'a, S, N>,
     pub(crate) state: State<'a, S, N>,
     pub(crate) recorder: Recorder<'a, N>,
+    /// Pairs of vehicles that may collide before the next decision.
     pub(crate) pairs: Pairs<S>,
-    /// Angle of the ego's front wheels that another driver ordered at the last decision.
+    /// Angle of the ego's front wheels that an external driver ordered at the last decision [rad]; `None` if the model
+    /// steers.
     wheel: Option<F32<S>>,
-    /// Number of the simulation in each lane within the batch; free lanes repeat another one.
+    /// Row in the batch of the simulation in each lane; a free lane repeats the row of another lane.
     pub(crate) simulations: [usize; SIMD_LANES],
 }
 
 impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
-    /// A block of the next simulations; `None` if there are no more.
+    /// Make a block of the next sixteen simulations of a share, or of all that are left. `None` if the share is empty.
     pub(crate) fn new(
         simd: S,
         inputs: &Inputs<'_>,
@@ -109,41 +118,41 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     ) -> Option<Box<Self>> {
         let mut out: [Option<Output<'a>>; SIMD_LANES] = core::array::from_fn(|_| None);
         let mut simulations = [0; SIMD_LANES];
-        let mut taken = 0;
+        let mut num_lanes_used = 0;
         for (simulation, results) in share.take(SIMD_LANES) {
-            simulations[taken..].fill(simulation);
-            out[taken] = Some(results);
-            taken += 1;
+            simulations[num_lanes_used..].fill(simulation);
+            out[num_lanes_used] = Some(results);
+            num_lanes_used += 1;
         }
-        if taken == 0 {
+        if num_lanes_used == 0 {
             return None;
         }
-        let index = simulations.map(|simulation| inputs.scenario_index[simulation]);
-        let (p, q) = load(
+        let scenario_index = simulations.map(|simulation| inputs.scenario_index[simulation]);
+        let (vehicle_params, simulation_params) = load(
             simd,
             inputs.vehicle,
             inputs.simulation,
             inputs,
             &simulations,
         );
-        let mut world = Params {
+        let mut params = Params {
             simd,
             constants,
             derived: DerivedConstants::of(constants),
             road,
-            vehicles: p,
-            simulations: q,
+            vehicles: vehicle_params,
+            simulations: simulation_params,
             num_slots_in_use: 1,
-            is_ring: has_ring(&q),
+            is_ring: has_ring(&simulation_params),
             key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
-            scenario_index_low: index.map(|number| number as u32),
-            scenario_index_high: index.map(|number| (number >> 32) as u32),
+            scenario_index_low: scenario_index.map(|index| index as u32),
+            scenario_index_high: scenario_index.map(|index| (index >> 32) as u32),
         };
         let recorder = Recorder::new(out);
-        world.num_slots_in_use = slots_in_use(&world, &recorder);
-        let state = State::at_start(&world, history);
+        params.num_slots_in_use = slots_in_use(&params, &recorder);
+        let state = State::at_start(&params, history);
         Some(Box::new(Self {
-            world,
+            params,
             state,
             recorder,
             pairs: Pairs::new(),
@@ -157,88 +166,113 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         &mut self,
         (first, end): (u32, u32),
         inputs: &Inputs<'_>,
-        later: &[ParameterSwitch<'_>],
+        switches: &[ParameterSwitch<'_>],
         tile: &mut FrameTile<N>,
-        minds: &mut DecisionContext<S, N>,
+        context: &mut DecisionContext<S, N>,
     ) {
-        let simd = self.world.simd;
+        let simd = self.params.simd;
         let (stride, steps) = self.step_length(inputs);
         let mut step = first;
-        while step < end && runs(&self.state, simd, step) {
-            for later in later.iter().filter(|later| later.step == step) {
-                self.switch_parameters(inputs, later);
+        while step < end && any_runs(&self.state, simd, step) {
+            for switch in switches.iter().filter(|switch| switch.step == step) {
+                self.switch_parameters(inputs, switch);
             }
-            let (state, world, recorder) = (&mut self.state, &self.world, &mut self.recorder);
+            let (state, params, recorder) = (&mut self.state, &self.params, &mut self.recorder);
             if step.is_multiple_of(SUBSTEPS) {
                 let decision = (step / SUBSTEPS) as usize;
                 let orders = inputs
                     .action_log
-                    .map(|script| script.action_at(simd, &self.simulations, decision));
+                    .map(|log| log.action_at(simd, &self.simulations, decision));
                 self.wheel = orders.and_then(|orders| orders.wheel_angle());
                 let pairs = &mut self.pairs;
-                decide(state, world, minds, recorder, pairs, step, orders.as_ref());
+                decide(
+                    state,
+                    params,
+                    context,
+                    recorder,
+                    pairs,
+                    step,
+                    orders.as_ref(),
+                );
             }
             if step.is_multiple_of(inputs.steps_per_frame) {
-                let number = (step / inputs.steps_per_frame) as usize;
+                let frame = (step / inputs.steps_per_frame) as usize;
                 with_cpu_features!(simd, {
-                    let active = splat(simd, step as f32).simd_le(state.end_step);
-                    recorder.record_frame(state, world, active, number, tile);
+                    let is_running = splat(simd, step as f32).simd_le(state.end_step);
+                    recorder.record_frame(state, params, is_running, frame, tile);
                 });
             }
-            let before = &mut minds.step_start;
-            advance(state, world, &self.pairs, before, step, &stride, self.wheel);
+            let positions = &mut context.step_start;
+            advance(
+                state,
+                params,
+                &self.pairs,
+                positions,
+                step,
+                &stride,
+                self.wheel,
+            );
             step += steps;
         }
-        with_cpu_features!(simd, self.recorder.write_tile(&self.world, tile));
+        with_cpu_features!(simd, self.recorder.write_tile(&self.params, tile));
     }
 
-    /// Go on with other parameters.
-    fn switch_parameters(&mut self, inputs: &Inputs<'_>, later: &ParameterSwitch<'_>) {
-        let (vehicle, simulation) = (later.vehicle, later.simulation);
-        let (p, q) = load(
-            self.world.simd,
-            vehicle,
-            simulation,
+    /// Replace the parameters from the present step on, for a branch of the simulations.
+    ///
+    /// Each vehicle moves and changes its speed by the difference between its new and its old start.
+    fn switch_parameters(&mut self, inputs: &Inputs<'_>, switch: &ParameterSwitch<'_>) {
+        let (vehicle_params, simulation_params) = load(
+            self.params.simd,
+            switch.vehicle,
+            switch.simulation,
             inputs,
             &self.simulations,
         );
-        let before = std::mem::replace(&mut self.world.vehicles, p);
-        self.world.simulations = q;
-        self.world.is_ring = has_ring(&q);
+        let old_vehicle_params = std::mem::replace(&mut self.params.vehicles, vehicle_params);
+        self.params.simulations = simulation_params;
+        self.params.is_ring = has_ring(&simulation_params);
         for (lane, simulation) in self.simulations.into_iter().enumerate() {
-            let number = later.scenario_index[simulation];
-            self.world.scenario_index_low[lane] = number as u32;
-            self.world.scenario_index_high[lane] = (number >> 32) as u32;
-            if let Some(errors) = later.judgement_errors {
+            let index = switch.scenario_index[simulation];
+            self.params.scenario_index_low[lane] = index as u32;
+            self.params.scenario_index_high[lane] = (index >> 32) as u32;
+            if let Some(errors) = switch.judgement_errors {
                 self.state.noise.distance_error[EGO_SLOT][lane] = errors[simulation];
                 self.state.noise.speed_error[EGO_SLOT][lane] =
-                    errors[later.scenario_index.len() + simulation];
+                    errors[switch.scenario_index.len() + simulation];
             }
-            for (slot, (old, new)) in before.iter().zip(&self.world.vehicles).enumerate() {
-                let ahead = new.start_s[lane] - old.start_s[lane];
-                let faster = new.start_speed[lane] - old.start_speed[lane];
-                self.state.displace_vehicle(slot, lane, ahead, faster);
+            for (slot, (old, new)) in old_vehicle_params
+                .iter()
+                .zip(&self.params.vehicles)
+                .enumerate()
+            {
+                let shift = new.start_s[lane] - old.start_s[lane];
+                let speed_change = new.start_speed[lane] - old.start_speed[lane];
+                self.state.displace_vehicle(slot, lane, shift, speed_change);
             }
         }
-        update_slip_reach(&mut self.state, &self.world);
+        // It depends on the parameters of the vehicles, and is otherwise updated at decisions only.
+        update_slip_reach(&mut self.state, &self.params);
     }
 
-    /// Let the ego do as ordered at a decision, and everything move until the next one.
-    pub(crate) fn go_on(
+    /// Carry out the ego's part of a decision at step `first`, and move all vehicles until the next decision.
+    ///
+    /// `action_log` has the orders of an external driver; `None` if the model drives the ego. `driver` is what the
+    /// ego's driver perceived at the decision.
+    pub(crate) fn advance_to_decision(
         &mut self,
         first: u32,
         inputs: &Inputs<'_>,
-        script: Option<&ActionLog<'_>>,
-        mind: DriverContext<'_, S>,
-        minds: &mut DecisionContext<S, N>,
+        action_log: Option<&ActionLog<'_>>,
+        driver: DriverContext<'_, S>,
+        context: &mut DecisionContext<S, N>,
     ) {
         let (stride, steps) = self.step_length(inputs);
-        let orders = script.map(|one| one.action_at(self.world.simd, &self.simulations, 0));
-        let (state, world, pairs) = (&mut self.state, &self.world, &mut self.pairs);
+        let orders = action_log.map(|log| log.action_at(self.params.simd, &self.simulations, 0));
+        let (state, params, pairs) = (&mut self.state, &self.params, &mut self.pairs);
         drive_ego(
             state,
-            world,
-            mind,
+            params,
+            driver,
             &mut self.recorder,
             pairs,
             first,
@@ -246,14 +280,17 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         );
         let wheel = orders.as_ref().and_then(EgoAction::wheel_angle);
         for step in (first..first + SUBSTEPS).step_by(steps as usize) {
-            let before = &mut minds.step_start;
-            advance(state, world, pairs, before, step, &stride, wheel);
+            let positions = &mut context.step_start;
+            advance(state, params, pairs, positions, step, &stride, wheel);
         }
     }
 
-    /// A step, and how many of 10 ms that is: frames at other times than decisions want a state at each.
+    /// The integration step, and its length in steps of 10 ms.
+    ///
+    /// It is 50 ms if every frame coincides with a decision, and 10 ms otherwise, because frames between decisions need
+    /// a state.
     fn step_length(&self, inputs: &Inputs<'_>) -> (StepLength, u32) {
-        let rates = &self.world.derived;
+        let rates = &self.params.derived;
         if inputs.steps_per_frame.is_multiple_of(SUBSTEPS) {
             (rates.coarse, SUBSTEPS)
         } else {
@@ -261,19 +298,21 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         }
     }
 
-    /// Finish the simulations that have ended before `step`; whether others still run.
+    /// Finish the recordings of simulations that have ended before `step`; returns whether any simulation still runs.
     pub(crate) fn finish_ended(&mut self, step: u32) -> bool {
         for lane in 0..SIMD_LANES {
             if self.state.end_step[lane] < step as f32 {
-                let (simd, state, world) = (self.world.simd, &self.state, &self.world);
-                with_cpu_features!(simd, self.recorder.finish(lane, state, world));
+                let (simd, state, params) = (self.params.simd, &self.state, &self.params);
+                with_cpu_features!(simd, self.recorder.finish(lane, state, params));
             }
         }
-        self.world.num_slots_in_use = slots_in_use(&self.world, &self.recorder);
+        self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
         self.num_running() > 0
     }
 
-    /// Free the lanes of simulations of which nothing is recorded; where their results would have gone.
+    /// Free the lanes where `is_over` holds, without finishing a recording.
+    ///
+    /// Returns the batch row of each freed lane and its output memory, which another simulation can use.
     pub(crate) fn release(
         &mut self,
         is_over: impl Fn(&Self, usize) -> bool,
@@ -286,34 +325,34 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             }
         }
         if !freed.is_empty() {
-            self.world.num_slots_in_use = slots_in_use(&self.world, &self.recorder);
+            self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
         }
         freed
     }
 
-    /// How many simulations it holds.
+    /// Number of lanes whose simulation runs.
     pub(crate) fn num_running(&self) -> usize {
         (0..SIMD_LANES)
             .filter(|lane| self.recorder.is_busy(*lane))
             .count()
     }
 
-    /// A lane that is free.
+    /// The first lane without a running simulation.
     fn free_lane(&self) -> Option<usize> {
         (0..SIMD_LANES).find(|lane| !self.recorder.is_busy(*lane))
     }
 
-    /// Take over the simulation in lane `other` of another block that has come as far.
-    fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
-        self.world.copy_lane(lane, &from.world, other);
-        self.state.copy_lane(lane, &from.state, other);
-        self.recorder.seat(lane, &mut from.recorder, other);
-        self.simulations[lane] = from.simulations[other];
-        self.world.num_slots_in_use = slots_in_use(&self.world, &self.recorder);
+    /// Move the simulation in lane `source_lane` of another block, which is at the same step, into `lane`.
+    fn take_over(&mut self, lane: usize, source: &mut Self, source_lane: usize) {
+        self.params.copy_lane(lane, &source.params, source_lane);
+        self.state.copy_lane(lane, &source.state, source_lane);
+        self.recorder.seat(lane, &mut source.recorder, source_lane);
+        self.simulations[lane] = source.simulations[source_lane];
+        self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
     }
 }
 
-/// Slots up to the last one that a running simulation uses.
+/// Number of slots up to the last one that a running simulation uses, at least one.
 fn slots_in_use<S: Simd, const N: usize>(
     params: &Params<'_, S, N>,
     recorder: &Recorder<'_, N>,
@@ -325,7 +364,7 @@ fn slots_in_use<S: Simd, const N: usize>(
     (0..N).rev().find(is_used).map_or(1, |last| last + 1)
 }
 
-/// Move simulations together where that frees whole blocks, and hand these over.
+/// Move running simulations into as few blocks as possible; returns the blocks that are empty now.
 pub(crate) fn merge<'a, S: Simd, const N: usize>(
     blocks: &mut Vec<Box<Block<'a, S, N>>>,
 ) -> Vec<Box<Block<'a, S, N>>> {
@@ -334,26 +373,29 @@ pub(crate) fn merge<'a, S: Simd, const N: usize>(
     if needed == blocks.len() {
         return Vec::new();
     }
-    // The fullest stay.
+    // The fullest blocks stay, so that as few simulations as possible move.
     blocks.sort_by_key(|block| std::cmp::Reverse(block.num_running()));
-    let mut leaving = blocks.split_off(needed);
-    for from in &mut leaving {
-        for other in 0..SIMD_LANES {
-            if !from.recorder.is_busy(other) {
+    let mut emptied = blocks.split_off(needed);
+    for source in &mut emptied {
+        for source_lane in 0..SIMD_LANES {
+            if !source.recorder.is_busy(source_lane) {
                 continue;
             }
             let free = blocks
                 .iter_mut()
                 .find_map(|block| block.free_lane().map(|lane| (block, lane)));
             if let Some((block, lane)) = free {
-                block.seat(lane, from, other);
+                block.take_over(lane, source, source_lane);
             }
         }
     }
-    leaving
+    emptied
 }
 
-/// The parameters of the simulations of a block.
+/// Load the parameters of the simulations of a block from the arrays of a batch.
+///
+/// `vehicle` has shape (field, slot, simulation) and `simulation` (field, simulation), flat. Slots beyond the number
+/// of the batch get zeros, among them `valid`, so that no vehicle is there.
 #[inline(always)]
 pub(crate) fn load<S: Simd, const N: usize>(
     simd: S,
@@ -368,7 +410,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
         let values = &values[row * batch..(row + 1) * batch];
         simulations.map(|simulation| values[simulation])
     };
-    let p = core::array::from_fn(|slot| {
+    let vehicle_params = core::array::from_fn(|slot| {
         if slot < slots {
             VehicleParams::load(simd, |field| row(vehicle, field * slots + slot))
         } else {
@@ -376,7 +418,7 @@ pub(crate) fn load<S: Simd, const N: usize>(
         }
     });
     (
-        p,
+        vehicle_params,
         SimulationParams::load(simd, |field| row(simulation, field)),
     )
 }
@@ -386,7 +428,8 @@ fn has_ring<S: Simd>(simulation: &SimulationParams<S>) -> bool {
     (0..SIMD_LANES).any(|lane| simulation.ring_length[lane] != 0.0)
 }
 
-fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
+/// Whether any simulation of a block has not ended before `step`.
+fn any_runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
     with_cpu_features!(
         simd,
         splat(simd, step as f32).simd_le(state.end_step).any_true()

@@ -1,4 +1,8 @@
-//! What is simulated, in which order, on which threads, and at the SIMD width of which CPU.
+//! Simulates a batch: chooses the SIMD level, orders the simulations and distributes them over threads.
+//!
+//! A *batch* is a number of simulations with the same road and number of vehicle slots. Blocks of sixteen simulations
+//! advance together in the lanes of SIMD vectors (`block`). Array shapes are in row-major order, flat: in (field, slot,
+//! simulation), the numbers of one field and slot are adjacent.
 
 use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
@@ -11,66 +15,66 @@ use crate::recorder::output::Output;
 use crate::run::block::{self, ThreadMemory};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Blocks that one thread advances together. More of them waste fewer lanes, until their states no
-/// longer fit into the cache.
+/// Number of blocks that one thread advances together. With more blocks, fewer lanes are without a running simulation.
+/// Chosen: the states of four blocks still fit into the cache.
 const BLOCKS_PER_SHARE: usize = 4;
 
-/// A simulation and where its results go.
+/// Position of a simulation in its batch, and the memory for its results.
 pub(crate) type SimulationOutput<'a> = (usize, Output<'a>);
 
-/// Everything that a batch is simulated from.
+/// All inputs of a batch. `overtaking.world.step_parameters` computes them.
 #[derive(Clone, Copy)]
 pub struct Inputs<'a> {
-    /// Vehicle parameters, (field, slot, simulation).
+    /// Parameters of vehicles and drivers, (field, slot, simulation).
     pub vehicle: &'a [f32],
     /// Simulation parameters, (field, simulation).
     pub simulation: &'a [f32],
-    /// Simulation numbers.
+    /// Scenario index of each simulation, which its random numbers depend on, (simulation).
     pub scenario_index: &'a [u64],
-    /// Vehicle slots.
+    /// Number of vehicle slots of each simulation.
     pub num_slots: usize,
     /// Constants of the model.
     pub constants: &'a ModelConstants,
-    /// Driving lanes.
+    /// Number of lanes that vehicles use.
     pub num_lanes: usize,
-    /// Lane borders, padded.
+    /// Lane borders from the kerb side to the overtaking side, padded with copies of the last one [m].
     pub boundaries: [f32; 9],
-    /// Film factor of each lane, padded.
+    /// Factor on the thickness of the water film in each lane, padded [1].
     pub film_path: [f32; 8],
-    /// Driving side.
+    /// +1 in right-hand traffic, -1 in left-hand traffic.
     pub overtaking_sign: f32,
-    /// x, y, heading of the road, cosine and sine.
+    /// World x and y of the point (s, d) = (0, 0) [m], heading of the road [rad], cosine and sine of the heading.
     pub pose: [f32; 5],
-    /// Its directions.
+    /// Own direction and oncoming traffic.
     pub directions: RoadDirections,
-    /// Rows of `Road::course`, one after the other.
+    /// Rows of `params::CourseTable`, (row, station); empty for a straight, level road with one speed limit.
     pub course_table: &'a [f32],
-    /// Key of the random numbers.
+    /// Seed of the data set: the key of the random numbers.
     pub seed: u64,
-    /// Steps between recorded frames.
+    /// Number of steps of 10 ms between recorded frames.
     pub steps_per_frame: u32,
-    /// What another driver did with the ego.
+    /// Recorded actions of an external driver of the ego; `None` if the model drives.
     pub action_log: Option<ActionLog<'a>>,
 }
 
-/// Parameters that take over at a step, for branches.
+/// Parameters that replace the earlier ones at a step, for a branch (a simulation that continues differently).
 ///
-/// Vehicles are displaced and sped up by as much as their starts differ from those before.
+/// Each vehicle is displaced and its speed changed by the difference between its new and its old start.
 #[derive(Clone, Copy)]
 pub struct ParameterSwitch<'a> {
-    /// Vehicle parameters from then on.
+    /// Parameters of vehicles and drivers from that step on, (field, slot, simulation).
     pub vehicle: &'a [f32],
-    /// Simulation parameters from then on.
+    /// Simulation parameters from that step on, (field, simulation).
     pub simulation: &'a [f32],
-    /// Simulation numbers from then on: what is drawn at later decisions.
+    /// Scenario index of each simulation from that step on; it determines the random numbers of later decisions.
     pub scenario_index: &'a [u64],
-    /// The ego's errors of distance and of speed at the step, (2, simulation); `None` leaves them as they are.
+    /// Errors of the ego in judging distance and speed at that step, (2, simulation); `None` keeps the errors.
     pub judgement_errors: Option<&'a [f32]>,
-    /// The step.
+    /// Number of the step of 10 ms at which the parameters change.
     pub step: u32,
 }
 
-/// The SIMD level `name`, or the best one; `None` if this CPU lacks it.
+/// The SIMD level `name`, or the fastest one without a name; `None` if the level is unknown or this CPU lacks it.
 pub(crate) fn find_level(name: Option<&str>) -> Option<Level> {
     let best = Level::new();
     match name {
@@ -84,10 +88,10 @@ pub(crate) fn find_level(name: Option<&str>) -> Option<Level> {
     }
 }
 
-/// The SIMD level `name`, or the best one.
+/// The SIMD level `forced`, or the fastest level of this CPU without a name.
 ///
 /// # Errors
-/// It is unknown or not supported by this CPU.
+/// The level is unknown or not supported by this CPU.
 pub fn require_level(forced: Option<&str>) -> Result<Level, String> {
     let message = || {
         format!(
@@ -98,14 +102,14 @@ pub fn require_level(forced: Option<&str>) -> Result<Level, String> {
     find_level(forced).ok_or_else(message)
 }
 
-/// Every SIMD level that the engine has, and whether this CPU can run it.
+/// The SIMD levels of the engine, fastest first, each with whether this CPU supports it.
 pub fn simd_levels() -> Vec<(&'static str, bool)> {
     ["avx512", "avx2", "portable"]
         .map(|name| (name, find_level(Some(name)).is_some()))
         .to_vec()
 }
 
-/// Name of the SIMD level that is used when none is asked for.
+/// Name of the fastest SIMD level of this CPU, which the engine uses by default.
 pub fn default_level_name() -> &'static str {
     ["avx512", "avx2", "portable"]
         .into_iter()
@@ -113,13 +117,13 @@ pub fn default_level_name() -> &'static str {
         .unwrap_or("portable")
 }
 
-/// Simulate a batch at a SIMD level.
+/// Simulate a batch at a SIMD level, and write the results to `out`.
 ///
-/// Generic, so it is compiled where it is called: in `overtaking-avx` and `overtaking-portable`, which
-/// two cores compile at the same time.
+/// The function is generic, so it is compiled in the crates that call it, `overtaking-avx` and `overtaking-portable`.
+/// Two cores can compile these at the same time.
 ///
 /// # Errors
-/// There are too many vehicles, or the room for frames does not consist of whole tiles.
+/// There are more than `MAX_VEHICLES` slots, or the number of frames in `out` is not a multiple of sixteen.
 pub fn simulate<S: Simd>(
     simd: S,
     inputs: &Inputs<'_>,
@@ -149,62 +153,70 @@ pub fn simulate<S: Simd>(
     Ok(())
 }
 
-/// Simulate all blocks of a batch, with room for `N` vehicles.
+/// Simulate all blocks of a batch, compiled for `N` vehicle slots.
 fn run_blocks<S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'_>,
-    later: &[ParameterSwitch<'_>],
+    switches: &[ParameterSwitch<'_>],
     out: Output<'_>,
 ) {
     let order = order_by_similarity(inputs);
-    let mut places: Vec<_> = out.into_simulations().into_iter().map(Some).collect();
-    let seats: Vec<_> = order
+    let mut outputs: Vec<_> = out.into_simulations().into_iter().map(Some).collect();
+    let simulations: Vec<_> = order
         .into_iter()
-        .filter_map(|simulation| Some((simulation, places[simulation].take()?)))
+        .filter_map(|simulation| Some((simulation, outputs[simulation].take()?)))
         .collect();
-    shares(seats)
+    divide_into_shares(simulations)
         .into_par_iter()
-        .for_each_init(ThreadMemory::<N>::default, |scratch, share| {
-            block::run(simd, inputs, later, share, scratch);
+        .for_each_init(ThreadMemory::<N>::default, |memory, share| {
+            block::run(simd, inputs, switches, share, memory);
         });
 }
 
-/// The simulations from the fullest to the emptiest, and those with the same weather side by side: a
-/// block works on as many vehicles as its fullest has, and on water and gusts if any simulation has them.
+/// Order the simulations by number of vehicles, most first, then by weather, so that similar ones share a block.
+///
+/// A block computes as many vehicles as its simulation with most vehicles has, and water and gusts if any of its
+/// simulations has them.
 pub(crate) fn order_by_similarity(inputs: &Inputs<'_>) -> Vec<usize> {
     let batch = inputs.scenario_index.len();
+    // `valid`, 1 for a slot with a vehicle, is the first field of vehicles.
     let valid = &inputs.vehicle[..inputs.num_slots * batch];
-    let vehicles = |simulation: usize| {
+    let num_vehicles = |simulation: usize| {
         (0..inputs.num_slots)
             .filter(|slot| valid[slot * batch + simulation] > 0.0)
             .count()
     };
     let weather = ["puddle_film", "film_rain_factor", "gust_gain"].map(|name| {
-        let row = SIMULATION_NAMES.iter().position(|known| *known == name);
+        let row = SIMULATION_NAMES.iter().position(|field| *field == name);
         row.map_or(&[][..], |row| &inputs.simulation[row * batch..][..batch])
     });
     let mut order: Vec<_> = (0..batch).collect();
     order.sort_by_cached_key(|simulation| {
-        let has = weather.map(|values| values.get(*simulation).is_some_and(|value| *value > 0.0));
-        std::cmp::Reverse((vehicles(*simulation), has))
+        let has_weather =
+            weather.map(|values| values.get(*simulation).is_some_and(|value| *value > 0.0));
+        std::cmp::Reverse((num_vehicles(*simulation), has_weather))
     });
     order
 }
 
-/// Simulations in portions for the threads: several blocks each, so that they can be merged, but
-/// enough portions for every thread.
-pub(crate) fn shares(mut seats: Vec<SimulationOutput<'_>>) -> Vec<Vec<SimulationOutput<'_>>> {
-    let portions = seats.len().div_ceil(SIMD_LANES * BLOCKS_PER_SHARE);
-    let wanted = portions.max(rayon::current_num_threads());
-    let size = seats
+/// Divide simulations into shares, each simulated by one thread.
+///
+/// A share has at most `BLOCKS_PER_SHARE` blocks, which are merged when simulations end. Few simulations are divided
+/// into smaller shares, at least one block each, so that every thread has work.
+pub(crate) fn divide_into_shares(
+    mut simulations: Vec<SimulationOutput<'_>>,
+) -> Vec<Vec<SimulationOutput<'_>>> {
+    let full_shares = simulations.len().div_ceil(SIMD_LANES * BLOCKS_PER_SHARE);
+    let num_shares = full_shares.max(rayon::current_num_threads());
+    let size = simulations
         .len()
-        .div_ceil(wanted)
+        .div_ceil(num_shares)
         .next_multiple_of(SIMD_LANES)
         .max(SIMD_LANES);
-    let mut shares = Vec::with_capacity(wanted);
-    while !seats.is_empty() {
-        let rest = seats.split_off(size.min(seats.len()));
-        shares.push(std::mem::replace(&mut seats, rest));
+    let mut shares = Vec::with_capacity(num_shares);
+    while !simulations.is_empty() {
+        let remaining = simulations.split_off(size.min(simulations.len()));
+        shares.push(std::mem::replace(&mut simulations, remaining));
     }
     shares
 }

@@ -1,4 +1,9 @@
-//! What happens in a step, and what only at every fifth: a decision; see `overtaking.sim.reference.simulation`.
+//! One step of a block of simulations: decisions of all drivers every 50 ms, motion every 10 or 50 ms.
+//!
+//! `overtaking.sim.reference.simulation` has the same order of operations in Python. Slot `i` is the number of a
+//! vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number
+//! for each of the sixteen simulations. `with_cpu_features!` compiles its body as a function of its own with the SIMD
+//! features of the CPU.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -22,95 +27,128 @@ use crate::vehicle_dynamics;
 use crate::vehicle_dynamics::MotionStep;
 use crate::{perception, steering};
 
-/// Everything that happens 20 times a second: weather, perception, decisions.
+/// Compute one decision, 20 times a second: weather, perception, then the choices of all drivers.
 ///
-/// Each part is a function of its own with the features of the CPU switched on; inlining them all into
-/// one makes the compiler slow and the code no faster.
+/// `orders` are the actions of an external driver of the ego, `None` if the model drives. Each part is compiled as a
+/// separate function: inlining all parts into one makes compilation slow and the code no faster.
 pub fn decide<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    minds: &mut DecisionContext<S, N>,
+    context: &mut DecisionContext<S, N>,
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S>,
     step: u32,
     orders: Option<&EgoAction<S>>,
 ) {
-    perceive(state, params, minds, step, orders.is_some());
-    drive_others(state, params, minds, step);
-    drive_ego(state, params, minds.of_ego(), recorder, pairs, step, orders);
+    perceive(state, params, context, step, orders.is_some());
+    drive_others(state, params, context, step);
+    drive_ego(
+        state,
+        params,
+        context.of_ego(),
+        recorder,
+        pairs,
+        step,
+        orders,
+    );
 }
 
-/// What happens before anyone decides: weather, perception.
+/// Update weather and friction, then find the neighbours and the beliefs of every driver.
 ///
-/// Another driver of the ego may decide `any_time`, and its neighbours on both sides are looked for, too,
-/// when the model's driver would not look at them.
+/// With `ego_may_change_any_time`, an external driver decides for the ego. The ego's neighbours in the adjacent lanes
+/// are then found at every decision, not only when the driver of the model would look at them.
 pub fn perceive<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    minds: &mut DecisionContext<S, N>,
+    context: &mut DecisionContext<S, N>,
     step: u32,
-    any_time: bool,
+    ego_may_change_any_time: bool,
 ) {
     let decision = step / SUBSTEPS;
     update_surroundings(state, params, step);
     let DecisionContext {
         bodies,
-        neighbours: near,
-        beliefs: believed,
-        checks_mirrors: looks,
-        oncoming: met,
-        oncoming_search: traffic,
-        gives_way: waits,
+        neighbours,
+        beliefs,
+        checks_mirrors,
+        oncoming,
+        oncoming_search,
+        gives_way,
         ..
-    } = minds;
+    } = context;
     let two_way = params.road.directions.has_oncoming_traffic;
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
             bodies[i] = VisibleBody::new(state, params, i);
         }
         if two_way {
-            traffic.update(state, params, bodies);
+            oncoming_search.update(state, params, bodies);
         }
     });
     for i in 0..params.num_slots_in_use {
-        let (near, believed) = (&mut near[i], &mut believed[i]);
-        let looks = &mut looks[i];
-        let mut everywhere = false;
+        let (neighbours, beliefs) = (&mut neighbours[i], &mut beliefs[i]);
+        let checks_mirrors = &mut checks_mirrors[i];
+        let mut needs_adjacent_lanes = false;
         with_cpu_features!(params.simd, {
-            everywhere = update_gaze(state, params, (i, decision, any_time), looks);
+            needs_adjacent_lanes = update_gaze(
+                state,
+                params,
+                (i, decision, ego_may_change_any_time),
+                checks_mirrors,
+            );
         });
-        // The four loops are compiled apart: together they do not have registers enough.
-        match (everywhere, two_way) {
+        // The four variants (1 or 3 lanes, one or two directions) are compiled separately: a common loop would need
+        // more registers than the CPU has.
+        match (needs_adjacent_lanes, two_way) {
             (false, false) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 1, false>(state, params, bodies, i, near);
+                find_neighbours::<S, N, 1, false>(state, params, bodies, i, neighbours);
             }),
             (true, false) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 3, false>(state, params, bodies, i, near);
+                find_neighbours::<S, N, 3, false>(state, params, bodies, i, neighbours);
             }),
             (false, true) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 1, true>(state, params, bodies, i, near);
+                find_neighbours::<S, N, 1, true>(state, params, bodies, i, neighbours);
             }),
             (true, true) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 3, true>(state, params, bodies, i, near);
+                find_neighbours::<S, N, 3, true>(state, params, bodies, i, neighbours);
             }),
         }
         if two_way {
-            let met = &mut met[i];
+            let oncoming = &mut oncoming[i];
             with_cpu_features!(params.simd, {
-                let asked = i == EGO_SLOT || (*looks | traffic.overtakes[i]).any_true();
-                let seen = (&*bodies, &*traffic);
-                observe_oncoming(state, params, seen, near, i, decision as usize, asked, met);
+                // Other drivers need beliefs about oncoming vehicles only when they look, or while they overtake.
+                let needs_beliefs =
+                    i == EGO_SLOT || (*checks_mirrors | oncoming_search.overtakes[i]).any_true();
+                observe_oncoming(
+                    state,
+                    params,
+                    (&*bodies, &*oncoming_search),
+                    neighbours,
+                    i,
+                    decision as usize,
+                    needs_beliefs,
+                    oncoming,
+                );
             });
         }
-        // Written in place: what a function with other features returns goes through memory twice.
+        // The function writes the beliefs in place: a value that is returned from a function with other CPU features
+        // passes through memory twice.
         with_cpu_features!(params.simd, {
-            let decision = decision as usize;
-            perception::form_beliefs(state, params, bodies, near, i, decision, *looks, believed);
+            perception::form_beliefs(
+                state,
+                params,
+                bodies,
+                neighbours,
+                i,
+                decision as usize,
+                *checks_mirrors,
+                beliefs,
+            );
         });
     }
     with_cpu_features!(
         params.simd,
-        *waits = lane_change::gives_way(
+        *gives_way = lane_change::gives_way(
             state,
             params,
             bodies,
@@ -120,115 +158,129 @@ pub fn perceive<S: Simd, const N: usize>(
     );
 }
 
-/// Where the driver of vehicle `i` looks at a decision; whether in any simulation it is at all lanes.
+/// Update where driver `i` looks at a decision: `checks_mirrors` is set where the driver looks at the adjacent lanes.
+///
+/// Returns whether the neighbours in the adjacent lanes are needed in any simulation of the block. They
+/// also are where a lane change is under way, or where the ego may change lanes without a look.
 #[inline(always)]
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    (i, decision, any_time): (usize, u32, bool),
-    looks: &mut Mask<S>,
+    (i, decision, ego_may_change_any_time): (usize, u32, bool),
+    checks_mirrors: &mut Mask<S>,
 ) -> bool {
     if decision == 0 {
-        let drawn = params.vehicles[i].valid.simd_gt(0.0);
-        perception::draw_shoulder_check(state, params, i, drawn, decision);
+        let exists = params.vehicles[i].valid.simd_gt(0.0);
+        perception::draw_shoulder_check(state, params, i, exists, decision);
     }
-    *looks = perception::checks_mirrors_now(state, params, i, decision);
+    *checks_mirrors = perception::checks_mirrors_now(state, params, i, decision);
     if params.road.directions.has_oncoming_traffic {
-        // Who is in the lane of others looks all the time.
-        *looks |= state.lane_choice.lane[i].simd_ge(1.0);
+        // A driver in the opposing lane looks at every decision.
+        *checks_mirrors |= state.lane_choice.lane[i].simd_ge(1.0);
     }
-    let changing = state.path.elapsed[i].simd_lt(state.path.duration[i]);
-    // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
-    let forced = params.simulations.forced_decision.simd_gt(0.0);
-    let told = (params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0) | forced).any_true();
-    let is_asked = i == EGO_SLOT && (any_time || told);
-    is_asked || (*looks | changing).any_true()
+    let is_changing_lane = state.path.elapsed[i].simd_lt(state.path.duration[i]);
+    // An ego with a forced decision, or one that accepts every gap, may change lanes at any decision, and the recorder
+    // then needs the vehicles of the lane that it enters.
+    let is_forced = params.simulations.forced_decision.simd_gt(0.0);
+    let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0);
+    let may_change_any_time =
+        i == EGO_SLOT && (ego_may_change_any_time || (accepts_every_gap | is_forced).any_true());
+    may_change_any_time || (*checks_mirrors | is_changing_lane).any_true()
 }
 
-/// What everybody but the ego decides.
+/// Decide for all drivers but the ego: acceleration first, then lane changes or overtakes.
+///
+/// On a road with oncoming traffic, other drivers overtake through the stages of the ego's model. On a road of one
+/// direction they change lanes by MOBIL, a lane-change model that compares accelerations.
 pub fn drive_others<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    minds: &DecisionContext<S, N>,
+    context: &DecisionContext<S, N>,
     step: u32,
 ) {
     let DecisionContext {
         bodies,
-        neighbours: near,
-        beliefs: believed,
-        checks_mirrors: looks,
-        oncoming: met,
+        neighbours,
+        beliefs,
+        checks_mirrors,
+        oncoming,
         ..
-    } = minds;
-    let mut leader = [splat(params.simd, 0.0); N];
+    } = context;
+    // Short loops over all vehicles, so that the CPU works on several vehicles at once.
+    let mut accel_limit = [splat(params.simd, 0.0); N];
     for i in 1..params.num_slots_in_use {
-        leader[i] = with_cpu_features!(
+        accel_limit[i] = with_cpu_features!(
             params.simd,
             acceleration::accel_behind_leader(
                 state,
                 params,
                 i,
-                (&near[i], &believed[i]),
-                met[i].is_being_passed
+                (&neighbours[i], &beliefs[i]),
+                oncoming[i].is_being_passed
             )
         );
     }
     if params.road.directions.has_oncoming_traffic {
         for i in 1..params.num_slots_in_use {
             with_cpu_features!(params.simd, {
-                leader[i] = min(leader[i], accel_for_oncoming(state, params, i, &met[i]));
-                leader[i] = min(
-                    leader[i],
-                    accel_limit_while_passing(state, params, i, &minds.of_other(i)),
+                accel_limit[i] = min(
+                    accel_limit[i],
+                    accel_for_oncoming(state, params, i, &oncoming[i]),
+                );
+                accel_limit[i] = min(
+                    accel_limit[i],
+                    accel_limit_while_passing(state, params, i, &context.of_other(i)),
                 );
             });
         }
     }
     for i in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            let mind = (&near[i], &believed[i]);
-            let wanted = acceleration::requested_accel(
+            let requested = acceleration::requested_accel(
                 state,
                 params,
                 i,
-                mind,
-                met[i].is_being_passed,
-                leader[i],
+                (&neighbours[i], &beliefs[i]),
+                oncoming[i].is_being_passed,
+                accel_limit[i],
             );
-            acceleration::apply_pedals(state, params, i, wanted);
+            acceleration::apply_pedals(state, params, i, requested);
         });
     }
     if params.road.directions.has_oncoming_traffic {
         for i in 1..params.num_slots_in_use {
-            let mind = minds.of_other(i);
+            let driver = context.of_other(i);
             with_cpu_features!(
                 params.simd,
-                overtake::decide_other(state, params, mind, i, step)
+                overtake::decide_other(state, params, driver, i, step)
             );
         }
         return;
     }
-    for i in (1..params.num_slots_in_use).filter(|i| looks[*i].any_true()) {
+    for i in (1..params.num_slots_in_use).filter(|i| checks_mirrors[*i].any_true()) {
         with_cpu_features!(params.simd, {
             lane_change::change_lanes_by_mobil(
                 state,
                 params,
                 bodies,
                 i,
-                &believed[i],
-                leader[i],
-                looks[i],
+                &beliefs[i],
+                accel_limit[i],
+                checks_mirrors[i],
                 step / SUBSTEPS,
             );
         });
     }
 }
 
-/// What the ego decides, or another driver orders, and who may collide until the next decision.
+/// Decide for the ego, then find the pairs of vehicles that may collide before the next decision.
+///
+/// `orders` are the actions of an external driver, `None` if the model drives the ego. Orders without an acceleration
+/// leave the pedals to the model.
 pub fn drive_ego<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
-    mind: DriverContext<'_, S>,
+    driver: DriverContext<'_, S>,
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S>,
     step: u32,
@@ -236,38 +288,44 @@ pub fn drive_ego<S: Simd, const N: usize>(
 ) {
     with_cpu_features!(params.simd, {
         let two_way = params.road.directions.has_oncoming_traffic;
-        // The ego flashes under another driver, too.
-        let gives_way = if two_way {
-            Some(accel_for_oncoming(state, params, EGO_SLOT, mind.oncoming))
+        // Computed under an external driver, too, because the function also switches the ego's headlamp flash.
+        let oncoming_limit = if two_way {
+            Some(accel_for_oncoming(state, params, EGO_SLOT, driver.oncoming))
         } else {
             None
         };
-        let passed = mind.oncoming.is_being_passed;
-        // No closure: the compiler would leave it outside, without the features of the CPU.
-        let wanted = if let Some(ordered) = orders.and_then(EgoAction::requested_accel) {
+        let is_being_passed = driver.oncoming.is_being_passed;
+        // No closure here: the compiler may compile it as a separate function without the features of the CPU.
+        let requested = if let Some(ordered) = orders.and_then(EgoAction::requested_accel) {
             ordered
         } else {
-            let mut leader = acceleration::accel_behind_leader(
+            let mut accel_limit = acceleration::accel_behind_leader(
                 state,
                 params,
                 EGO_SLOT,
-                (mind.neighbours, mind.beliefs),
-                passed,
+                (driver.neighbours, driver.beliefs),
+                is_being_passed,
             );
-            if let Some(most) = gives_way {
-                leader = min(
-                    min(leader, most),
-                    accel_limit_while_passing(state, params, EGO_SLOT, &mind),
+            if let Some(oncoming_limit) = oncoming_limit {
+                accel_limit = min(
+                    min(accel_limit, oncoming_limit),
+                    accel_limit_while_passing(state, params, EGO_SLOT, &driver),
                 );
             }
-            let mind = (mind.neighbours, mind.beliefs);
-            acceleration::requested_accel(state, params, EGO_SLOT, mind, passed, leader)
+            acceleration::requested_accel(
+                state,
+                params,
+                EGO_SLOT,
+                (driver.neighbours, driver.beliefs),
+                is_being_passed,
+                accel_limit,
+            )
         };
-        acceleration::apply_pedals(state, params, EGO_SLOT, wanted);
+        acceleration::apply_pedals(state, params, EGO_SLOT, requested);
     });
     with_cpu_features!(
         params.simd,
-        overtake::decide_ego(state, params, mind, recorder, step, orders)
+        overtake::decide_ego(state, params, driver, recorder, step, orders)
     );
     with_cpu_features!(params.simd, {
         if params.road.directions.has_oncoming_traffic {
@@ -278,7 +336,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
     });
 }
 
-/// Time, memory, weather and wind of a decision.
+/// Update timers, remembered states, wrecks, gusts, friction and wind before the drivers decide.
 fn update_surroundings<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
@@ -333,7 +391,7 @@ fn update_surroundings<S: Simd, const N: usize>(
     update_slip_reach(state, params);
 }
 
-/// Work out anew what follows from friction and vehicles, as one of them has changed.
+/// Update how far each driver may turn the front wheels: it depends on friction and on the parameters of the vehicle.
 pub fn update_slip_reach<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
@@ -345,58 +403,62 @@ pub fn update_slip_reach<S: Simd, const N: usize>(
     });
 }
 
-/// Steer, move, collide: one step.
+/// Steer and move all vehicles for one step, then resolve collisions between `pairs`.
+///
+/// `stride` is the length of the step, 10 or 50 ms. `wheel` is the angle of the ego's front wheels [rad] that an
+/// external driver ordered, `None` if the model steers. `positions` is memory for `s` and `d` before the step.
 #[allow(clippy::too_many_arguments)]
 pub fn advance<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     pairs: &Pairs<S>,
-    before: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
+    positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
     stride: &StepLength,
     wheel: Option<F32<S>>,
 ) {
-    // A step on roads that are straight and level is compiled by itself, and pays nothing for bends.
+    // Straight, level roads have a variant of their own, which computes no bends and slopes.
     if params.road.varies_along_road() {
         with_cpu_features!(params.simd, {
-            steer_and_move::<S, N, true>(state, params, pairs, before, stride, wheel);
+            steer_and_move::<S, N, true>(state, params, pairs, positions, stride, wheel);
         });
     } else {
         with_cpu_features!(params.simd, {
-            steer_and_move::<S, N, false>(state, params, pairs, before, stride, wheel);
+            steer_and_move::<S, N, false>(state, params, pairs, positions, stride, wheel);
         });
     }
     if !pairs.is_empty() {
         with_cpu_features!(
             params.simd,
-            resolve_contacts(state, params, pairs, before, step, stride)
+            resolve_contacts(state, params, pairs, positions, step, stride)
         );
     }
 }
 
-/// Steer and move.
+/// Steer and move all vehicles for one step. `VARIES` is whether the road bends, rises or has several speed limits.
 #[inline(always)]
 fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     params: &Params<'_, S, N>,
     pairs: &Pairs<S>,
-    before: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
+    positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     stride: &StepLength,
     wheel: Option<F32<S>>,
 ) {
     if !pairs.is_empty() {
+        // A collision is found between the positions before and after the step.
         for i in 0..params.num_slots_in_use {
-            (before.0[i], before.1[i]) = (state.motion.s[i], state.motion.d[i]);
+            (positions.0[i], positions.1[i]) = (state.motion.s[i], state.motion.d[i]);
         }
     }
-    // Short passes over all vehicles, so that the CPU works on several of them at once.
+    // Short loops over all vehicles, so that the CPU works on several vehicles at once.
     let mut angle = [splat(params.simd, 0.0); N];
-    let mut first = EGO_SLOT;
+    let mut first_slot = EGO_SLOT;
     if let Some(ordered) = wheel {
         angle[EGO_SLOT] = steering::steer_to_angle::<S, N, VARIES>(state, params, ordered, stride);
-        first += 1;
+        first_slot += 1;
     }
-    for i in first..params.num_slots_in_use {
+    for i in first_slot..params.num_slots_in_use {
         angle[i] = steering::steer::<S, N, VARIES>(state, params, i, stride);
     }
     let mut motion = [MotionStep::none(params.simd); N];

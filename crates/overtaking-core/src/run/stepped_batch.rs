@@ -1,6 +1,10 @@
-//! A batch that waits at every decision for what another driver orders.
+//! A batch of simulations that waits at every decision for the orders of an external driver of the egos.
 //!
-//! Its state lies on the stack of a thread of its own, which answers one request after the other.
+//! The batch lives on the stack of a separate thread, which answers one request after the other through a pair of
+//! channels. The *ego* is the vehicle under study of a simulation; drivers decide every 50 ms, `SUBSTEPS` steps of
+//! 10 ms. Each simulation has a fixed *row* in the arrays of requests and answers, and new simulations can begin in
+//! rows at any request. Simulations that began together are divided into *shares* (`StepGroup`), each advanced by one
+//! thread in blocks of sixteen lanes (`block`). Nothing is recorded; outputs exist because a block needs some.
 
 use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Mutex, PoisonError};
@@ -21,90 +25,89 @@ use crate::params::{Road, SUBSTEPS};
 use crate::perception::Beliefs;
 use crate::recorder::output::{Output, Storage};
 use crate::run::block::{Block, merge};
-use crate::run::engine::{Inputs, SimulationOutput, order_by_similarity, shares};
+use crate::run::engine::{Inputs, SimulationOutput, divide_into_shares, order_by_similarity};
 use crate::run::step::{drive_others, perceive};
 use crate::state::{History, HistoryRows};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Decisions after which simulations move together, where others have ended.
+/// Number of decisions between two attempts to merge blocks whose simulations have ended. Chosen.
 const MERGE_INTERVAL: u32 = 16;
 
-/// What another driver asks for.
+/// A request of the external driver.
 pub enum Request {
-    /// Go on.
+    /// Advance all simulations.
     Go {
-        /// Steps of each number in every simulation, (simulation, part); nothing reads them where the
-        /// model drives.
+        /// Actions of the egos as integers, in the units of `ActionKind`, (row, part). Ignored if the model drives.
         values: Vec<i32>,
-        /// For how many decisions, one at least.
+        /// Number of decisions for which the actions hold, at least one.
         decisions: u32,
     },
-    /// Begin new simulations in the rows of others.
+    /// Begin new simulations in some rows, in place of the simulations there.
     Renew {
-        /// The rows, each once.
+        /// Rows, without repetitions.
         rows: Vec<usize>,
-        /// The new simulations.
+        /// Parameters of the new simulations, in the order of `rows`.
         fresh: Fresh,
     },
 }
 
-/// Parameters of new simulations, as those in `Inputs`.
+/// Parameters of new simulations, flat arrays with the shapes of those in `Inputs`.
 pub struct Fresh {
-    /// Of vehicles, for as many slots as the others have.
+    /// Parameters of vehicles, (field, slot, simulation), with as many slots as the batch.
     pub vehicle: Vec<f32>,
-    /// Of simulations.
+    /// Parameters of simulations, (field, simulation).
     pub simulation: Vec<f32>,
-    /// Numbers of the simulations.
+    /// Scenario indices.
     pub index: Vec<u64>,
 }
 
-/// What it observes then, in every simulation or in the new ones.
+/// The answer to a request: observations of the egos of all rows, or of the rows with new simulations.
 pub struct Observed {
-    /// Numbers of the simulations that run, or ran until now; zeros of the others, (simulation, `OBSERVATION_SIZE`).
+    /// Observations, (simulation, `OBSERVATION_SIZE`). Zeros if the simulation had ended before the request.
     ///
-    /// A simulation that ends while an order holds is observed at its end, not at the end of the order.
+    /// A simulation that ends during the request is observed at its end, not at the end of the request.
     pub table: Vec<f32>,
-    /// Whether each simulation runs.
+    /// Whether each simulation still runs.
     pub runs: Vec<bool>,
-    /// How many decisions of the request each simulation has carried out.
+    /// Number of decisions that each simulation has carried out in the request.
     pub num_decisions: Vec<u32>,
 }
 
-/// The entries of one simulation in an `Answer`.
+/// The entries of one simulation in an `Observed`.
 struct AnswerRow<'o> {
     table: &'o mut [f32],
     runs: &'o mut bool,
     num_decisions: &'o mut u32,
 }
 
-/// Who talks to a batch: orders, observations, and what both mean.
+/// The connection between a batch and the external driver.
 pub struct Talk {
-    /// What the numbers of orders mean; None where the model's own driver decides.
+    /// Meaning of the numbers of an action; `None` if the model drives the egos.
     pub kind: Option<ActionKind>,
-    /// What is observed.
+    /// Source of the observations, such as the beliefs of the driver.
     pub source: ObservationSource,
-    /// Where orders come from; the batch ends when nobody gives any more.
+    /// Channel of requests; the batch ends when the sender is dropped.
     pub requests: Receiver<Request>,
-    /// Where observations go: one at first, and one after each request.
+    /// Channel of answers: one at the start, then one after each request.
     pub answers: Sender<Observed>,
-    /// Threads that simulate it.
+    /// Threads that simulate the batch.
     pub pool: &'static ThreadPool,
 }
 
-/// Simulate a batch at a SIMD level, as far as another driver takes it.
+/// Simulate a batch at a SIMD level and answer requests until the external driver closes the channel.
 ///
-/// Generic, as `simulate` is.
+/// The function is generic for the reason that `simulate` states.
 ///
 /// # Errors
-/// There are too many vehicles.
+/// There are more than `MAX_VEHICLES` slots.
 pub fn stepped_batch<S: Simd>(simd: S, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
     match SLOT_CAPACITIES
         .into_iter()
         .find(|slots| inputs.num_slots <= *slots)
     {
-        Some(8) => converse::<S, 8>(simd, inputs, talk),
-        Some(16) => converse::<S, 16>(simd, inputs, talk),
-        Some(32) => converse::<S, 32>(simd, inputs, talk),
+        Some(8) => answer_requests::<S, 8>(simd, inputs, talk),
+        Some(16) => answer_requests::<S, 16>(simd, inputs, talk),
+        Some(32) => answer_requests::<S, 32>(simd, inputs, talk),
         _ => {
             return Err(format!(
                 "{} slots are more than {MAX_VEHICLES}",
@@ -115,41 +118,43 @@ pub fn stepped_batch<S: Simd>(simd: S, inputs: &Inputs<'_>, talk: &Talk) -> Resu
     Ok(())
 }
 
-fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) {
+/// Answer requests with a batch compiled for `N` vehicle slots; an invalid request ends the batch.
+fn answer_requests<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) {
     let batch = inputs.scenario_index.len();
     let road = Road::of(inputs);
     let mut storage = Storage::new(batch, inputs.num_slots, SIMD_LANES);
-    // A block has one simulation at least, so there are never more of them.
+    // Each block has a history and at least one simulation, so `batch` histories are enough.
     let mut histories = Vec::new();
     histories.resize_with(batch, || None::<History<N>>);
-    let mut crowd = SteppedBatch {
+    let mut stepped = SteppedBatch {
         simd,
         inputs,
         road: &road,
-        meaning: (talk.kind, talk.source),
+        action_kind: talk.kind,
+        source: talk.source,
         outputs: storage
             .output()
             .into_simulations()
             .into_iter()
             .map(Some)
             .collect(),
-        unused: histories.iter_mut(),
-        spare: Vec::new(),
+        unused_histories: histories.iter_mut(),
+        free_histories: Vec::new(),
         shares: Vec::new(),
         places: vec![0; batch],
         owners: vec![0; batch],
-        begun: 0,
+        num_shares_begun: 0,
         pool: talk.pool,
-        minds: (0..=talk.pool.current_num_threads())
+        contexts: (0..=talk.pool.current_num_threads())
             .map(|_| Mutex::new(DecisionContext::new(simd)))
             .collect(),
     };
-    let everyone: Vec<_> = (0..batch).collect();
-    let mut answer = crowd.renew(inputs, &everyone);
+    let all_rows: Vec<_> = (0..batch).collect();
+    let mut answer = stepped.begin_simulations(inputs, &all_rows);
     while talk.answers.send(answer).is_ok() {
         answer = match talk.requests.recv() {
             Ok(Request::Go { values, decisions }) if values.len() == batch * MAX_ACTION_PARTS => {
-                crowd.go_on(&values, decisions)
+                stepped.advance(&values, decisions)
             }
             Ok(Request::Renew { rows, fresh }) if rows.iter().all(|row| *row < batch) => {
                 let inputs = Inputs {
@@ -158,123 +163,146 @@ fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) 
                     scenario_index: &fresh.index,
                     ..*inputs
                 };
-                crowd.renew(&inputs, &rows)
+                stepped.begin_simulations(&inputs, &rows)
             }
             _ => return,
         };
     }
 }
 
-/// All simulations, in shares of those that began at the same time.
+/// All simulations of the batch, in shares of simulations that began at the same request.
 struct SteppedBatch<'a, S: Simd, const N: usize> {
     simd: S,
     inputs: &'a Inputs<'a>,
     road: &'a Road<'a>,
-    meaning: (Option<ActionKind>, ObservationSource),
-    /// Where the results of each row would go, while nothing runs in it.
+    /// Meaning of the numbers of an action; `None` if the model drives the egos.
+    action_kind: Option<ActionKind>,
+    source: ObservationSource,
+    /// Output memory of each row without a running simulation; `None` while a block uses the memory.
     outputs: Vec<Option<Output<'a>>>,
-    unused: std::slice::IterMut<'a, Option<History<N>>>,
-    spare: Vec<&'a mut HistoryRows<N>>,
+    /// Histories that no block has used yet.
+    unused_histories: std::slice::IterMut<'a, Option<History<N>>>,
+    /// Histories of blocks that have ended, to be used again first.
+    free_histories: Vec<&'a mut HistoryRows<N>>,
     shares: Vec<StepGroup<'a, S, N>>,
-    /// Place of each row in the share that has it.
+    /// Position of each row in `initial_rows` of its share.
     places: Vec<usize>,
-    /// The share that has it, by its number.
+    /// Number of the share of each row.
     owners: Vec<usize>,
-    /// Shares so far.
-    begun: usize,
+    /// Number of shares that have begun so far; the next share gets it as its number.
+    num_shares_begun: usize,
     pool: &'static ThreadPool,
-    /// Room to think, for each thread.
-    minds: Vec<Mutex<DecisionContext<S, N>>>,
+    /// Working memory for perception, one per thread of the pool and one for a thread outside it.
+    contexts: Vec<Mutex<DecisionContext<S, N>>>,
 }
 
 impl<'a, S: Simd, const N: usize> SteppedBatch<'a, S, N> {
-    /// Carry out orders for as long as they hold, and look around then.
-    fn go_on(&mut self, values: &[i32], decisions: u32) -> Observed {
-        let script = self.meaning.0.map(|kind| ActionLog {
+    /// Advance all simulations by `decisions` decisions with the same actions, and observe their egos.
+    fn advance(&mut self, values: &[i32], decisions: u32) -> Observed {
+        // A log of one decision: the actions of the request.
+        let action_log = self.action_kind.map(|kind| ActionLog {
             kind,
             values,
             decisions: 1,
         });
-        let (inputs, every) = (self.inputs, 0..self.places.len());
-        let answer = self.look(0, every.len(), &|row| row, &|share, minds, rows| {
+        let (inputs, num_rows) = (self.inputs, self.places.len());
+        let answer = self.observe_shares(0, num_rows, &|row| row, &|share, context, rows| {
             let first_step = share.step;
             for decision in 1..=decisions {
-                share.act(inputs, script.as_ref(), minds, first_step);
+                share.advance_to_decision(inputs, action_log.as_ref(), context, first_step);
                 let writes = if decision < decisions {
                     Writes::Ended
                 } else {
                     Writes::All
                 };
-                share.look(minds, rows, first_step, writes);
+                share.observe(context, rows, first_step, writes);
             }
         });
-        self.tidy();
+        self.reclaim_memory();
         answer
     }
 
-    /// Begin simulations in some rows, and look around in them.
-    fn renew(&mut self, fresh: &Inputs<'_>, rows: &[usize]) -> Observed {
-        let mut places = vec![None; self.places.len()];
-        for (place, row) in rows.iter().enumerate() {
-            places[*row] = Some(place);
+    /// Begin simulations in some rows, in place of the simulations there, and observe their egos.
+    fn begin_simulations(&mut self, fresh: &Inputs<'_>, rows: &[usize]) -> Observed {
+        let mut answer_rows = vec![None; self.places.len()];
+        for (answer_row, row) in rows.iter().enumerate() {
+            answer_rows[*row] = Some(answer_row);
         }
         for share in &mut self.shares {
-            share.leave(|row| places[row].is_some());
+            share.release_lanes(|block, lane| answer_rows[block.simulations[lane]].is_some());
         }
-        self.tidy();
-        let seats = order_by_similarity(fresh)
+        self.reclaim_memory();
+        let simulations = order_by_similarity(fresh)
             .into_iter()
-            .filter_map(|one| Some((one, self.outputs[rows[one]].take()?)))
+            .filter_map(|index| Some((index, self.outputs[rows[index]].take()?)))
             .collect();
-        let old = self.shares.len();
-        for seats in self.pool.install(|| shares(seats)) {
-            self.begin(fresh, rows, seats);
+        let num_old_shares = self.shares.len();
+        // In the pool, because the division depends on its number of threads.
+        for simulations in self.pool.install(|| divide_into_shares(simulations)) {
+            self.begin_share(fresh, rows, simulations);
         }
-        let place = |row: usize| places[row].unwrap_or(0);
-        self.look(old, rows.len(), &place, &|share, minds, rows| {
-            share.look(minds, rows, share.step, Writes::All);
-        })
+        let answer_row = |row: usize| answer_rows[row].unwrap_or(0);
+        self.observe_shares(
+            num_old_shares,
+            rows.len(),
+            &answer_row,
+            &|share, context, rows| {
+                share.observe(context, rows, share.step, Writes::All);
+            },
+        )
     }
 
-    /// Begin the simulations of a share.
-    fn begin(&mut self, fresh: &Inputs<'_>, rows: &[usize], seats: Vec<SimulationOutput<'a>>) {
-        let number = self.begun;
-        self.begun += 1;
-        let seated: Vec<_> = seats.iter().map(|(one, _)| rows[*one]).collect();
-        for (place, row) in seated.iter().enumerate() {
+    /// Begin the simulations of a share. `rows` has the row of each simulation of `fresh`.
+    fn begin_share(
+        &mut self,
+        fresh: &Inputs<'_>,
+        rows: &[usize],
+        simulations: Vec<SimulationOutput<'a>>,
+    ) {
+        let number = self.num_shares_begun;
+        self.num_shares_begun += 1;
+        let initial_rows: Vec<_> = simulations.iter().map(|(index, _)| rows[*index]).collect();
+        for (place, row) in initial_rows.iter().enumerate() {
             (self.places[*row], self.owners[*row]) = (place, number);
         }
         let mut blocks = Vec::new();
-        let mut seats = seats.into_iter().peekable();
-        while seats.peek().is_some() {
-            let unused = &mut self.unused;
-            let new = || unused.next().map(|one| &mut *one.get_or_insert_default().0);
-            let Some(history) = self.spare.pop().or_else(new) else {
+        let mut simulations = simulations.into_iter().peekable();
+        while simulations.peek().is_some() {
+            let unused_histories = &mut self.unused_histories;
+            let new_history = || {
+                unused_histories
+                    .next()
+                    .map(|history| &mut *history.get_or_insert_default().0)
+            };
+            let Some(history) = self.free_histories.pop().or_else(new_history) else {
                 return;
             };
             let shared = (self.inputs.constants, self.road);
-            if let Some(mut block) = Block::new(self.simd, fresh, shared, &mut seats, history) {
-                block.simulations = block.simulations.map(|one| rows[one]);
+            if let Some(mut block) = Block::new(self.simd, fresh, shared, &mut simulations, history)
+            {
+                block.simulations = block.simulations.map(|index| rows[index]);
                 blocks.push(block);
             }
         }
         self.shares.push(StepGroup {
             blocks,
-            kept: Vec::new(),
-            seated,
+            perceptions: Vec::new(),
+            initial_rows,
             number,
             step: 0,
-            freed: Vec::new(),
-            spare: Vec::new(),
+            released: Vec::new(),
+            free_histories: Vec::new(),
         });
     }
 
-    /// Let all shares from index `from` on do `work` in parallel; it writes the observations of their egos.
-    fn look(
+    /// Let all shares from index `first_share` on do `work` in parallel, and collect the observations that it writes.
+    ///
+    /// The answer has `length` rows; `answer_row` maps a row of the batch to its row there.
+    fn observe_shares(
         &mut self,
-        from: usize,
+        first_share: usize,
         length: usize,
-        place: &dyn Fn(usize) -> usize,
+        answer_row: &dyn Fn(usize) -> usize,
         work: &ShareWork<'a, '_, S, N>,
     ) -> Observed {
         let mut answer = Observed {
@@ -294,75 +322,82 @@ impl<'a, S: Simd, const N: usize> SteppedBatch<'a, S, N> {
                 })
             })
             .collect();
-        let (owners, source) = (&self.owners, self.meaning.1);
-        let mut portions: Vec<_> = self.shares[from..]
+        let (owners, source) = (&self.owners, self.source);
+        let mut shares_with_rows: Vec<_> = self.shares[first_share..]
             .iter_mut()
             .map(|share| {
-                let own: Vec<_> = share
-                    .seated
+                let share_rows: Vec<_> = share
+                    .initial_rows
                     .iter()
-                    .map(|row| (owners[*row] == share.number).then(|| rows[place(*row)].take()))
+                    .map(|row| {
+                        (owners[*row] == share.number).then(|| rows[answer_row(*row)].take())
+                    })
                     .map(Option::flatten)
                     .collect();
-                (share, own)
+                (share, share_rows)
             })
             .collect();
-        let (places, minds) = (&self.places, &self.minds);
+        let (places, contexts) = (&self.places, &self.contexts);
         self.pool.install(|| {
-            portions.par_iter_mut().for_each(|(share, rows)| {
+            shares_with_rows.par_iter_mut().for_each(|(share, rows)| {
                 let thread = rayon::current_thread_index().map_or(0, |thread| thread + 1);
-                let mut minds = minds[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                // Each thread has its own context, so the lock never waits.
+                let mut context = contexts[thread]
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner);
                 let mut rows = ShareRows {
                     source,
                     places,
                     rows,
                 };
-                work(share, &mut minds, &mut rows);
+                work(share, &mut context, &mut rows);
             });
         });
-        drop(portions);
+        drop(shares_with_rows);
         answer
     }
 
-    /// Take back what simulations that are over have used.
-    fn tidy(&mut self) {
+    /// Take back the outputs and histories of simulations that have ended, and drop empty shares.
+    fn reclaim_memory(&mut self) {
         for share in &mut self.shares {
-            for (row, out) in share.freed.drain(..) {
+            for (row, out) in share.released.drain(..) {
                 self.outputs[row] = Some(out);
             }
-            self.spare.append(&mut share.spare);
+            self.free_histories.append(&mut share.free_histories);
         }
         self.shares.retain(|share| !share.blocks.is_empty());
     }
 }
 
-/// What the ego of a block knew when it was to decide.
-struct Kept<S: Simd> {
-    near: Neighbours<S>,
-    believed: Beliefs<S>,
-    met: OncomingTraffic<S>,
-    looks: Mask<S>,
-    waits: Mask<S>,
+/// The perception of the egos of a block at a decision: a copy of a `DriverContext`.
+///
+/// A request ends between perception and the ego's choice, and the working memory serves all blocks of a thread.
+struct EgoPerception<S: Simd> {
+    neighbours: Neighbours<S>,
+    beliefs: Beliefs<S>,
+    oncoming: OncomingTraffic<S>,
+    checks_mirrors: Mask<S>,
+    gives_way: Mask<S>,
 }
 
-impl<S: Simd> Kept<S> {
-    fn of(mind: DriverContext<'_, S>) -> Self {
+impl<S: Simd> EgoPerception<S> {
+    fn copy_of(driver: DriverContext<'_, S>) -> Self {
         Self {
-            near: *mind.neighbours,
-            believed: *mind.beliefs,
-            met: *mind.oncoming,
-            looks: mind.checks_mirrors,
-            waits: mind.gives_way,
+            neighbours: *driver.neighbours,
+            beliefs: *driver.beliefs,
+            oncoming: *driver.oncoming,
+            checks_mirrors: driver.checks_mirrors,
+            gives_way: driver.gives_way,
         }
     }
 
-    fn mind(&self) -> DriverContext<'_, S> {
+    fn driver_context(&self) -> DriverContext<'_, S> {
         DriverContext {
-            neighbours: &self.near,
-            beliefs: &self.believed,
-            oncoming: &self.met,
-            checks_mirrors: self.looks,
-            gives_way: self.waits,
+            neighbours: &self.neighbours,
+            beliefs: &self.beliefs,
+            oncoming: &self.oncoming,
+            checks_mirrors: self.checks_mirrors,
+            gives_way: self.gives_way,
         }
     }
 }
@@ -370,9 +405,9 @@ impl<S: Simd> Kept<S> {
 /// The rows of the answer in which a share writes the observations of its egos.
 struct ShareRows<'r, 'o> {
     source: ObservationSource,
-    /// Place in the share of the simulation in each row of the batch.
+    /// Position of each row of the batch in `initial_rows` of its share.
     places: &'r [usize],
-    /// The entries for each place; `None` for a row that another share has taken over.
+    /// The entries of each of `initial_rows`; `None` for a row in which another share has begun a simulation.
     rows: &'r mut [Option<AnswerRow<'o>>],
 }
 
@@ -381,7 +416,7 @@ type ShareWork<'a, 'w, S, const N: usize> = dyn Fn(&mut StepGroup<'a, S, N>, &mu
     + Sync
     + 'w;
 
-/// The simulations whose observations `Share::look` writes.
+/// The simulations whose observations `StepGroup::observe` writes.
 #[derive(Clone, Copy, PartialEq)]
 enum Writes {
     /// Only simulations that have ended at this decision.
@@ -390,91 +425,97 @@ enum Writes {
     All,
 }
 
-/// Blocks that one thread advances together.
+/// A share: blocks that began at the same request and that one thread advances together.
 struct StepGroup<'a, S: Simd, const N: usize> {
     blocks: Vec<Box<Block<'a, S, N>>>,
-    /// What the ego of each block knows at this decision.
-    kept: Vec<Kept<S>>,
-    /// The rows that were in it at first.
-    seated: Vec<usize>,
+    /// Perception of the egos of each block at the present decision.
+    perceptions: Vec<EgoPerception<S>>,
+    /// Rows of the simulations that began in this share.
+    initial_rows: Vec<usize>,
+    /// Number of the share, as in `SteppedBatch::owners`.
     number: usize,
+    /// Number of steps of 10 ms since these simulations began.
     step: u32,
-    /// Rows that it has no more.
-    freed: Vec<(usize, Output<'a>)>,
-    /// Histories that it needs no more.
-    spare: Vec<&'a mut HistoryRows<N>>,
+    /// Rows of simulations that have left the share, with their outputs, until `SteppedBatch` takes them back.
+    released: Vec<(usize, Output<'a>)>,
+    /// Histories of blocks that have ended, until `SteppedBatch` takes them back.
+    free_histories: Vec<&'a mut HistoryRows<N>>,
 }
 
 impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
-    /// Let egos do as ordered, or as they decide, and everything move until the next decision.
+    /// Let the egos decide, by orders or by the model, and move all vehicles until the next decision.
     ///
-    /// Simulations stay until it has been `told` that they have ended: what their egos saw last counts.
-    fn act(
+    /// A simulation leaves the share after the request in which it ended, because that request still has to write the
+    /// observation at its end. `request_start` is the step at which the present request began.
+    fn advance_to_decision(
         &mut self,
         inputs: &Inputs<'_>,
-        script: Option<&ActionLog<'_>>,
-        minds: &mut DecisionContext<S, N>,
-        told: u32,
+        action_log: Option<&ActionLog<'_>>,
+        context: &mut DecisionContext<S, N>,
+        request_start: u32,
     ) {
-        for (block, kept) in self.blocks.iter_mut().zip(&self.kept) {
-            block.go_on(self.step, inputs, script, kept.mind(), minds);
+        for (block, perception) in self.blocks.iter_mut().zip(&self.perceptions) {
+            let driver = perception.driver_context();
+            block.advance_to_decision(self.step, inputs, action_log, driver, context);
         }
         self.step += SUBSTEPS;
-        self.leave_lanes(|block, lane| block.state.end_step[lane] < told as f32);
+        self.release_lanes(|block, lane| block.state.end_step[lane] < request_start as f32);
         if (self.step / SUBSTEPS).is_multiple_of(MERGE_INTERVAL) {
-            let left = merge(&mut self.blocks);
-            self.spare
-                .extend(left.into_iter().map(|block| block.state.attention.history));
+            let emptied = merge(&mut self.blocks);
+            self.free_histories.extend(
+                emptied
+                    .into_iter()
+                    .map(|block| block.state.attention.history),
+            );
         }
     }
 
-    /// Give up rows.
-    fn leave(&mut self, leaves: impl Fn(usize) -> bool) {
-        self.leave_lanes(|block, lane| leaves(block.simulations[lane]));
-    }
-
-    fn leave_lanes(&mut self, leaves: impl Fn(&Block<'a, S, N>, usize) -> bool) {
+    /// Remove the simulations in the lanes for which `leaves` holds, and the blocks that are empty then.
+    fn release_lanes(&mut self, leaves: impl Fn(&Block<'a, S, N>, usize) -> bool) {
         for block in &mut self.blocks {
-            self.freed.extend(block.release(&leaves));
+            self.released.extend(block.release(&leaves));
         }
         if self.blocks.iter().all(|block| block.num_running() > 0) {
             return;
         }
-        let kept = std::mem::take(&mut self.kept);
-        for (block, kept) in std::mem::take(&mut self.blocks).into_iter().zip(kept) {
+        let perceptions = std::mem::take(&mut self.perceptions);
+        for (block, perception) in std::mem::take(&mut self.blocks)
+            .into_iter()
+            .zip(perceptions)
+        {
             if block.num_running() > 0 {
                 self.blocks.push(block);
-                self.kept.push(kept);
+                self.perceptions.push(perception);
             } else {
-                self.spare.push(block.state.attention.history);
+                self.free_histories.push(block.state.attention.history);
             }
         }
     }
 
-    /// Let everybody look around, everybody but the ego decide, and write down what the egos observe.
+    /// Update the perception of all drivers, write the observations of the egos, and decide for all other drivers.
     ///
     /// `first_step` is the step at which the request began.
-    fn look(
+    fn observe(
         &mut self,
-        minds: &mut DecisionContext<S, N>,
+        context: &mut DecisionContext<S, N>,
         rows: &mut ShareRows<'_, '_>,
         first_step: u32,
         writes: Writes,
     ) {
-        self.kept.clear();
+        self.perceptions.clear();
         for block in &mut self.blocks {
             let Block {
                 state,
-                world,
+                params,
                 recorder,
                 simulations,
                 ..
             } = &mut **block;
-            perceive(state, world, minds, self.step, true);
+            perceive(state, params, context, self.step, true);
             let step = self.step as f32;
             let runs = |lane: usize| step <= state.end_step[lane];
-            // A lane (one simulation of the vector) that ended at an earlier decision of this request moves on
-            // with the vector until the request is over. Its row already has the observation at its end.
+            // A simulation that ended at an earlier decision of this request moves on
+            // with its block until the request is over. Its row already has the observation at its end.
             let ended_before = |lane: usize| step - SUBSTEPS as f32 > state.end_step[lane];
             let is_written = |lane: usize| {
                 recorder.is_busy(lane)
@@ -482,25 +523,26 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                     && (writes == Writes::All || !runs(lane))
             };
             if (0..SIMD_LANES).any(is_written) {
-                let mind = minds.of_ego();
+                let driver = context.of_ego();
                 let decision = (self.step / SUBSTEPS) as usize;
                 let table: ObservationTable<S> = with_cpu_features!(
-                    world.simd,
-                    observation_table(state, world, mind, rows.source, decision)
+                    params.simd,
+                    observation_table(state, params, driver, rows.source, decision)
                 );
                 for lane in (0..SIMD_LANES).filter(|lane| is_written(*lane)) {
                     let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {
                         continue;
                     };
-                    for (to, from) in row.table.iter_mut().zip(&table) {
-                        *to = from[lane];
+                    for (entry, values) in row.table.iter_mut().zip(&table) {
+                        *entry = values[lane];
                     }
                     *row.runs = runs(lane);
                     *row.num_decisions = (self.step - first_step) / SUBSTEPS;
                 }
             }
-            drive_others(state, world, minds, self.step);
-            self.kept.push(Kept::of(minds.of_ego()));
+            drive_others(state, params, context, self.step);
+            self.perceptions
+                .push(EgoPerception::copy_of(context.of_ego()));
         }
     }
 }
