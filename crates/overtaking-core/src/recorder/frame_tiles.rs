@@ -1,4 +1,9 @@
-//! Frames that wait to be moved to their place in memory, and how they are turned for it.
+//! The buffer of recorded frames, and the transposition that moves them to the output arrays.
+//!
+//! The engine computes one frame (recorded instant) of sixteen simulations at a time, but in the output the frames of
+//! one vehicle are adjacent. So sixteen frames are collected in a *tile*, transposed as squares of sixteen times
+//! sixteen words, and written at once. Narrow state fields of a vehicle share a word of 32 bits in the tile; the macro
+//! `with_states` lists the fields and their integer types.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -6,108 +11,113 @@ use fearless_simd::{Simd, i32x16};
 use crate::math::vectors::SIMD_LANES;
 use crate::recorder::output::Output;
 
-/// Frames that are collected before they are moved.
+/// Number of frames in a tile; the transposition needs as many frames as simulations in a block.
 pub const FRAMES_PER_TILE: usize = 16;
 
-/// Where a number lies among the words of 32 bits in which the frame of a vehicle waits.
+/// The position of a state field in the packed words of a vehicle in one frame.
 #[derive(Clone, Copy)]
 pub struct BitField {
-    /// Which word.
+    /// Index of the word of 32 bits.
     word: usize,
-    /// Its lowest bit.
-    from: u32,
-    /// How many bits it has.
+    /// Lowest bit of the field in the word.
+    first_bit: u32,
+    /// Width of the field in bits.
     bits: u32,
 }
 
 impl BitField {
-    /// Words with a number put in here.
+    /// Insert `number` into `words`, one word per simulation. Fields of a word are inserted from the lowest up.
     #[inline(always)]
-    fn with<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
+    fn insert<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
         if self.bits == u32::BITS {
             return number;
         }
-        let is_last = self.from + self.bits == u32::BITS;
-        let part = if is_last {
+        let is_last = self.first_bit + self.bits == u32::BITS;
+        // The bits above the last field leave the word in the shift below, so it needs no mask.
+        let masked = if is_last {
             number
         } else {
             number & ((1 << self.bits) - 1)
         };
-        if self.from == 0 {
-            part
+        if self.first_bit == 0 {
+            masked
         } else {
-            words | (part << self.from)
+            words | (masked << self.first_bit)
         }
     }
 }
 
-/// Numbers side by side, none of them across the border of a word.
+/// Positions of fields with these widths, in order; a field that does not fit into the current word starts the next.
 const fn side_by_side<const COUNT: usize>(bits: [u32; COUNT]) -> [BitField; COUNT] {
-    let mut found = [BitField {
+    let mut fields = [BitField {
         word: 0,
-        from: 0,
+        first_bit: 0,
         bits: 0,
     }; COUNT];
-    let (mut word, mut from, mut k) = (0, 0, 0);
+    let (mut word, mut first_bit, mut k) = (0, 0, 0);
     while k < COUNT {
-        if from + bits[k] > u32::BITS {
-            (word, from) = (word + 1, 0);
+        if first_bit + bits[k] > u32::BITS {
+            (word, first_bit) = (word + 1, 0);
         }
-        found[k] = BitField {
+        fields[k] = BitField {
             word,
-            from,
+            first_bit,
             bits: bits[k],
         };
-        (from, k) = (from + bits[k], k + 1);
+        (first_bit, k) = (first_bit + bits[k], k + 1);
     }
-    found
+    fields
 }
 
-/// What follows from the list of states.
+/// Declare the functions that pack and move all state fields, from the list of fields and their integer types.
 macro_rules! frame_layout {
     ({} $($(#[$doc:meta])* $state:ident: $kind:ident,)*) => {
-        /// Recorded numbers of a vehicle in a frame.
+        /// Number of state fields of a vehicle in a frame, before they are packed.
         pub const NUM_STATE_WORDS: usize = [$(stringify!($state)),*].len();
 
+        /// Position of each field, in the order of the list.
         const PACKINGS: [BitField; NUM_STATE_WORDS] = side_by_side([$($kind::BITS),*]);
 
         #[allow(non_camel_case_types)]
-        enum Number { $($state),* }
+        enum FieldIndex { $($state),* }
 
-        /// Put sixteen frames of word `k` of vehicle `i` to their place.
+        /// Write sixteen frames of the fields in word `k` of vehicle `i` to the output of one simulation, from frame
+        /// `start`.
         #[inline(always)]
         pub fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
+            // Outputs have shape (vehicle, frame).
             let place = i * out.frames + start;
             if k == 0 {
                 out.written[i] = out.written[i].max((start + FRAMES_PER_TILE) as i32);
             }
-            // Packings are constants here, so that the compiler knows each shift: a loop over them is slower.
+            // Unrolled, with the positions as constants: a loop is slower, because its shifts are not constants.
             $({
-                const AT: BitField = PACKINGS[Number::$state as usize];
+                const AT: BitField = PACKINGS[FieldIndex::$state as usize];
                 if AT.word == k {
-                    put(out.$state, place, row.map(|word| (word >> AT.from) as $kind));
+                    write_sixteen(out.$state, place, row.map(|word| (word >> AT.first_bit) as $kind));
                 }
             })*
         }
 
-        /// Numbers that are as wide as a word stay, narrow ones share: fewer words wait, and are turned.
+        /// Pack the fields of a vehicle into fewer words, which saves transpositions and memory of the tile.
         #[inline(always)]
         pub fn packed<S: Simd>(simd: S, words: &[i32x16<S>; NUM_STATE_WORDS]) -> [i32x16<S>; NUM_PACKED_WORDS] {
-            let mut packed = [i32x16::splat(simd, 0); NUM_PACKED_WORDS];
+            let mut packed_words = [i32x16::splat(simd, 0); NUM_PACKED_WORDS];
             $({
-                const AT: BitField = PACKINGS[Number::$state as usize];
-                packed[AT.word] = AT.with(packed[AT.word], words[Number::$state as usize]);
+                const AT: BitField = PACKINGS[FieldIndex::$state as usize];
+                packed_words[AT.word] =
+                    AT.insert(packed_words[AT.word], words[FieldIndex::$state as usize]);
             })*
-            packed
+            packed_words
         }
 
-        /// Begin to load the lines of the cache in which the states at a place lie.
+        /// Prefetch the cache lines of all state fields at a place of their output arrays.
         #[inline(always)]
         pub fn prefetch_rows(out: &Output<'_>, place: usize) {
             $(prefetch(out.$state, place);)*
         }
 
-        /// Zero the states at some places.
+        /// Set all state fields to zero at some places of their output arrays.
         pub fn clear(out: &mut Output<'_>, places: core::ops::Range<usize>) {
             $(out.$state[places.clone()].fill(0);)*
         }
@@ -116,13 +126,13 @@ macro_rules! frame_layout {
 
 with_states! { frame_layout! {} }
 
-/// Words of 32 bits that a frame of a vehicle takes.
+/// Number of packed words of a vehicle in a frame.
 pub const NUM_PACKED_WORDS: usize = PACKINGS[NUM_STATE_WORDS - 1].word + 1;
 
-/// Memory for the frames that wait to be moved; what is in it before it is written means nothing.
+/// The tile: rows (vehicle, packed word, frame). A row is undefined until its frame has been recorded.
 pub struct FrameTile<const N: usize>(pub(crate) Vec<Row>);
 
-/// A number of each simulation, where a vector does not cross a line of the cache.
+/// One word of each simulation, aligned to a cache line, so that a vector is loaded from one line.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub struct Row(pub [i32; SIMD_LANES]);
@@ -136,38 +146,40 @@ impl<const N: usize> Default for FrameTile<N> {
     }
 }
 
-/// Sixteen frames of sixteen simulations, turned into sixteen simulations of sixteen frames.
+/// Transpose sixteen rows (frame, simulation) to (simulation, frame).
 #[inline(always)]
 pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; SIMD_LANES] {
-    let mut turned = [i32x16::splat(simd, 0); SIMD_LANES];
-    for (vector, row) in turned.iter_mut().zip(rows) {
+    let mut square = [i32x16::splat(simd, 0); SIMD_LANES];
+    for (vector, row) in square.iter_mut().zip(rows) {
         *vector = i32x16::simd_from(simd, row.0);
     }
-    // Four perfect shuffles of the rows turn the square.
+    // Interleaving row k with row k + 8 exchanges one of the four bits of the row index with one of the column index,
+    // so four passes transpose the square.
     for _ in 0..4 {
-        let before = turned;
+        let previous = square;
         for k in 0..SIMD_LANES / 2 {
-            (turned[2 * k], turned[2 * k + 1]) = before[k].interleave(before[k + SIMD_LANES / 2]);
+            (square[2 * k], square[2 * k + 1]) =
+                previous[k].interleave(previous[k + SIMD_LANES / 2]);
         }
     }
-    turned.map(|vector| Row(vector.to_array()))
+    square.map(|vector| Row(vector.to_array()))
 }
 
-/// Sixteen numbers to their place.
+/// Copy sixteen numbers into `out` from `place` on, if there is space.
 #[inline(always)]
-fn put<T: Copy>(out: &mut [T], place: usize, row: [T; SIMD_LANES]) {
-    if let Some(to) = out[place..].first_chunk_mut::<SIMD_LANES>() {
-        *to = row;
+fn write_sixteen<T: Copy>(out: &mut [T], place: usize, row: [T; SIMD_LANES]) {
+    if let Some(destination) = out[place..].first_chunk_mut::<SIMD_LANES>() {
+        *destination = row;
     }
 }
 
-/// Begin to load the line of the cache that an element lies in, where the CPU has an instruction for it.
+/// Prefetch the cache line of an element; on CPUs other than x86-64 this does nothing.
 #[inline(always)]
 pub fn prefetch<T>(slice: &[T], place: usize) {
     #[cfg(target_arch = "x86_64")]
     if let Some(element) = slice.get(place) {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint, which reads nothing and faults nowhere; every x86-64 has it.
+        // SAFETY: The instruction is a hint: it cannot fault, and every x86-64 CPU has it.
         unsafe { _mm_prefetch(core::ptr::from_ref(element).cast(), _MM_HINT_T0) };
     }
     #[cfg(not(target_arch = "x86_64"))]

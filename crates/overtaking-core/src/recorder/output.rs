@@ -1,41 +1,49 @@
-//! Where recorded numbers go.
+//! The output arrays of simulations: recorded states, collisions and percepts of the ego.
+//!
+//! The caller owns the arrays; `Output` borrows them, and each simulation gets its own part. A *slot* is the number
+//! of a vehicle in its simulation; the ego is the vehicle under study. A *frame* is a recorded instant. A *percept*
+//! is a record of the ego's beliefs about three vehicles when it changes lanes: the leader, and leader and follower
+//! in the lane that it enters. The slot 255 stands for no vehicle.
 
-/// Decisions of the ego that are written down for a simulation.
+/// Largest number of percepts that are recorded in a simulation; later ones are dropped.
 pub const MAX_PERCEPTS: usize = 4;
 
-/// Hand all outputs to a macro: behind what is given, those below with name, type and length for a number of
-/// vehicles and frames; then the states (vehicle, frame).
+/// Call a macro with a list of all outputs.
+///
+/// The list has the arguments of the caller, then each output below with its name, element type and length per
+/// simulation (a function of the numbers of slots `v` and frames `t`), then the state fields of vehicles, (vehicle,
+/// frame).
 #[macro_export]
 macro_rules! with_outputs {
     ($then:ident! { $($given:tt)* }) => {
         $crate::with_states! { $then! {
             { $($given)* }
             {
-                /// Recorded frames.
+                /// Number of recorded frames.
                 num_frames: i32, |_, _| 1;
-                /// Up to which frame the states of a vehicle may hold something; behind it they are zero.
+                /// For each slot, number of frames that may have been written; state fields from there on are zero.
                 written: i32, |v, _| v;
-                /// Stage of the ego.
+                /// Stage of the ego's overtake in each frame.
                 stage: u8, |_, t| t;
-                /// Slot that the ego has collided with.
+                /// Slot that the ego has collided with up to each frame; 255 without a collision.
                 collided_with: u8, |_, t| t;
-                /// First collision of each vehicle: partner.
+                /// Partner in the first collision of each vehicle: its slot, 255 without a collision.
                 contact_partner: u8, |v, _| v;
-                /// Its instant [ms].
+                /// Instant of the first collision [ms].
                 contact_time: i32, |v, _| v;
-                /// Its impulse [N s].
+                /// Impulse of the first collision [N s].
                 contact_impulse: i32, |v, _| v;
-                /// Its closing speed [mm/s].
+                /// Closing speed of the first collision [mm/s].
                 contact_speed: i32, |v, _| v;
-                /// Whether a percept is there.
+                /// 1 if the percept was recorded, else 0.
                 percept_valid: u8, |_, _| $crate::MAX_PERCEPTS;
-                /// Its decision.
+                /// Kind of decision, a `ManoeuvreKind`: 0 pull out, 1 return, 2 cancel.
                 percept_kind: u8, |_, _| $crate::MAX_PERCEPTS;
-                /// Its instant [ms].
+                /// Instant of the decision [ms].
                 percept_time: i32, |_, _| $crate::MAX_PERCEPTS;
-                /// The neighbours.
+                /// Slots of the three vehicles; 255 for no vehicle.
                 percept_slot: u8, |_, _| $crate::MAX_PERCEPTS * 3;
-                /// Whether they were noticed.
+                /// 1 for a vehicle that the ego has detected, else 0.
                 percept_is_detected: u8, |_, _| $crate::MAX_PERCEPTS * 3;
                 /// Believed gaps [mm].
                 percept_gap: i32, |_, _| $crate::MAX_PERCEPTS * 3;
@@ -45,30 +53,30 @@ macro_rules! with_outputs {
                 percept_true_gap: i32, |_, _| $crate::MAX_PERCEPTS * 3;
                 /// True closing speeds [mm/s].
                 percept_true_closing_speed: i32, |_, _| $crate::MAX_PERCEPTS * 3;
-                /// Hash over everything recorded.
+                /// Hash over all recorded numbers, 128 bits in four words.
                 trace_hash: u32, |_, _| 4;
             }
         } }
     };
 }
 
-/// A struct of output slices that can be cut into simulations.
+/// Declare the outputs as a struct of borrowed slices and as a struct that owns its memory.
 macro_rules! output_fields {
     (
         { {} { $($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)* } }
         $($(#[$meaning:meta])* $state:ident: $number:ty,)*
     ) => {
-        /// Where recorded numbers go; each slice leads with the simulation.
+        /// The output arrays of a batch, or of one simulation; the first axis of each array is the simulation.
         pub struct Output<'a> {
             $($(#[$doc])* pub $field: &'a mut [$kind],)*
             $($(#[$meaning])* pub $state: &'a mut [$number],)*
-            /// Frames that there is room for, a multiple of sixteen.
+            /// Number of frames that fit into the arrays, a multiple of sixteen.
             pub frames: usize,
-            /// Vehicle slots of a simulation.
+            /// Number of vehicle slots of a simulation.
             pub slots: usize,
         }
 
-        /// Memory of its own for outputs, where nobody has given any.
+        /// Outputs with memory of their own, for simulations whose caller wants no recording.
         pub(crate) struct Storage {
             $($field: Vec<$kind>,)*
             $($state: Vec<$number>,)*
@@ -77,7 +85,7 @@ macro_rules! output_fields {
         }
 
         impl Storage {
-            /// Room for the outputs of a batch.
+            /// Allocate the outputs of `batch` simulations, filled with zeros.
             pub(crate) fn new(batch: usize, slots: usize, frames: usize) -> Self {
                 Self {
                     $($field: vec![0; batch * $size(slots, frames)],)*
@@ -87,7 +95,7 @@ macro_rules! output_fields {
                 }
             }
 
-            /// Outputs into it.
+            /// Borrow the memory as an `Output`.
             pub(crate) fn output(&mut self) -> Output<'_> {
                 Output {
                     $($field: &mut self.$field,)*
@@ -99,7 +107,7 @@ macro_rules! output_fields {
         }
 
         impl<'a> Output<'a> {
-            /// Length that each slice must have for `batch` simulations, by name.
+            /// Name and required length of each array for `batch` simulations.
             pub fn sizes(batch: usize, slots: usize, frames: usize) -> Vec<(&'static str, usize)> {
                 vec![
                     $((stringify!($field), batch * $size(slots, frames)),)*
@@ -107,19 +115,19 @@ macro_rules! output_fields {
                 ]
             }
 
-            /// One output for each simulation.
+            /// Split the outputs of a batch into one output per simulation.
             pub(crate) fn into_simulations(self) -> Vec<Output<'a>> {
                 let (slots, frames) = (self.slots, self.frames);
                 let count = self.num_frames.len();
                 $(let mut $field = self.$field.chunks_mut($size(slots, frames).max(1));)*
                 $(let mut $state = self.$state.chunks_mut((slots * frames).max(1));)*
-                let next = |_| Some(Output {
+                let next_simulation = |_| Some(Output {
                     $($field: $field.next()?,)*
                     $($state: $state.next()?,)*
                     slots,
                     frames,
                 });
-                (0..count).map(next).collect::<Option<Vec<_>>>().unwrap_or_default()
+                (0..count).map(next_simulation).collect::<Option<Vec<_>>>().unwrap_or_default()
             }
         }
     };
