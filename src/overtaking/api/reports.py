@@ -252,10 +252,10 @@ def _write_evaluation(
 def _check_unused(where: str, source: str, **options: Any) -> None:
     """Refuse options that the caller has set and that do not apply to this kind of source.
 
-    None and False, the defaults, mean that an option is not set; so does 0, which equals False.
+    None and False, the defaults, mean that an option is not set.
     """
     for name, value in options.items():
-        if value not in (None, False):
+        if value is not None and value is not False:
             raise ConfigError(
                 what=name,
                 where=where,

@@ -64,7 +64,7 @@ def counterfactual(
         without: Factors to remove from the weather: `wind`, `rain`, `fog`, `night` or `glare`.
         driving_style: Another driving style of the ego: `careful`, `average` or `reckless`; None
             for its own.
-        stay: Whether the ego never begins an overtake; no effect with `delay`.
+        stay: Whether the ego never begins an overtake; not together with `delay`.
         delay: Time by which the ego begins its overtake later, even if the gaps are too small then,
             0 to 60 [s]; None for no delay.
         interventions: Any other changes, each with the frame (recorded instant) from which it

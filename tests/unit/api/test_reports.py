@@ -50,6 +50,8 @@ def test_the_report_on_a_result_needs_a_folder():
 def test_films_of_the_worst_scenes_are_not_for_data_sets(tmp_path: Path):
     with pytest.raises(ConfigError, match="films: expected no such option for a data set"):
         ot.write_report(tmp_path, films=3)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    with pytest.raises(ConfigError, match=r"films: .*got 0"):
+        ot.write_report(tmp_path, films=0)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def test_a_source_that_cannot_be_filmed_is_refused():

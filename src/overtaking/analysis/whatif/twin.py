@@ -130,10 +130,19 @@ def twin_of(
 
     Raises:
         ConfigError: A name of weather, driving style or effect is unknown, the simulation ends
-            before `start_time`, the ego begins no overtake that can be delayed, or the total effect
-            of the changes is not defined.
+            before `start_time`, the ego begins no overtake that can be delayed, the changes both
+            keep it in its lane and delay its overtake, or the total effect of the changes is not
+            defined.
     """
     check_choice(effect, [*Effect], what="effect", where="twin")
+    if wish.stays and wish.delay is not None:
+        raise ConfigError(
+            what="change",
+            where="twin",
+            expected="either an ego that stays in its lane or a later begin",
+            got=f"both, with a delay of {wish.delay:g} s",
+            next_step="leave one of them out",
+        )
     is_total = effect == Effect.TOTAL
     is_drawn = not (wish.stays or wish.delay is not None or wish.interventions)
     if is_total and (start_time or not is_drawn):

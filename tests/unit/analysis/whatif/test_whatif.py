@@ -94,6 +94,11 @@ def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, be
     assert value != getattr(one, found.parting.quantity)[0, found.parting.vehicle, frame]
 
 
+def test_an_ego_that_stays_begins_no_later_overtake(data: ot.Dataset, begun: int):
+    with pytest.raises(ConfigError, match="either an ego that stays in its lane or a later begin"):
+        ot.whatif.counterfactual(data, begun, stay=True, delay=1.0)
+
+
 @pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
 def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
     run = ot.whatif.counterfactual(data, begun, delay=delay).told[1].run
