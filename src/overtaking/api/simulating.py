@@ -96,7 +96,8 @@ def sample(
 
     Raises:
         ConfigError: The specification or a number cannot be used.
-        InfeasibleError: The vehicles do not fit on the road.
+        InfeasibleError: The vehicles do not fit on the road, cannot reach their speeds, or are too
+            few for the density of the traffic.
         SystemLimitError: The scenarios need more memory than the system grants.
     """
     spec = profiles.load_specification(profile, overrides)

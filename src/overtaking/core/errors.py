@@ -218,7 +218,8 @@ class KnowledgeError(OvertakingError, ValueError):
 class InfeasibleError(OvertakingError, ValueError):
     """A valid request that cannot be met.
 
-    Its vehicles do not fit on the road, or one of them cannot reach its speed.
+    Its vehicles do not fit on the road, are too few for a dense traffic, or one of them cannot
+    reach its speed.
     """
 
 

@@ -24,11 +24,13 @@ from functools import partial
 import numpy as np
 
 from overtaking.core.arrays import F32, U8, Mask
+from overtaking.core.errors import InfeasibleError
 from overtaking.core.native import exp, maximum, minimum
 from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
+from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.model.vehicles import EGO_SLOT, VehicleSpecs
 from overtaking.scenarios.driver_sampling import (
     drivers_with_speed,
@@ -47,6 +49,7 @@ from overtaking.scenarios.random_draws import (
 )
 from overtaking.scenarios.safe_start import StartStates, StartZone, TrafficStart
 from overtaking.scenarios.specification import Specification
+from overtaking.scenarios.specification_values import TWO_WHEELERS
 from overtaking.scenarios.traffic_specification import END_MARGIN, FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
@@ -125,11 +128,15 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         Vehicles and drivers. Rain, fog and night lower the desired speeds, and with them the gaps.
         So the caller computes these speeds first and passes them to `states_at_speed`, which
         returns the stations.
+
+    Raises:
+        InfeasibleError: An end of the traffic is in sight at the start of a simulation.
     """
     lane = draw_ego_lane(block, flow)
     desired_speed, transform = _ego_desired_speed(block, flow, lane)
     ego = EgoStart(lane=lane, desired_speed=desired_speed)
     layout, end_in_sight_time = place_around_ego(block, flow, ego)
+    _check_ends_out_of_sight(block, flow, end_in_sight_time)
     kinds = partial(vehicle_kinds, flow, lane=layout.lane)
     max_vehicles = flow.vehicles[1]
     # All slots get a vehicle and a driver; `layout.valid` selects the vehicles that take part.
@@ -150,8 +157,7 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
         # attempt after it would meet an empty road. `RETURN_TIME` is not subtracted, so a late
-        # attempt may see an end before it is over. In traffic so dense that an end is in sight at
-        # the start, the deadline is negative, and the simulation refuses the scenario.
+        # attempt may see an end before it is over.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 
@@ -254,11 +260,45 @@ def place_around_ego(
     return layout, ends.time
 
 
+def _check_ends_out_of_sight(block: SampleBlock, flow: FlowTraffic, end_in_sight_time: F32) -> None:
+    """InfeasibleError if the ego may see an end of the traffic at the start of a simulation.
+
+    Such traffic is so dense that the most vehicles do not fill the distance that the ego sees. A
+    smallest deadline, as two-way traffic has it, would not help: there is no time at which an
+    attempt meets traffic of the stated density.
+
+    Args:
+        block: The simulations that are drawn together.
+        flow: Section `[traffic]` of the specification.
+        end_in_sight_time: Earliest time at which the ego may see an end, negative if it may see one
+            at the start, shape (simulation,) [s].
+    """
+    # A deadline must be positive, so time 0 counts as the start.
+    is_in_sight = end_in_sight_time <= np.float32(0.0)
+    if not is_in_sight.any():
+        return
+    behind, ahead = flow.sight_m
+    low, high = flow.density_per_km_lane
+    max_vehicles = flow.vehicles[1]
+    remedy = "lower it or shorten traffic.sight_m"
+    if max_vehicles < MAX_VEHICLES:
+        remedy += f", or raise traffic.vehicles to at most {MAX_VEHICLES}"
+    raise InfeasibleError(
+        what="traffic.density_per_km_lane",
+        where=f"specification {block.specification.name}",
+        expected=f"a density at which {max_vehicles} vehicles reach beyond the sight of the ego, "
+        f"{behind:g} m behind and {ahead:g} m ahead in each of {len(flow.lanes)} lanes",
+        got=f"{low:g} to {high:g}, too dense in scenario "
+        f"{block.scenario_index[int(np.argmax(is_in_sight))]}",
+        next_step=remedy,
+    )
+
+
 def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
     """Choose vehicle classes by the weights of each lane.
 
-    The ego, in slot 0, is never a motorcycle ("MC") or bicycle ("B"), which is a choice: it gets
-    another class of its lane, in proportion to their weights.
+    The ego, in slot 0, is never a motorcycle or bicycle, which is a choice: it gets another class
+    of its lane, in proportion to their weights.
 
     Args:
         flow: Section `[traffic]` of the specification.
@@ -270,12 +310,12 @@ def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
     """
     kind = np.zeros(u.shape, np.uint8)
     for lane_index, flow_lane in enumerate(flow.lanes):
-        weights = weights_of(flow_lane.types, VEHICLE_CLASS_NAMES)
-        ego_weights = list(weights)
-        for name in ("MC", "B"):
-            ego_weights[VEHICLE_CLASS_NAMES.index(name)] = 0.0
-        drawn = choose_weighted(u, weights)
-        drawn[:, EGO_SLOT] = choose_weighted(u[:, EGO_SLOT], ego_weights)
+        drawn = choose_weighted(u, weights_of(flow_lane.types, VEHICLE_CLASS_NAMES))
+        # The ego starts in no other lane, and the types of another lane may all have two wheels.
+        if lane_index in flow.ego_lanes:
+            ego_types = {**flow_lane.types, **dict.fromkeys(TWO_WHEELERS, 0.0)}
+            ego_weights = weights_of(ego_types, VEHICLE_CLASS_NAMES)
+            drawn[:, EGO_SLOT] = choose_weighted(u[:, EGO_SLOT], ego_weights)
         kind = np.where(lane == lane_index, drawn, kind)
     return kind
 

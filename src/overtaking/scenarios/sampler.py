@@ -101,7 +101,8 @@ class ScenarioSource:
             ConfigError: The seed or an index is out of range, or the specification does not fit
                 the road.
             InfeasibleError: Placed traffic has too many vehicles for its zone, or a vehicle type
-                too slow for its lowest speed.
+                too slow for its lowest speed; or the traffic of a motorway is too dense for its
+                vehicles to reach beyond the sight of the ego.
         """
         indices = _checked_indices(scenario_index)
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")

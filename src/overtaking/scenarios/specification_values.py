@@ -187,6 +187,10 @@ MIN_GAP_M = 3.0
 start [m]. It exceeds the 2 m that must remain after a driver brakes for the vehicle ahead
 (`safe_start.CLEARANCE`), so a vehicle at this gap is safe at its leader's speed."""
 
+TWO_WHEELERS = ("MC", "B")
+"""Vehicle types that the ego never has: motorcycle and bicycle. The ego has four wheels, as in the
+study of Pinto, Dutra and Fonseca (2023): a choice."""
+
 MIN_VEHICLES = 2
 """Fewest vehicles: the ego, whose overtaking is studied, and a vehicle to overtake."""
 
@@ -223,11 +227,8 @@ def check_some_weight(weights: dict[str, float]) -> dict[str, float]:
 
 
 def check_four_wheels(weights: dict[str, float]) -> dict[str, float]:
-    """Refuse motorcycles ("MC") and bicycles ("B") as vehicle classes of the ego.
-
-    The ego has four wheels, as in the study of Pinto, Dutra and Fonseca (2023): a choice.
-    """
-    two_wheelers = sorted({"MC", "B"} & {name for name, weight in weights.items() if weight > 0.0})
+    """Refuse motorcycles and bicycles as vehicle types of the ego."""
+    two_wheelers = sorted(name for name in TWO_WHEELERS if weights.get(name, 0.0) > 0.0)
     if two_wheelers:
         raise specification_error(
             "vehicles with four wheels", f"leave {' and '.join(two_wheelers)} out"

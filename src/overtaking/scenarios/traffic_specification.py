@@ -27,6 +27,7 @@ from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.scenarios.specification_values import (
+    TWO_WHEELERS,
     Colours,
     Count,
     Density,
@@ -103,7 +104,7 @@ class FlowLane(Section):
     Attributes:
         density: Density of the lane relative to the other lanes; only ratios matter.
         types: Weights of the vehicle types in the lane, also for the ego, which is never a
-            two-wheeler.
+            two-wheeler. A lane of `FlowTraffic.ego_lanes` needs a type with four wheels.
         speed_kmh: Mean speed of the traffic in the lane. The vehicles do not start at this speed;
             it estimates when the ego meets an end of the traffic.
         speed_factor: Factor on the desired speeds of `FlowTraffic.free_speed_kmh` in this lane.
@@ -131,7 +132,8 @@ class FlowTraffic(Section):
         ego_lanes: Lanes in which the ego may start, in proportion to their densities; not the
             fastest.
         sight_m: Distances to which the ego looks back and ahead, not a range; back is at most as
-            far as ahead. If the most vehicles suffice, no end of the traffic comes nearer.
+            far as ahead. If the most vehicles suffice, no end of the traffic comes nearer before
+            the deadline. An end within them at the start is an error (`InfeasibleError`).
     """
 
     mode: Literal["flow"]
@@ -164,6 +166,15 @@ class FlowTraffic(Section):
                 key="ego_lanes",
                 got=list(self.ego_lanes),
             )
+        for lane in self.ego_lanes:
+            names = [name for name, weight in self.lanes[lane].types.items() if weight > 0.0]
+            if set(names) <= set(TWO_WHEELERS):
+                raise specification_error(
+                    "a vehicle with four wheels for an ego that starts in this lane",
+                    f"add a type such as M, or leave {lane} out of traffic.ego_lanes",
+                    key=f"lanes.{lane}.types",
+                    got=names,
+                )
         return self
 
 
@@ -260,7 +271,7 @@ class TwoWayTraffic(Section):
                 got=f"none for {name}",
             )
         # Unlike `check_four_wheels`, this error shows the two-wheelers instead of all weights.
-        two_wheelers = [name for name in ("MC", "B") if self.ego_types.get(name, 0.0) > 0.0]
+        two_wheelers = [name for name in TWO_WHEELERS if self.ego_types.get(name, 0.0) > 0.0]
         if two_wheelers:
             raise specification_error(
                 "vehicles with four wheels",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
@@ -15,6 +15,12 @@ from overtaking.scenarios.traffic_specification import FlowTraffic
 
 MOTORWAY = load_road("motorway")
 NUMBERS = np.arange(600, dtype=np.uint64)
+
+
+def _lanes_with_first_types(types: str) -> str:
+    """Value of `traffic.lanes` in TOML, with these vehicle types in the slow lane of three."""
+    other = "{ density = 1.0, types = { S = 1 }, speed_kmh = 110.0 }"
+    return f"[{{ density = 1.0, types = {types}, speed_kmh = 92.0 }}, {other}, {other}]"
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +120,7 @@ def test_a_flow_that_does_not_fit_the_road_is_refused():
     ("key", "value", "remedy"),
     [
         ("traffic.ego_lanes", "[2]", "leave out the fastest lane"),
+        ("traffic.lanes", _lanes_with_first_types("{ MC = 1, S = 0 }"), "add a type such as M"),
         ("traffic.free_speed_kmh", "{ S = 100.0 }", "add L"),
         ("traffic.density_per_km_lane", "0..5", "greater than or equal to 0.1"),
         ("traffic.spawn_s_m", "[0, 1]", "did you mean"),
@@ -125,6 +132,37 @@ def test_a_mistake_is_one_line(key, value, remedy):
         load_specification("motorway", {key: value})
     assert remedy in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_lane_without_the_ego_may_have_two_wheelers_only():
+    lanes = _lanes_with_first_types('["MC"]')
+    overrides = {"traffic.lanes": lanes, "traffic.ego_lanes": [1]}
+    batch = ScenarioSource(load_specification("motorway", overrides), MOTORWAY, 1).sample(NUMBERS)
+    in_slow_lane = batch.vehicles.valid & (batch.start_lane == 0)
+    assert (batch.vehicles.kind[in_slow_lane] == VehicleKind.MOTORCYCLE).all()
+    assert not (batch.vehicles.kind[:, 0] == VehicleKind.MOTORCYCLE).any()
+
+
+@pytest.mark.parametrize(("num_vehicles", "remedy"), [(32, "lower it"), (20, "raise traffic")])
+def test_traffic_whose_ends_are_in_sight_at_the_start_is_refused_in_one_line(num_vehicles, remedy):
+    overrides = {
+        "traffic.density_per_km_lane": [60.0, 100.0],
+        "traffic.vehicles": [8, num_vehicles],
+    }
+    dense = ScenarioSource(load_specification("motorway", overrides), MOTORWAY, 1)
+    with pytest.raises(InfeasibleError) as caught:
+        dense.sample(NUMBERS[:4])
+    message = str(caught.value)
+    assert "traffic.density_per_km_lane" in message
+    assert "60 to 100, too dense in scenario 0" in message
+    assert remedy in message
+    assert "\n" not in message
+
+
+def test_dense_traffic_is_drawn_if_the_ego_sees_less_far():
+    overrides = {"traffic.density_per_km_lane": [60.0, 100.0], "traffic.sight_m": [20.0, 40.0]}
+    batch = ScenarioSource(load_specification("motorway", overrides), MOTORWAY, 1).sample(NUMBERS)
+    assert (batch.attempt_deadline > 0.0).all()
 
 
 def test_a_scale_multiplies_what_is_drawn_for_everyone(drawn):
