@@ -193,14 +193,18 @@ class Buffers:
             The arrays by the names in their layouts.
         """
         sizes = [math.prod(layout.shape) * np.dtype(layout.dtype).itemsize for layout in layouts]
-        # Each array begins at a cache line, so that each vector of its numbers lies in one line.
+        # Each array begins at a cache line of the block, so that each vector of its numbers lies in
+        # one line. Blocks below `MIN_POOLED_BYTES` may themselves begin elsewhere: a vector in two
+        # lines is slower, not wrong.
         begins = [
             0,
             *accumulate(-(-size // _CACHE_LINE_BYTES) * _CACHE_LINE_BYTES for size in sizes),
         ]
         total_bytes = begins.pop()
         if self._layouts.get(name) != layouts:
-            # The layouts are the purpose: then earlier values belong to arrays of the same names.
+            # The key of the memory is the layouts, so earlier values belong to arrays of the same
+            # names and shapes. The group's name is not part of it, so groups with equal layouts
+            # must be filled in the same way.
             self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, total_bytes)
         memory = self._memory[name]
         return {

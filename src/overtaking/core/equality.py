@@ -32,7 +32,7 @@ class ContentEquality:
 
         The decorator `dataclass` writes its own methods in place of inherited ones, but keeps those
         that the class itself defines. With its own `__eq__`, a class needs its own `__hash__`:
-        otherwise Python sets that to None.
+        otherwise `dataclass` sets that to None, or writes another one if the class is frozen.
         """
         super().__init_subclass__()
         for name in ("__eq__", "__hash__"):
@@ -53,7 +53,7 @@ class ContentEquality:
 
 
 def is_same_content(first: Any, second: Any) -> bool:
-    """Whether two values have the same content; NaN equals NaN.
+    """Whether two values have the same content; NaN equals NaN, except in Arrow tables.
 
     Dataclasses need the same class and are compared field by field, not by their own `==`. Arrays
     and tables need the same dtypes and shapes. The order of keys in a mapping does not count. A
@@ -80,8 +80,9 @@ def is_same_content(first: Any, second: Any) -> bool:
             and len(first) == len(second)
             and all(map(is_same_content, first, second))
         )
-    # DataFrames, Series and Arrow tables compare their content with the method `equals`. A check
-    # of their classes would load pandas and pyarrow, also in calls that need neither.
+    # DataFrames, Series and Arrow tables compare their content with the method `equals`; with the
+    # method of Arrow, NaN differs from NaN. A check of their classes would load pandas and pyarrow,
+    # also in calls that need neither.
     if hasattr(first, "equals"):
         return type(first) is type(second) and bool(first.equals(second))
     # The first value is of another type, such as a number, a text or a set. Its `==` with an array
@@ -121,7 +122,8 @@ def _hash_content(value: Any) -> int:
         return hash((type(value), *hashes))
     if isinstance(value, tuple):
         return hash(tuple(map(_hash_content, value)))
-    python_hash = hash(value)  # Also for NaN: a value that cannot be hashed must raise TypeError.
+    # First, so that an array or table raises TypeError here; `_is_nan` would fail differently.
+    python_hash = hash(value)
     # Python hashes a NaN by its identity, but here all NaN are equal and need the same hash.
     return 0 if _is_nan(value) else python_hash
 

@@ -132,14 +132,19 @@ def log(x: F32Like) -> F32:
 def power(base: F32Like, exponent: F32Like) -> F32:
     """`base ** exponent` for a positive base, computed as exp(exponent * log(base)).
 
-    The rounding of that product limits the accuracy: with p = |exponent * log(base)|, the error is
-    some 4 + 2 p ulp. A base below 2**-126, also 0, counts as 2**-126.
+    The rounding of that product limits the accuracy. With t = |exponent * log(base)| up to 86, the
+    error is some 4 + 2 t ulp: measured with 20 million random pairs and bases from 1e-37 to 1e37,
+    also near 1, it exceeded this by 2 % at most. A base below 2**-126, also 0, counts as 2**-126.
     """
     return exp(as_f32(exponent) * log(base))
 
 
 def sincos(x: F32Like) -> tuple[F32, F32]:
-    """Sine and cosine of an angle [rad]; absolute error below 1e-7 if |x| <= 1000, else larger."""
+    """Sine and cosine of an angle [rad]; absolute error below 1e-7 if |x| <= 1000, else larger.
+
+    From |x| = 3e9 on, and for NaN, the results depend on the CPU, because k below does not fit into
+    int32. Angles of the simulator are far smaller.
+    """
     x = as_f32(x)
     # x = k * pi / 2 + r with |r| <= pi / 4: `s` and `c` are the sine and cosine of r, and the
     # quadrant, k modulo 4, decides which of them is the sine of x, and the signs.

@@ -83,7 +83,8 @@ Chosen: with more, calls that would have succeeded are refused; with less, more 
 process."""
 
 _STACK_BYTES = 8 * _MIB
-"""Address space of a thread's stack where `ulimit -s` sets no limit."""
+"""Address space of a thread's stack where `ulimit -s` sets no limit. Chosen: the usual limit. The
+stacks of glibc are smaller then, 2 MiB on x86-64."""
 
 _NUM_OTHER_THREADS = 9
 """Threads whose number does not depend on the processors: 8 that read files for Arrow, 1 that
@@ -310,7 +311,8 @@ def _memory_limits() -> Iterator[tuple[int, str]]:
     limit = _address_space_limit()
     if limit is not None and (used := _bytes_in_use(_ADDRESS_SPACE)) is not None:
         # Of the limits, only this one counts the files of modules that the work loads. They take
-        # `WORKING_BYTES`.
+        # `WORKING_BYTES`. Libraries and threads that are still missing are left out here:
+        # `check_address_space` counted them at the start of the call.
         free = max(0, limit - used - WORKING_BYTES)
         yield free, f"that the limit of {_size_text(limit)} leaves (ulimit -v)"
     limit = _soft_limit("RLIMIT_DATA")
@@ -359,11 +361,16 @@ def _bytes_in_use(column: int) -> int | None:
 
 
 def _missing_threads() -> int:
-    """Number of threads that the engine and Arrow will start during a call but have not started."""
-    # Arrow starts as many threads as this variable says, or else one for each processor.
+    """Number of threads that the engine and Arrow will start during a call but have not started.
+
+    All threads of the process count as started by these two, because nothing tells them apart.
+    Other threads, at least the main thread, make the result too small by their number.
+    """
+    # Arrow starts as many threads as this variable says; one for each processor if it is 0 or not a
+    # number.
     setting = os.environ.get("OMP_NUM_THREADS", "")
     is_number = setting.isascii() and setting.isdigit()
-    arrow_threads = int(setting) if is_number else available_processors()
+    arrow_threads = (int(setting) if is_number else 0) or available_processors()
     expected = processors_to_use() + arrow_threads + _NUM_OTHER_THREADS
     with suppress(OSError):  # A system without `/proc`: count all threads as missing.
         return max(0, expected - len(list(Path("/proc/self/task").iterdir())))
@@ -371,11 +378,11 @@ def _missing_threads() -> int:
 
 
 def _stack_bytes() -> int:
-    """Address space that a new thread's stack takes [bytes].
+    """Address space that is counted for the stack of a new thread [bytes].
 
-    Arrow's threads take as much as the limit of stacks (`ulimit -s`), so this is the result. The
-    engine's take only 2 MiB. The result is at most 16 MiB (chosen): a very large limit would be far
-    too much for the engine's threads.
+    A thread of Arrow takes the limit of stacks (`ulimit -s`), a thread of the engine 2 MiB. The
+    result for both is the limit, but at most 16 MiB (chosen). Beyond it Arrow's threads take more;
+    a larger result would refuse calls that succeed, because the engine's threads take so much less.
     """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
@@ -527,7 +534,7 @@ def remaining_answer_bytes(remaining: int | None, rows: object, where: str, memo
 
 
 def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
-    """The error for a query that exceeds a limit of time, memory or rows.
+    """The error for a query that exceeds a limit of time or memory.
 
     Args:
         where: The command of the query.

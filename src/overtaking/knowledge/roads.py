@@ -68,16 +68,21 @@ def sight_facts() -> SightFacts:
 
 @cache
 def general_limits() -> GeneralLimits:
-    """The limits that article 27 of the Portuguese highway code sets for roads without a sign."""
+    """The limits that article 27 of the Portuguese highway code sets for roads without a sign.
+
+    They hold for any map that states no limit, from whatever country: a choice that agrees with the
+    law by which recordings are judged unless the user names another one.
+    """
     return read_record(GeneralLimits, _FILE, "general_limits")
 
 
 def general_limit(road_type: str) -> float:
     """The limit of a road without a sign, by its road type in OpenDRIVE, a format of road maps.
 
-    Types that begin with "town", such as "townArterial", lie inside localities, and so does
-    "lowSpeed", a 30 km/h zone. All other types except "motorway" get the limit outside localities.
-    This includes "unknown", because nothing shows that such a road lies in a locality.
+    Types that begin with "town", such as "townArterial", lie inside localities. So does "lowSpeed",
+    the type of 30 km/h zones: the limit of a zone holds by its signs, and without a sign the limit
+    of the locality holds. All other types except "motorway" get the limit outside localities. This
+    includes "unknown", because nothing shows that such a road lies in a locality.
 
     Args:
         road_type: Attribute `type` of an element `<type>` of OpenDRIVE.

@@ -1,9 +1,15 @@
 """Reads the TOML files of the knowledge base into typed, frozen values.
 
 The knowledge base is the folder `data`: all numbers about vehicles, drivers, roads, weather and
-law. Each number is an entry, an inline table with at least a value, a unit and a source, such as
-`eye_height = { value = 1.08, unit = "m", source = "aashto-green-book-2018" }`. An unknown or
-missing key, unit or source raises an error here, so callers need not check.
+law. Each number is an entry: an inline table with a unit, a source, and a value or a distribution.
+
+    eye_height = { value = 1.08, unit = "m", source = "aashto-green-book-2018" }
+    headway = { distribution = "uniform", low = 0.5, high = 2.5, unit = "s", source = "..." }
+
+`quantities` parses entries and lists the kinds of distributions with their keys. Values are
+converted to SI, unless the name of the entry ends in one of a few units (`core.units`): the value
+of `max_rate_mmph` stays in mm/h. An unknown or missing key, unit or source raises an error here, so
+callers need not check.
 
 Callers get one number (`number`, `constant`), a quantity with unit and source (`load_quantity`), a
 section as a dataclass (`read_record`), or all sections of a file (`read_records`). Dotted names
@@ -19,7 +25,7 @@ one entry for each number:
   "..." }`. The rationale of the line explains the source of the line, so it does not hold for an
   item with another source. The lines of labels hold texts or flags.
 - `base = "name"` in a table: the table takes each entry that it does not state itself from the
-  table `name`, which must stand above it.
+  table `name`. If that table has a base, too, it must stand above.
 """
 
 import copy
@@ -103,7 +109,7 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
 
     The type of a field decides how its item is read:
         Quantity, Distribution: an entry, with unit and source
-        float, int, tuple: the value of an entry alone, in SI or in the unit that the name ends in
+        float, int, tuple: the value of an entry without unit and source
         str, bool, an enumeration: a text or flag without unit; a member by its value
         another dataclass: a nested table, read by the same rules
     A field with a default may be absent from the file.
@@ -146,7 +152,8 @@ def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapp
         A read-only mapping from the name of each table.
 
     Raises:
-        KeyError: There is no such section (for which `read_record` raises KnowledgeError).
+        KeyError: There is no such section: a mistake of the caller, because the files of the
+            package have their sections.
         KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
     """
     names = load_toml(file)[section] if section else load_toml(file)
@@ -178,8 +185,9 @@ def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
         section: Dotted name of a table.
 
     Returns:
-        Dotted name of each entry within the section, to the result of `Quantity.numbers` or
-        `Distribution.numbers`; empty if there is no such section.
+        Dotted name of each entry within the section, to its numbers and unit by key, such as
+        `{"value": 1.2, "sigma": None, "low": 1.0, "high": 1.4, "unit": "m"}`; empty if there is no
+        such section. `analysis.reproduction` hashes it: a new rationale leaves the hash as it is.
 
     Raises:
         KnowledgeError: A number stands alone, or an entry lacks its unit or source.
@@ -199,7 +207,7 @@ def number(path: str) -> float:
         path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".
 
     Returns:
-        The value in SI, or in the unit that the name ends in.
+        The value in SI, or in the unit in which the name ends.
 
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
@@ -218,7 +226,7 @@ def constant(path: str) -> np.float32:
         path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".
 
     Returns:
-        The value in SI, or in the unit that the name ends in.
+        The value in SI, or in the unit in which the name ends.
 
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
@@ -338,8 +346,8 @@ def _base_table(document: Mapping[str, Any], path: str, where: str) -> Mapping[s
     """The table with a dotted name.
 
     Raises:
-        KnowledgeError: There is no such table, or it still has a base of its own, so it stands
-            below the table that names it.
+        KnowledgeError: There is no such table, or its own `base` is not expanded yet, because it
+            stands below the table that names it. A table below without a base is accepted.
     """
     table: Any = document
     for part in path.split("."):

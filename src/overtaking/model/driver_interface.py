@@ -51,7 +51,9 @@ class EgoColumns(NamedTuple):
     would carry out the corresponding action now; otherwise this action has no effect. The codes of
     `stage` are 0 follow, 1 pull out, 2 pass, 3 return, 4 done, 5 abort, 6 crashed. `time_waiting`
     goes back to 0 when an overtake ends. While ego and target are alongside each other,
-    `has_passed_target` is 0, and `is_behind_target` compares their centres.
+    `has_passed_target` is 0, and `is_behind_target` compares their centres; without a target both
+    are 0. A simulation starts as if the last lane change had begun 10 s earlier and were over:
+    `time_since_lane_change` counts on from 10 s, and `has_finished_lane_change` is 1.
     """
 
     speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
@@ -105,10 +107,10 @@ class NeighbourColumns(NamedTuple):
     """Observed columns of one neighbour, each of shape (simulation,).
 
     The values are those that the model driver believes or that a sensor measures, as the user
-    chooses. Without a vehicle in its role all columns are zero except the gap, which is 1000 m
-    (`perception.unseen_gap` in `model.toml`). Sides are as seen by the ego, also for oncoming
-    vehicles: 1 is the ego's overtaking side. Stop lamps are at the rear, so oncoming vehicles
-    show none.
+    chooses. Where `is_detected` is 0, because there is no vehicle in this role or because it is not
+    detected, all columns are zero except the gap, which is 1000 m (`perception.unseen_gap` in
+    `model.toml`). Sides are as seen by the ego, also for oncoming vehicles: 1 is the ego's
+    overtaking side. Stop lamps are at the rear, so oncoming vehicles show none.
     """
 
     is_detected: Annotated[
@@ -139,11 +141,12 @@ class NeighbourColumns(NamedTuple):
 class PassingColumns(NamedTuple):
     """Observed columns about a pass in the opposing lane, each of shape (simulation,).
 
-    The columns are zero on one-way roads. On two-way roads they are the judgement of the model
-    driver, also where a sensor measures the neighbours; only `gap_ahead_of_leader` is then zero,
-    because sensors do not measure it. A tall vehicle is a truck or a van, over which the driver
-    cannot look. `line_is_solid` covers the next 150 m (`oncoming.line_ahead` in `model.toml`). In
-    `return_urgency` and `abort_state` 0.5 is the code of the lesser of two states.
+    The columns are zero on one-way roads. On two-way roads they are what the model driver knows and
+    judges, also if a sensor measures the columns of the neighbours. With a sensor only
+    `gap_ahead_of_leader` is zero, because sensors do not measure it. A tall vehicle is a truck or a
+    van, over which the driver cannot look. `line_is_solid` covers the next 150 m
+    (`oncoming.line_ahead` in `model.toml`). In `return_urgency` and `abort_state` 0.5 is the code
+    of the lesser of two states.
     """
 
     sight_distance: Annotated[
@@ -232,9 +235,10 @@ NEIGHBOUR_ROLES: Final = (
 )
 """Roles of the observed neighbours, in order.
 
-First come the six neighbours: leader and follower in the ego's lane and in the next lane to the
-left and to the right, where left is the overtaking side. They are followed by the nearest oncoming
-vehicle and the next one behind it; one-way roads have neither.
+They are leader, follower, left_leader, left_follower, right_leader, right_follower, oncoming and
+second_oncoming. The first two are in the ego's lane, the next four in the lanes beside it, where
+left is the overtaking side. The last two are the nearest oncoming vehicle and the next one behind
+it; one-way roads have neither.
 """
 
 OBSERVATION_SIZE: Final = (
@@ -278,7 +282,7 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Go on as before; an indicator that is on goes off."""
+    """Go on as before; an indicator that is on goes off after as long a time as it was on."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2
@@ -335,11 +339,14 @@ ACTION_KINDS: Final[dict[str, tuple[ActionPart, ...]]] = {
 The model driver does the rest. Without `accel` it uses the pedals. Without `wheel_angle` it steers,
 also along a lane change that `lane_change` or `move` begins.
 
-In "decision", "accel_lane" and "accel_steer" the model driver sets the indicator. In "accel_lane"
-it indicates for its usual time before it begins the lane change; if `lane_change` becomes 0
-earlier, the lane change does not begin. In the other two kinds the indicator is part of the answer.
-In "accel_move" the `Move` sets it to the side in the name of the move. In "accel_steer_signal"
-`lane_change` sets the indicator only, because the wheel angle changes lanes.
+In "decision" and "accel_lane" the model driver sets the indicator to the side of the `Move` or of
+`lane_change`, if that lane change is possible and the driver uses the indicator at all
+(`DriverTraits.uses_indicator`). In "accel_lane" it indicates for its usual time before it begins
+the lane change; if `lane_change` becomes 0 earlier, the lane change does not begin. In
+"accel_steer" it indicates only during a lane change, because nothing announces one. In the other
+two kinds the indicator is part of the answer, also for a driver who does not use it. In
+"accel_move" a `Move` with a side sets it to that side. In "accel_steer_signal" `lane_change` sets
+the indicator only, because the wheel angle changes lanes.
 """
 
 MAX_ACTION_PARTS: Final = max(len(parts) for parts in ACTION_KINDS.values())
@@ -391,7 +398,10 @@ class Actions(Batch):
         """A hash over the kind and the changes of action of each simulation.
 
         Each hash has 128 bits, written as 32 hexadecimal digits. Simulations with equal hashes have
-        the same kind and the same changes; repetitions of the last action do not count.
+        the same kind and the same changes; repetitions of the last action do not count. The zeros
+        after the end of a simulation count as a change. The action axis ends at the longest horizon
+        of the batch, so other simulations can affect a hash only if the horizons differ, unlike in
+        the batches of one specification.
         """
         hashes: list[str] = []
         num_parts = max(_MIN_HASHED_PARTS, len(self.parts))

@@ -12,8 +12,9 @@ Handbook of Mathematical Functions, table 25.4) computes it. Segments are split 
 by at most one radian, and then the error of the quadrature is a rounding error.
 
 World coordinates are recorded, and recordings must have the same bits on every machine. Therefore
-the code uses only operations that IEEE 754 rounds correctly (+, -, *, /), in a fixed order, and
-computes cosine and sine by them: the last bit of library functions differs between systems.
+the code uses only operations that IEEE 754 rounds correctly (+, -, *, /, remainder, rounding to
+integers), in a fixed order, and computes cosine and sine by them: the last bit of library functions
+differs between systems.
 """
 
 import math
@@ -54,9 +55,10 @@ in the sharpest bend that a road may have (10 m radius, `MAX_CURVATURE` of `mode
 line turns by one radian in between."""
 
 _MIN_DENOMINATOR = 0.1
-"""Lower bound of the denominator of Newton's step, which is 0 at the centre of a bend. It has no
-effect on driving lanes: they end at half the radius of a bend (`model.road`), where the denominator
-is 0.5."""
+"""Lower bound of 1 - curvature * d, by which Newton's step in `ReferenceLine.to_road` divides. The
+expression is 0 at the centre of a bend, where d, the offset to the left, is the radius 1 /
+curvature. Driving lanes reach to half the radius (`model.road`), where it is 0.5, so the bound has
+no effect on them."""
 
 _NUM_NEWTON_STEPS = 8
 """Each step doubles the number of correct digits. Chosen: four steps reach a micrometre on a road,
@@ -122,7 +124,8 @@ class CurveSegment(NamedTuple):
         return CurveSegment(
             x=float(end.x),
             y=float(end.y),
-            # Turned by half a turn, within [-pi, pi].
+            # Half a turn is added. Reduced to [-pi, pi], the heading does not grow if a segment is
+            # reversed again; the error of `cos_sin` grows with the number of turns.
             heading=math.remainder(float(end.heading) + math.pi, math.tau),
             length=self.length,
             # A left bend is a right bend in the other direction.
@@ -173,6 +176,8 @@ class ReferenceLine(ContentEquality):
         """
         parts = [part for segment in segments for part in _split_by_turn(segment)]
         lengths = [part.length for part in parts]
+        # NumPy adds the terms of `sum` in pairs, an order that is fixed, too. `length` can differ
+        # from the end of the last segment by rounding; another order would change recorded lengths.
         return cls(
             segment_start=np.cumsum([0.0, *lengths[:-1]]),
             x=np.array([part.x for part in parts]),
@@ -265,8 +270,8 @@ class ReferenceLine(ContentEquality):
         """Convert world coordinates to road coordinates; the inverse of `to_world`.
 
         Inside a bend a point may lie at a right angle to the line at several stations. The search
-        starts at the nearest of samples of the line 10 m apart, and Newton's method refines it, so
-        the result is the station near that sample.
+        starts at the nearest of samples of the line, at most 10 m apart, and Newton's method
+        refines it, so the result is the station near that sample.
 
         Args:
             x: World x, any shape [m].

@@ -5,7 +5,8 @@
 
 Terms: the ego is the vehicle under study, the target the vehicle that it overtakes. A slot is the
 number of a vehicle within its simulation (the ego has 0); slots may be empty. A row of
-`VehicleTracks` is a filled slot. A frame is a recorded instant.
+`VehicleTracks` is a filled slot. A frame is a recorded instant. A percept is the record of a
+decision of the ego's driver to change lanes, with the vehicles that the driver perceived then.
 """
 
 import dataclasses
@@ -116,6 +117,9 @@ class VehicleTracks(ContentEquality):
             integers = getattr(simulation.states, name)[0, slots, frames]
             return integers.astype(np.float64) * STATE_RESOLUTION[name]
 
+        # Angles to the road are `headings - direction`. On a straight road these are the directions
+        # of the bodies and of the road in the world; where the road bends, `headings` are angles to
+        # the road already, and `direction` is 0.
         headings, direction = simulation.headings_and_origin
         road_angles = headings[0, slots, frames].astype(np.float64) * ANGLE_RESOLUTION - direction
         target_slot = _likely_target(simulation) if events is None else int(events.target_slot[row])
@@ -220,8 +224,7 @@ def _likely_target(simulation: Trajectories) -> int:
     pull_outs = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in simulation.unknown and len(pull_outs):
         return int(percepts.slot[0, pull_outs[-1], PerceivedVehicle.LEADER])
-    # Unrecorded states are 0, so such a vehicle counts as ahead only before the start of the road.
     lane, s = simulation.states.lane[0, :, 0], simulation.states.s[0, :, 0]
-    is_ahead = simulation.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
+    is_ahead = simulation.state_mask[0, :, 0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
     distance = np.where(is_ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)
     return int(np.argmin(distance)) if is_ahead.any() else int(NO_VEHICLE)

@@ -77,11 +77,12 @@ class VehicleParameters(NamedTuple):
         half_track: Half the distance of the left and right wheels [m].
         understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
         moment_angle: Wheel angle per yaw moment that it balances [rad/(N m)].
-        side_lag: Time in which the tyres build up a side force, per speed [s^2/m].
+        side_lag: Time constant with which the body's side slip follows the wheels, per speed: mass
+            over the sum of the axles' cornering stiffnesses in N/rad [s^2/m].
         two_wheeler: Flag of a vehicle that leans instead of steering.
         side_wind: Largest side force of the wind per squared air speed [N s^2/m^2].
         wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles,
-            for wind from the front [m].
+            in the limit of wind from the front; times the cosine of the wind's angle otherwise [m].
         wind_arm: Distance of that middle ahead of the centre of gravity [m].
         tyre_wear: Tread wear, 0 new to 1 worn [1].
         has_truck_tyres: Flag of a truck: its tyres and the height of its driver's eye differ.

@@ -175,3 +175,10 @@ while True:
 def test_a_process_that_exceeds_its_processor_time_ends_by_a_signal():
     pytest.importorskip("resource", reason="Windows bounds no process")
     assert subprocess.run([sys.executable, "-c", SPINS], check=False).returncode == -signal.SIGXCPU
+
+
+def test_no_number_of_arrow_threads_and_zero_both_mean_one_for_each_processor(monkeypatch):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    expected = process_limits._missing_threads()
+    monkeypatch.setenv("OMP_NUM_THREADS", "0")
+    assert process_limits._missing_threads() == expected

@@ -158,6 +158,17 @@ def test_without_events_the_last_decision_to_pull_out_names_the_target():
     assert VehicleTracks.from_trajectories(aborts).target == 1
 
 
+def test_a_vehicle_without_a_state_in_the_first_frame_is_not_the_target():
+    """Its station there is 0, which is ahead of an ego before the start of the road."""
+    both = case(Track(s=-50.0), Track(s=-20.0), frames=3).trajectories
+    assert VehicleTracks.from_trajectories(both).target == 1
+    is_recorded = both.state_mask.copy()
+    is_recorded[:, 1, 0] = False
+    states = both.states.replace(s=np.where(is_recorded, both.states.s, 0))
+    later = both.replace(states=states, is_recorded=is_recorded)
+    assert VehicleTracks.from_trajectories(later).target is None
+
+
 def test_an_ego_without_a_vehicle_ahead_has_no_target():
     alone = VehicleTracks.from_trajectories(case(Track(), frames=3).trajectories)
     assert alone.target is None
