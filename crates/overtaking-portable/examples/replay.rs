@@ -54,7 +54,7 @@ macro_rules! allocated {
         }
         $($(#[$meaning:meta])* $state:ident: $number:ty,)*
     ) => {{
-        let sizes = Output::sizes($inputs.index.len(), $inputs.slots, $frames);
+        let sizes = Output::sizes($inputs.scenario_index.len(), $inputs.num_slots, $frames);
         let size = |name| sizes.iter().find(|known| known.0 == name).map_or(0, |known| known.1);
         $(let mut $field = vec![Default::default(); size(stringify!($field))];)*
         $(let mut $state = vec![Default::default(); size(stringify!($state))];)*
@@ -62,7 +62,7 @@ macro_rules! allocated {
             $($field: &mut $field,)*
             $($state: &mut $state,)*
             frames: $frames,
-            slots: $inputs.slots,
+            slots: $inputs.num_slots,
         })
     }};
 }
