@@ -16,8 +16,8 @@ FIELD_NAMES: Final[dict[str, tuple[str, ...]]]
 class Canvas:
     """An opaque picture.
 
-    `rows` are the first row and the one after the last; rows or columns that a picture does not
-    have raise `ValueError`.
+    `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
+    of the picture raise `ValueError`.
     """
 
     def __new__(cls, /, width: int, height: int, colour: str) -> Canvas:
@@ -33,9 +33,10 @@ class Canvas:
         """Blend some rows with a colour.
 
         Args:
-            rows: First row, and the one after the last.
-            hidden: Share of the colour in each column, 0 to 256; contiguous.
-            colour: The colour.
+            rows: First row, and the row after the last.
+            hidden: Share of the colour in each column, 0 (none) to 256 (only the colour), shape
+                (width,); contiguous.
+            colour: The colour, `#rrggbb`.
         """
 
     def copy_columns(self, /, other: Canvas, x: int, y: int, columns: tuple[int, int]) -> None:
@@ -45,7 +46,7 @@ class Canvas:
             other: The other picture.
             x: Column of the first copied column.
             y: Row of the first row.
-            columns: First column to copy, and the one after the last.
+            columns: First column to copy, and the column after the last.
         """
 
     def darken(
@@ -55,13 +56,14 @@ class Canvas:
         moonlight: int,
         lights: Sequence[tuple[NDArray[np.uint8], int, int]],
     ) -> None:
-        """Darken some rows where no light falls.
+        """Multiply the brightness of some rows by the light that falls on each pixel.
 
         Args:
-            rows: First row, and the one after the last.
-            moonlight: Brightness without a lamp, 0 to 255.
-            lights: Brightness of each lamp, at half the resolution, with column and row of its left
-                upper corner relative to the corner of the rows, clipped to the rows.
+            rows: First row, and the row after the last.
+            moonlight: Brightness without lamps, 0 (black) to 255 (unchanged).
+            lights: For each lamp an array of brightness, shape (height, width), that is added, and
+                the column and the row of its upper left corner, from the corner of the rows. All
+                in pixels of half the resolution; parts outside the rows are ignored.
         """
 
     def draw(self, /, drawing: Drawing, x: float = 0.0, y: float = 0.0) -> None:
@@ -73,22 +75,22 @@ class Canvas:
         """Draw shapes one after the other, clipped to the picture, without Python's lock.
 
         Args:
-            placed: Each with column and row of its origin, and the angle by which it is turned
-                anticlockwise [rad].
-            scale: Pixels to a unit of the shapes.
+            placed: Drawings, each with the column and the row of its origin and the angle by
+                which it is turned anticlockwise [rad].
+            scale: Number of pixels per unit of the shapes.
         """
 
     def to_rgb(self, /) -> NDArray[np.uint8]:
         """The picture as red, green and blue, shape (height, width, 3)."""
 
     def write_yuv(self, /, out: NDArray[np.uint8]) -> None:
-        """Write the picture as encoders take it, YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
+        """Write the picture for a video encoder, as YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
 
         Args:
-            out: Luma, then both chroma planes at half the resolution; contiguous.
+            out: Memory for luma, then both chroma planes at half the resolution; contiguous.
 
         Raises:
-            ValueError: The array has another size.
+            ValueError: The array does not have 3 / 2 elements per pixel.
         """
 
 @final
@@ -96,44 +98,47 @@ class ColumnHash:
     """BLAKE3 hashes of an Arrow column: over its values, and over its nulls."""
 
     def __new__(cls, /, layout: str, width: int, *, nullable: bool) -> ColumnHash:
-        """Begin without rows.
+        """Make the hash of a column without rows.
 
         Args:
-            layout: "numbers", "bits", "codes" of names, "texts" of any length, or "fixed".
-            width: Bytes of a number, or of a text of fixed length.
+            layout: How the rows lie in their buffer: "numbers"; "bits" of Booleans; "codes",
+                indices of names as 32-bit integers; "texts" of any length; "fixed", texts of
+                `width` bytes.
+            width: Bytes of a number or of a fixed text; the other layouts ignore it.
             nullable: Whether the column may hold nulls.
 
         Raises:
-            ValueError: There is no such layout.
+            ValueError: The layout is unknown.
         """
 
     def hexdigests(self, /) -> tuple[str, str]:
         """The hashes over all values and over all nulls so far, 64 hexadecimal digits each."""
 
     def update(self, /, rows: Mapping[str, Any], meaning: Sequence[int] | None = None) -> bool:
-        """Add rows; returns whether any of them has a value.
+        """Add rows; returns whether any of these rows has a value.
 
         Args:
-            rows: `count` of the rows, their `offset` in the buffers, and the buffers `validity` (or
-                None), `data`, and `ends` of texts.
-            meaning: The code of each name in the dictionary of the column.
+            rows: Number `count` of the rows, index `offset` of the first row in the buffers, and
+                the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
+                `ends` of texts.
+            meaning: For layout "codes", the code to hash for each index of a name.
 
         Raises:
-            ValueError: The buffers are too short, or a name is not in the dictionary.
+            ValueError: The buffers are too short, or a row has an index of a name beyond `meaning`.
         """
 
 @final
 class Drawing:
-    """Shapes, the first below the others; x grows to the right, y downwards.
+    """Shapes in the order in which they are drawn; x grows to the right, y downwards.
 
-    Colours are `#rrggbb`, opacity is 0 to 1. Every method raises `ValueError` for another colour.
+    Colours are `#rrggbb`; any other text raises `ValueError`. Opacity is 0 (invisible) to 1.
     """
 
     def __new__(cls, /) -> Drawing:
-        """Begin without shapes."""
+        """Make a drawing without shapes."""
 
     def glow(self, /, x: float, y: float, reach: float, colour: str, strength: float) -> None:
-        """Add light around a point that fades towards `reach`."""
+        """Add a light around a point, of opacity `strength` there and 0 at the distance `reach`."""
 
     def lines(
         self,
@@ -144,18 +149,18 @@ class Drawing:
         width: float,
         opacity: float = 1.0,
     ) -> None:
-        """Add lines, each through points."""
+        """Add lines, each through a sequence of points (x, y)."""
 
     def mask(self, /, covered: NDArray[np.uint8], place: tuple[int, int], colour: str) -> None:
-        """Add a mask of one colour.
+        """Add an image of one colour, such as a letter.
 
         Args:
             covered: Coverage of each pixel, 0 to 255; shape (height, width), contiguous.
-            place: Column and row of the left upper corner.
-            colour: Colour of the mask.
+            place: Column and row of the upper left corner.
+            colour: Colour of the image.
 
         Raises:
-            ValueError: The mask has no rows or no columns, or the colour is invalid.
+            ValueError: The array has no rows or no columns, or the colour is invalid.
         """
 
     def outline(
@@ -173,7 +178,7 @@ class Drawing:
     def polygon(
         self, /, points: Sequence[tuple[float, float]], colour: str, *, opacity: float = 1.0
     ) -> None:
-        """Add a polygon."""
+        """Add a filled polygon through points (x, y)."""
 
     def rect(
         self,
@@ -185,7 +190,7 @@ class Drawing:
         opacity: float = 1.0,
         radius: float = 0.0,
     ) -> None:
-        """Add a rectangle, with round corners if it has a radius."""
+        """Add a filled rectangle; its corners are round if `radius` is above 0."""
 
 @final
 class Stepper:
@@ -407,7 +412,7 @@ def log_in_place(values: NDArray[np.floating[Any]], *, level: str | None = None)
     """
 
 def maximum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Replace each number by `core.float32_math.maximum` of it and another number.
+    """Replace each number by the larger of itself and another number, as `float32_math.maximum`.
 
     Args:
         values: Flat array.
@@ -418,7 +423,7 @@ def maximum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
     """
 
 def minimum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Replace each number by `core.float32_math.minimum` of it and another number.
+    """Replace each number by the smaller of itself and another number, as `float32_math.minimum`.
 
     Arguments and errors as in `maximum_in_place`.
     """
@@ -463,7 +468,15 @@ def random_words(
     draw: int,
     level: str | None = None,
 ) -> list[NDArray[np.uint32]]:
-    """Four random words for each simulation and stream, as `core.random_numbers.philox_words`.
+    """Draw four random words for each simulation and stream, as `random_numbers.philox_words`.
+
+    Args:
+        seed: Seed of the data set.
+        index: Scenario index of each simulation.
+        stream: Purpose of the draws, a `random_numbers.Stream` plus a slot or role for some
+            purposes; as long as `index`.
+        draw: Number of the block of four words within the stream, from 0.
+        level: SIMD level, None for the fastest of this CPU; the results are the same.
 
     Raises:
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
@@ -569,7 +582,7 @@ def target_signals(
     """
 
 def uniform_numbers(words: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """Uniform numbers in (0, 1) of random words, as `core.random_numbers.uniform_from_word`."""
+    """Convert random words to uniform numbers, as `random_numbers.uniform_from_word`."""
 
 def weather_driven(
     driven: Mapping[str, Any], table: NDArray[np.float32], decision: int, level: str | None = None

@@ -1,4 +1,7 @@
-//! Draws and elementary functions of many numbers.
+//! Python functions for random numbers and elementary functions of whole float32 arrays.
+//!
+//! `overtaking.core.native` wraps them. Each gives the same bits as the function in Python that its documentation
+//! names; `overtaking_core::math::bulk` does the work.
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
 use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
@@ -8,10 +11,18 @@ use pyo3::prelude::*;
 use crate::inputs::expect_length;
 use crate::spread::expect_room;
 
-/// Four arrays of words.
+/// Four arrays of random words of 32 bits.
 type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
 
-/// Four random words for each simulation and stream, as `core.random_numbers.philox_words`.
+/// Draw four random words for each simulation and stream, as `random_numbers.philox_words`.
+///
+/// Args:
+///     seed: Seed of the data set.
+///     index: Scenario index of each simulation.
+///     stream: Purpose of the draws, a `random_numbers.Stream` plus a slot or role for some
+///         purposes; as long as `index`.
+///     draw: Number of the block of four words within the stream, from 0.
+///     level: SIMD level, None for the fastest of this CPU; the results are the same.
 ///
 /// Raises:
 ///     ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
@@ -40,11 +51,11 @@ pub fn random_words<'py>(
         draw,
     };
     expect_room(4 * size_of_val(block.index))?;
-    let mut found: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
-    let out = found.each_mut().map(Vec::as_mut_slice);
-    let done = py.detach(|| core::random_words(&block, level, out));
-    done.map_err(PyValueError::new_err)?;
-    Ok(found.map(|row| PyArray1::from_vec(py, row)))
+    let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
+    let out = words.each_mut().map(Vec::as_mut_slice);
+    let result = py.detach(|| core::random_words(&block, level, out));
+    result.map_err(PyValueError::new_err)?;
+    Ok(words.map(|column| PyArray1::from_vec(py, column)))
 }
 
 /// Replace each number of a flat array by `core.float32_math.exp` of it.
@@ -59,8 +70,8 @@ pub fn exp_in_place(
     level: Option<&str>,
 ) -> PyResult<()> {
     let values = values.as_slice_mut()?;
-    let done = py.detach(|| core::exp_in_place(level, values));
-    done.map_err(PyValueError::new_err)
+    let result = py.detach(|| core::exp_in_place(level, values));
+    result.map_err(PyValueError::new_err)
 }
 
 /// Replace each number of a flat array by `core.float32_math.log` of it.
@@ -75,22 +86,22 @@ pub fn log_in_place(
     level: Option<&str>,
 ) -> PyResult<()> {
     let values = values.as_slice_mut()?;
-    let done = py.detach(|| core::log_in_place(level, values));
-    done.map_err(PyValueError::new_err)
+    let result = py.detach(|| core::log_in_place(level, values));
+    result.map_err(PyValueError::new_err)
 }
 
-/// Uniform numbers in (0, 1) of random words, as `core.random_numbers.uniform_from_word`.
+/// Convert random words to uniform numbers, as `random_numbers.uniform_from_word`.
 #[pyfunction]
 #[pyo3(signature = (words: "NDArray[np.uint32]") -> "NDArray[np.float32]")]
 pub fn uniform_numbers<'py>(
     py: Python<'py>,
     words: PyReadonlyArray1<'py, u32>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-    let found = core::uniform_numbers(words.as_slice()?);
-    Ok(PyArray1::from_vec(py, found))
+    let numbers = core::uniform_numbers(words.as_slice()?);
+    Ok(PyArray1::from_vec(py, numbers))
 }
 
-/// Replace each number by `core.float32_math.maximum` of it and another number.
+/// Replace each number by the larger of itself and another number, as `float32_math.maximum`.
 ///
 /// Args:
 ///     values: Flat array.
@@ -104,10 +115,10 @@ pub fn maximum_in_place(
     mut values: PyReadwriteArray1<'_, f32>,
     others: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
-    with_others(values.as_slice_mut()?, others, core::maximum_in_place)
+    combine_in_place(values.as_slice_mut()?, others, core::maximum_in_place)
 }
 
-/// Replace each number by `core.float32_math.minimum` of it and another number.
+/// Replace each number by the smaller of itself and another number, as `float32_math.minimum`.
 ///
 /// Arguments and errors as in `maximum_in_place`.
 #[pyfunction]
@@ -116,20 +127,21 @@ pub fn minimum_in_place(
     mut values: PyReadwriteArray1<'_, f32>,
     others: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
-    with_others(values.as_slice_mut()?, others, core::minimum_in_place)
+    combine_in_place(values.as_slice_mut()?, others, core::minimum_in_place)
 }
 
-fn with_others(
+/// Combine each number with the operand: an array of the same length, or one number.
+fn combine_in_place(
     values: &mut [f32],
     others: &Bound<'_, PyAny>,
-    work: impl Fn(&mut [f32], &Operand<'_>),
+    combine: impl Fn(&mut [f32], &Operand<'_>),
 ) -> PyResult<()> {
-    if let Ok(each) = others.cast::<PyArray1<f32>>() {
-        expect_length("others", each.len(), values.len())?;
-        let each = each.try_readonly()?;
-        work(values, &Operand::Each(each.as_slice()?));
+    if let Ok(array) = others.cast::<PyArray1<f32>>() {
+        expect_length("others", array.len(), values.len())?;
+        let array = array.try_readonly()?;
+        combine(values, &Operand::Each(array.as_slice()?));
     } else {
-        work(values, &Operand::One(others.extract()?));
+        combine(values, &Operand::One(others.extract()?));
     }
     Ok(())
 }
@@ -153,6 +165,6 @@ pub fn normal_pairs_in_place(
 ) -> PyResult<()> {
     expect_length("v", v.len(), u.len())?;
     let (u, v) = (u.as_slice_mut()?, v.as_slice_mut()?);
-    let done = py.detach(|| core::normal_pairs_in_place(level, u, v));
-    done.map_err(PyValueError::new_err)
+    let result = py.detach(|| core::normal_pairs_in_place(level, u, v));
+    result.map_err(PyValueError::new_err)
 }

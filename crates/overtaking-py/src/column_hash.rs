@@ -1,4 +1,8 @@
-//! The hash of what a column of a table holds.
+//! Hashes of the columns of a table: the same values have the same hash, however Arrow stores them.
+//!
+//! `overtaking.data.tables.digest` passes the rows of a column piece by piece, as the buffers of Arrow (a format of
+//! tables in memory). Values that differ in storage only, such as slices, names in another order, or the memory behind
+//! nulls, are brought to one form first and then hashed with BLAKE3.
 
 use std::ops::Range;
 
@@ -8,46 +12,53 @@ use pyo3::prelude::*;
 
 use crate::spread::{expect_room, reserved};
 
-/// Bytes that wait for each other: BLAKE3 hashes sixteen of its chunks of a KiB in the time that three take one by one.
-const WAITING: usize = 32 << 10;
+/// Number of bytes that are collected before they are hashed: BLAKE3 hashes sixteen chunks of one KiB together in the
+/// time of three single chunks.
+const HASHED_TOGETHER: usize = 32 << 10;
 
-/// A hash over bytes that come in pieces: BLAKE3.
+/// A BLAKE3 hash that collects short pieces of bytes.
 #[derive(Default)]
 struct BufferedHash {
     hasher: blake3::Hasher,
-    waiting: Vec<u8>,
+    unhashed: Vec<u8>,
 }
 
 impl BufferedHash {
-    /// Hash what waits, if it is enough.
-    fn settle(&mut self, py: Python<'_>) {
-        if self.waiting.len() >= WAITING {
-            py.detach(|| self.hasher.update(&self.waiting));
-            self.waiting.clear();
+    /// Hash the collected bytes if there are enough of them.
+    fn hash_if_full(&mut self, py: Python<'_>) {
+        if self.unhashed.len() >= HASHED_TOGETHER {
+            py.detach(|| self.hasher.update(&self.unhashed));
+            self.unhashed.clear();
         }
     }
 
     fn hexdigest(&self) -> String {
         let mut hasher = self.hasher.clone();
-        hasher.update(&self.waiting).finalize().to_hex().to_string()
+        hasher
+            .update(&self.unhashed)
+            .finalize()
+            .to_hex()
+            .to_string()
     }
 }
 
-/// OwnedRows of a column as Arrow has them.
+/// Rows of a column in the buffers of Arrow, which Python owns.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ArrowRows {
+    /// Number of rows.
     count: usize,
+    /// Index of the first row in the buffers.
     offset: usize,
-    /// A bit for each row that has a value; all have one if it is left out.
+    /// Bits, 1 for a row with a value; `None` if all rows have a value.
     validity: Option<PyBuffer<u8>>,
-    /// What rows hold: numbers, bits, or the bytes of all texts.
+    /// Numbers, bits, indices of names, or the bytes of all texts; `None` if the column is empty.
     data: Option<PyBuffer<u8>>,
-    /// Where texts of any length begin and end in these.
+    /// For texts of any length, `count` + 1 positions in `data`: begin of each text, end of the last.
     ends: Option<PyBuffer<u8>>,
 }
 
-/// The same, copied, as others may change what they have given.
+/// A copy of `ArrowRows`, because other Python threads may change the buffers while the rows are hashed.
 struct OwnedRows {
     count: usize,
     offset: usize,
@@ -58,16 +69,16 @@ struct OwnedRows {
 }
 
 impl OwnedRows {
-    fn new(py: Python<'_>, given: &ArrowRows) -> PyResult<Self> {
-        let copied = |buffer: &Option<PyBuffer<u8>>| match buffer {
+    fn new(py: Python<'_>, rows: &ArrowRows) -> PyResult<Self> {
+        let copy = |buffer: &Option<PyBuffer<u8>>| match buffer {
             Some(buffer) => {
                 expect_room(buffer.len_bytes())?;
                 buffer.to_vec(py)
             }
             None => Ok(Vec::new()),
         };
-        let (count, offset) = (given.count, given.offset);
-        let missing = match &given.validity {
+        let (count, offset) = (rows.count, rows.offset);
+        let missing = match &rows.validity {
             Some(bits) => bits_to_bytes(&bits.to_vec(py)?, offset, count, u8::MAX)?,
             None => {
                 let mut missing = reserved(count)?;
@@ -78,24 +89,24 @@ impl OwnedRows {
         Ok(Self {
             count,
             offset,
-            data: copied(&given.data)?,
-            ends: copied(&given.ends)?,
+            data: copy(&rows.data)?,
+            ends: copy(&rows.ends)?,
             missing,
         })
     }
 }
 
-/// How the rows of a column lie in its data.
+/// How the rows of a column lie in the buffer `data`.
 enum Layout {
-    /// As numbers of so many bytes.
+    /// Numbers of this many bytes: 1, 2, 4 or 8.
     Numbers(usize),
-    /// As bits.
+    /// One bit per row.
     Bits,
-    /// As places in a list of names, four bytes each.
+    /// Indices of names in a list, as 32-bit integers.
     Codes,
-    /// As texts of any length.
+    /// Texts of any length.
     Texts,
-    /// As texts of so many bytes.
+    /// Texts of this many bytes.
     Fixed(usize),
 }
 
@@ -110,15 +121,17 @@ pub struct ColumnHash {
 
 #[pymethods]
 impl ColumnHash {
-    /// Begin without rows.
+    /// Make the hash of a column without rows.
     ///
     /// Args:
-    ///     layout: "numbers", "bits", "codes" of names, "texts" of any length, or "fixed".
-    ///     width: Bytes of a number, or of a text of fixed length.
+    ///     layout: How the rows lie in their buffer: "numbers"; "bits" of Booleans; "codes",
+    ///         indices of names as 32-bit integers; "texts" of any length; "fixed", texts of
+    ///         `width` bytes.
+    ///     width: Bytes of a number or of a fixed text; the other layouts ignore it.
     ///     nullable: Whether the column may hold nulls.
     ///
     /// Raises:
-    ///     ValueError: There is no such layout.
+    ///     ValueError: The layout is unknown.
     #[new]
     #[pyo3(signature = (layout: "str", width: "int", *, nullable: "bool"))]
     fn new(layout: &str, width: usize, nullable: bool) -> PyResult<Self> {
@@ -128,7 +141,7 @@ impl ColumnHash {
             "codes" => Layout::Codes,
             "texts" => Layout::Texts,
             "fixed" => Layout::Fixed(width),
-            other => return Err(PyValueError::new_err(format!("layout: {other}"))),
+            unknown => return Err(PyValueError::new_err(format!("layout: {unknown}"))),
         };
         Ok(Self {
             layout,
@@ -138,15 +151,16 @@ impl ColumnHash {
         })
     }
 
-    /// Add rows; returns whether any of them has a value.
+    /// Add rows; returns whether any of these rows has a value.
     ///
     /// Args:
-    ///     rows: `count` of the rows, their `offset` in the buffers, and the buffers `validity` (or
-    ///         None), `data`, and `ends` of texts.
-    ///     meaning: The code of each name in the dictionary of the column.
+    ///     rows: Number `count` of the rows, index `offset` of the first row in the buffers, and
+    ///         the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
+    ///         `ends` of texts.
+    ///     meaning: For layout "codes", the code to hash for each index of a name.
     ///
     /// Raises:
-    ///     ValueError: The buffers are too short, or a name is not in the dictionary.
+    ///     ValueError: The buffers are too short, or a row has an index of a name beyond `meaning`.
     #[pyo3(signature = (
         rows: "Mapping[str, Any]",
         meaning: "Sequence[int] | None" = None,
@@ -158,31 +172,31 @@ impl ColumnHash {
         meaning: Option<Vec<i8>>,
     ) -> PyResult<bool> {
         let rows = OwnedRows::new(py, &rows)?;
-        let out = &mut self.values.waiting;
+        let out = &mut self.values.unhashed;
         match self.layout {
-            Layout::Numbers(width) => numbers(&rows, width, out)?,
+            Layout::Numbers(width) => append_numbers(&rows, width, out)?,
             Layout::Bits => {
                 let bits = bits_to_bytes(&rows.data, rows.offset, rows.count, 0)?;
                 out.extend(
                     bits.iter()
                         .zip(&rows.missing)
-                        .map(|(bit, null)| bit & !null),
+                        .map(|(bit, is_missing)| bit & !is_missing),
                 );
             }
-            Layout::Codes => codes(&rows, &meaning.unwrap_or_default(), out)?,
+            Layout::Codes => append_codes(&rows, &meaning.unwrap_or_default(), out)?,
             Layout::Texts => {
                 let ends = text_ends(&rows)?;
-                texts(&rows, |row| ends[row]..ends[row + 1], out)?;
+                append_texts(&rows, |row| ends[row]..ends[row + 1], out)?;
             }
             Layout::Fixed(width) => {
                 let begin = |row: usize| (rows.offset + row) * width;
-                texts(&rows, |row| begin(row)..begin(row + 1), out)?;
+                append_texts(&rows, |row| begin(row)..begin(row + 1), out)?;
             }
         }
-        self.values.settle(py);
+        self.values.hash_if_full(py);
         if self.nullable {
-            self.nulls.waiting.extend_from_slice(&rows.missing);
-            self.nulls.settle(py);
+            self.nulls.unhashed.extend_from_slice(&rows.missing);
+            self.nulls.hash_if_full(py);
         }
         Ok(rows.missing.contains(&0))
     }
@@ -194,101 +208,118 @@ impl ColumnHash {
     }
 }
 
-/// A part of a buffer.
-fn part(whole: &[u8], place: Range<usize>) -> PyResult<&[u8]> {
-    let short = || PyValueError::new_err("rows: expected data of all of them");
-    whole.get(place).ok_or_else(short)
+/// Bytes of a buffer; an error if the buffer is shorter.
+fn slice_buffer(buffer: &[u8], range: Range<usize>) -> PyResult<&[u8]> {
+    let too_short = || PyValueError::new_err("rows: expected data of all of them");
+    buffer.get(range).ok_or_else(too_short)
 }
 
-/// A byte for each of some bits, those of `flipped` turned round.
-fn bits_to_bytes(whole: &[u8], offset: usize, count: usize, flipped: u8) -> PyResult<Vec<u8>> {
+/// Expand `count` bits from bit `offset` on to bytes of 0 or 1. Each octet is combined with `flip_mask` by exclusive or
+/// before: 255 inverts all bits, 0 keeps them.
+fn bits_to_bytes(bits: &[u8], offset: usize, count: usize, flip_mask: u8) -> PyResult<Vec<u8>> {
     const ONES: u64 = 0x0101_0101_0101_0101;
-    let octets = part(whole, offset / 8..(offset + count).div_ceil(8))?;
-    let mut found = reserved(8 * octets.len())?;
+    let octets = slice_buffer(bits, offset / 8..(offset + count).div_ceil(8))?;
+    let mut bytes = reserved(8 * octets.len())?;
     for octet in octets {
-        // One bit of the octet in each byte, which is then moved to where the lowest is.
-        let each = (ONES * u64::from(octet ^ flipped)) & 0x8040_2010_0804_0201;
-        let lowest = ((each + 0x7f * ONES) >> 7) & ONES;
-        found.extend_from_slice(&lowest.to_le_bytes());
+        // The octet is copied to all bytes, and byte `k` keeps bit `k`. Adding 0x7f carries any such bit to the
+        // highest bit of its byte, from where the shift moves it to the lowest.
+        let single_bits = (ONES * u64::from(octet ^ flip_mask)) & 0x8040_2010_0804_0201;
+        let lowest = ((single_bits + 0x7f * ONES) >> 7) & ONES;
+        bytes.extend_from_slice(&lowest.to_le_bytes());
     }
-    found.drain(..offset % 8);
-    found.truncate(count);
-    Ok(found)
+    bytes.drain(..offset % 8);
+    bytes.truncate(count);
+    Ok(bytes)
 }
 
-/// The bytes of each number in the order of small machines, zero where there is none.
-fn numbers(rows: &OwnedRows, width: usize, out: &mut Vec<u8>) -> PyResult<()> {
+/// Append the bytes of each number in little-endian order, zeros for a missing number.
+fn append_numbers(rows: &OwnedRows, width: usize, out: &mut Vec<u8>) -> PyResult<()> {
     let (begin, end) = (rows.offset * width, (rows.offset + rows.count) * width);
-    let written = out.len();
-    out.extend_from_slice(part(&rows.data, begin..end)?);
+    let previous_length = out.len();
+    out.extend_from_slice(slice_buffer(&rows.data, begin..end)?);
     if rows.missing.contains(&1) {
         match width {
-            1 => without_nulls::<1>(&mut out[written..], &rows.missing),
-            2 => without_nulls::<2>(&mut out[written..], &rows.missing),
-            4 => without_nulls::<4>(&mut out[written..], &rows.missing),
-            8 => without_nulls::<8>(&mut out[written..], &rows.missing),
+            1 => clear_missing::<1>(&mut out[previous_length..], &rows.missing),
+            2 => clear_missing::<2>(&mut out[previous_length..], &rows.missing),
+            4 => clear_missing::<4>(&mut out[previous_length..], &rows.missing),
+            8 => clear_missing::<8>(&mut out[previous_length..], &rows.missing),
             _ => return Err(PyValueError::new_err(format!("width: {width}"))),
         }
     }
     if cfg!(target_endian = "big") {
-        let each = out[written..].chunks_exact_mut(width.max(1));
-        each.for_each(<[u8]>::reverse);
+        let numbers = out[previous_length..].chunks_exact_mut(width.max(1));
+        numbers.for_each(<[u8]>::reverse);
     }
     Ok(())
 }
 
-/// Put zero where there is no number.
-fn without_nulls<const WIDTH: usize>(numbers: &mut [u8], missing: &[u8]) {
-    let (each, _) = numbers.as_chunks_mut::<WIDTH>();
-    for (number, null) in each.iter_mut().zip(missing) {
-        let kept = null.wrapping_sub(1);
-        number.iter_mut().for_each(|octet| *octet &= kept);
+/// Set missing numbers to zero.
+fn clear_missing<const WIDTH: usize>(buffer: &mut [u8], missing: &[u8]) {
+    let (numbers, _) = buffer.as_chunks_mut::<WIDTH>();
+    for (number, is_missing) in numbers.iter_mut().zip(missing) {
+        // 255 for a number, 0 for a missing one; a branch would be slower.
+        let mask = is_missing.wrapping_sub(1);
+        number.iter_mut().for_each(|octet| *octet &= mask);
     }
 }
 
-/// The code that each place in a list of names stands for, -1 where there is none.
-fn codes(rows: &OwnedRows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
-    let (places, mut strange) = (integers(&rows.data, rows.offset, rows.count)?, None);
-    out.extend(places.zip(&rows.missing).map(|(place, &null)| {
-        let known = usize::try_from(place).ok().and_then(|at| meaning.get(at));
-        if known.is_none() && null == 0 {
-            strange = Some(place);
+/// Append the code of each row's name, -1 for a missing row.
+fn append_codes(rows: &OwnedRows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
+    let name_indices = read_integers(&rows.data, rows.offset, rows.count)?;
+    let mut invalid_index = None;
+    out.extend(name_indices.zip(&rows.missing).map(|(index, &is_missing)| {
+        if is_missing != 0 {
+            return -1_i8 as u8;
         }
-        let code = if null == 0 { *known.unwrap_or(&-1) } else { -1 };
-        code as u8
+        let code = usize::try_from(index).ok().and_then(|k| meaning.get(k));
+        if code.is_none() {
+            invalid_index = Some(index);
+        }
+        *code.unwrap_or(&-1) as u8
     }));
-    match strange {
-        Some(place) => Err(PyValueError::new_err(format!("codes: no name {place}"))),
+    match invalid_index {
+        Some(index) => Err(PyValueError::new_err(format!("codes: no name {index}"))),
         None => Ok(()),
     }
 }
 
-/// Each text after its length, so that no two columns of texts look alike; null is empty.
-fn texts(
+/// Append each text after its length; a missing text is empty.
+///
+/// Without lengths, different columns such as ("ab", "c") and ("a", "bc") would have the same hash.
+fn append_texts(
     rows: &OwnedRows,
-    place: impl Fn(usize) -> Range<usize>,
+    text_range: impl Fn(usize) -> Range<usize>,
     out: &mut Vec<u8>,
 ) -> PyResult<()> {
-    for (row, &null) in rows.missing.iter().enumerate() {
-        let text = part(&rows.data, if null == 0 { place(row) } else { 0..0 })?;
+    for (row, &is_missing) in rows.missing.iter().enumerate() {
+        let range = if is_missing == 0 {
+            text_range(row)
+        } else {
+            0..0
+        };
+        let text = slice_buffer(&rows.data, range)?;
         out.extend((text.len() as u64).to_le_bytes());
         out.extend_from_slice(text);
     }
     Ok(())
 }
 
-/// Where each text begins, and where the last one ends.
+/// The begin of each text in the data, and the end of the last one.
 fn text_ends(rows: &OwnedRows) -> PyResult<Vec<usize>> {
     if rows.count == 0 {
         return Ok(vec![0]);
     }
-    let found = integers(&rows.ends, rows.offset, rows.count + 1)?;
-    Ok(found.map(|end| end.max(0) as usize).collect())
+    let ends = read_integers(&rows.ends, rows.offset, rows.count + 1)?;
+    Ok(ends.map(|end| end.max(0) as usize).collect())
 }
 
-/// Some integers of a buffer, of four bytes each.
-fn integers(whole: &[u8], offset: usize, count: usize) -> PyResult<impl Iterator<Item = i32>> {
-    let octets = part(whole, offset * 4..(offset + count) * 4)?;
-    let (each, _) = octets.as_chunks::<4>();
-    Ok(each.iter().map(|one| i32::from_ne_bytes(*one)))
+/// Read `count` integers of 32 bits from a buffer, from integer number `offset` on.
+fn read_integers(
+    buffer: &[u8],
+    offset: usize,
+    count: usize,
+) -> PyResult<impl Iterator<Item = i32>> {
+    let octets = slice_buffer(buffer, offset * 4..(offset + count) * 4)?;
+    let (integers, _) = octets.as_chunks::<4>();
+    Ok(integers.iter().map(|bytes| i32::from_ne_bytes(*bytes)))
 }

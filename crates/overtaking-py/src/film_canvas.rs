@@ -1,7 +1,9 @@
-//! The frames of films: tiny-skia's pictures, and what is done to whole rows of them.
+//! Pictures of films: shapes drawn by tiny-skia, and fast operations on whole rows of pixels.
 //!
-//! Rows are copied, veiled, darkened and converted by solid_paint loops over integers, compiled for the widest
-//! vectors (`dispatch`): tiny-skia takes ten times as long, as it is compiled for the narrowest.
+//! `overtaking.show.video` draws each picture of a film on a `Canvas`: it copies the road, adds `Drawing`s of vehicles,
+//! blends fog, darkens the night and converts the picture for the encoder. Copying, blending, darkening and conversion
+//! are plain loops over integers, compiled for the widest vectors of the CPU (`dispatch`). tiny-skia takes ten times as
+//! long, because it is compiled for the narrowest vectors.
 
 use std::ops::Range;
 
@@ -20,15 +22,15 @@ use tiny_skia::{
 use crate::inputs::expect_length;
 use crate::spread::{expect_room, reserved};
 
-/// Red, green, blue and opacity.
+/// Bytes of a pixel: red, green, blue and opacity.
 const BYTES: usize = 4;
-/// Scale of shares, so that a division is a shift.
+/// The share 1 in integer arithmetic; a power of two, so that a division is a shift.
 const WHOLE: u16 = 256;
 
 /// An opaque picture.
 ///
-/// `rows` are the first row and the one after the last; rows or columns that a picture does not
-/// have raise `ValueError`.
+/// `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
+/// of the picture raise `ValueError`.
 #[pyclass]
 pub struct Canvas(Pixmap);
 
@@ -37,16 +39,16 @@ impl Canvas {
         self.0.width() as usize
     }
 
-    /// Some rows, each as bytes.
+    /// The bytes of each of some rows; an error if the canvas does not have them.
     fn rows(&mut self, rows: Range<usize>) -> PyResult<std::slice::ChunksExactMut<'_, u8>> {
         let size = self.width() * BYTES;
-        let part = self
+        let bytes = self
             .0
             .data_mut()
             .get_mut(rows.start * size..rows.end * size);
-        let part =
-            part.ok_or_else(|| PyValueError::new_err("rows: expected some of the canvas"))?;
-        Ok(part.chunks_exact_mut(size))
+        let bytes =
+            bytes.ok_or_else(|| PyValueError::new_err("rows: expected some of the canvas"))?;
+        Ok(bytes.chunks_exact_mut(size))
     }
 }
 
@@ -74,15 +76,15 @@ impl Canvas {
     /// Draw shapes with their origin at a column and a row, clipped to the picture.
     #[pyo3(signature = (drawing: "Drawing", x: "float" = 0.0, y: "float" = 0.0) -> "None")]
     fn draw(&mut self, drawing: &Drawing, x: f32, y: f32) {
-        drawing.on(&mut self.0.as_mut(), Transform::from_translate(x, y));
+        drawing.draw_on(&mut self.0.as_mut(), Transform::from_translate(x, y));
     }
 
     /// Draw shapes one after the other, clipped to the picture, without Python's lock.
     ///
     /// Args:
-    ///     placed: Each with column and row of its origin, and the angle by which it is turned
-    ///         anticlockwise [rad].
-    ///     scale: Pixels to a unit of the shapes.
+    ///     placed: Drawings, each with the column and the row of its origin and the angle by
+    ///         which it is turned anticlockwise [rad].
+    ///     scale: Number of pixels per unit of the shapes.
     #[pyo3(signature = (
         placed: "Sequence[tuple[Drawing, float, float, float]]",
         scale: "float",
@@ -93,17 +95,18 @@ impl Canvas {
         placed: Vec<(PyRef<'_, Drawing>, f32, f32, f32)>,
         scale: f32,
     ) {
-        let each = |(_, x, y, angle): &(PyRef<'_, Drawing>, f32, f32, f32)| {
-            // Rounded from double precision, so that libraries of mathematics agree.
+        let placement = |(_, x, y, angle): &(PyRef<'_, Drawing>, f32, f32, f32)| {
+            // Computed in double precision and then rounded, so that pictures do not depend on the last bit of the
+            // system's sine and cosine.
             let (sine, cosine) = f64::from(*angle).sin_cos();
             let (along, across) = (scale * cosine as f32, scale * sine as f32);
             Transform::from_row(along, -across, across, along, *x, *y)
         };
-        let transforms: Vec<Transform> = placed.iter().map(each).collect();
-        let drawings: Vec<&Drawing> = placed.iter().map(|one| &*one.0).collect();
+        let transforms: Vec<Transform> = placed.iter().map(placement).collect();
+        let drawings: Vec<&Drawing> = placed.iter().map(|entry| &*entry.0).collect();
         py.detach(|| {
             for (drawing, transform) in drawings.into_iter().zip(transforms) {
-                drawing.on(&mut self.0.as_mut(), transform);
+                drawing.draw_on(&mut self.0.as_mut(), transform);
             }
         });
     }
@@ -114,7 +117,7 @@ impl Canvas {
     ///     other: The other picture.
     ///     x: Column of the first copied column.
     ///     y: Row of the first row.
-    ///     columns: First column to copy, and the one after the last.
+    ///     columns: First column to copy, and the column after the last.
     #[pyo3(signature = (
         other: "Canvas",
         x: "int",
@@ -128,17 +131,17 @@ impl Canvas {
         y: usize,
         columns: RowRange,
     ) -> PyResult<()> {
-        let (first, last) = columns;
+        let (first, end) = columns;
         let height = other.0.height() as usize;
-        if first > last || last > other.width() || x + last - first > self.width() {
+        if first > end || end > other.width() || x + end - first > self.width() {
             return Err(PyValueError::new_err(
                 "columns: expected some of both pictures",
             ));
         }
         let lines = other.0.data().chunks_exact(other.width() * BYTES);
-        for (line, from) in self.rows(y..y + height)?.zip(lines) {
-            line[x * BYTES..(x + last - first) * BYTES]
-                .copy_from_slice(&from[first * BYTES..last * BYTES]);
+        for (line, source) in self.rows(y..y + height)?.zip(lines) {
+            line[x * BYTES..(x + end - first) * BYTES]
+                .copy_from_slice(&source[first * BYTES..end * BYTES]);
         }
         Ok(())
     }
@@ -146,9 +149,10 @@ impl Canvas {
     /// Blend some rows with a colour.
     ///
     /// Args:
-    ///     rows: First row, and the one after the last.
-    ///     hidden: Share of the colour in each column, 0 to 256; contiguous.
-    ///     colour: The colour.
+    ///     rows: First row, and the row after the last.
+    ///     hidden: Share of the colour in each column, 0 (none) to 256 (only the colour), shape
+    ///         (width,); contiguous.
+    ///     colour: The colour, `#rrggbb`.
     #[pyo3(signature = (
         rows: "tuple[int, int]",
         hidden: "NDArray[np.uint16]",
@@ -164,31 +168,33 @@ impl Canvas {
         let [red, green, blue] = parse_colour(colour)?;
         expect_length("hidden", hidden.len(), self.width())?;
         let hidden = hidden.as_slice()?;
-        let all = |of: fn(u16, u16) -> u16| -> Vec<u16> {
-            let each = |&share: &u16| {
+        // One factor and one summand for each byte of a row, computed once for all rows.
+        let for_each_byte = |compute: fn(u16, u16) -> u16| -> Vec<u16> {
+            let pixel = |&share: &u16| {
                 let share = share.min(WHOLE);
-                [red, green, blue, 255].map(|part| of(share, u16::from(part)))
+                [red, green, blue, 255].map(|component| compute(share, u16::from(component)))
             };
-            hidden.iter().flat_map(each).collect()
+            hidden.iter().flat_map(pixel).collect()
         };
-        let (kept, added) = (
-            all(|share, _| WHOLE - share),
-            all(|share, part| share * part),
+        let (factors, summands) = (
+            for_each_byte(|share, _| WHOLE - share),
+            for_each_byte(|share, component| share * component),
         );
         let lines = self.rows(rows.0..rows.1)?;
         py.detach(
-            || dispatch!(Level::new(), _simd => lines.for_each(|line| blend(line, &kept, &added))),
+            || dispatch!(Level::new(), _simd => lines.for_each(|line| blend(line, &factors, &summands))),
         );
         Ok(())
     }
 
-    /// Darken some rows where no light falls.
+    /// Multiply the brightness of some rows by the light that falls on each pixel.
     ///
     /// Args:
-    ///     rows: First row, and the one after the last.
-    ///     moonlight: Brightness without a lamp, 0 to 255.
-    ///     lights: Brightness of each lamp, at half the resolution, with column and row of its left
-    ///         upper corner relative to the corner of the rows, clipped to the rows.
+    ///     rows: First row, and the row after the last.
+    ///     moonlight: Brightness without lamps, 0 (black) to 255 (unchanged).
+    ///     lights: For each lamp an array of brightness, shape (height, width), that is added, and
+    ///         the column and the row of its upper left corner, from the corner of the rows. All
+    ///         in pixels of half the resolution; parts outside the rows are ignored.
     #[pyo3(signature = (
         rows: "tuple[int, int]",
         moonlight: "int",
@@ -202,6 +208,7 @@ impl Canvas {
         lights: Vec<(PyReadonlyArray2<'_, u8>, i32, i32)>,
     ) -> PyResult<()> {
         let width = self.width() / 2;
+        // The light on each square of two times two pixels.
         let mut lit = vec![moonlight; width * (rows.1.saturating_sub(rows.0)).div_ceil(2)];
         for (light, x, y) in &lights {
             add_light(
@@ -220,18 +227,18 @@ impl Canvas {
     #[pyo3(signature = () -> "NDArray[np.uint8]")]
     fn to_rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let pixels = self.0.data().chunks_exact(BYTES);
-        let mut parts = reserved(3 * pixels.len())?;
-        parts.extend(pixels.flat_map(|pixel| &pixel[..3]));
-        PyArray1::from_vec(py, parts).reshape([self.0.height() as usize, self.width(), 3])
+        let mut components = reserved(3 * pixels.len())?;
+        components.extend(pixels.flat_map(|pixel| &pixel[..3]));
+        PyArray1::from_vec(py, components).reshape([self.0.height() as usize, self.width(), 3])
     }
 
-    /// Write the picture as encoders take it, YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
+    /// Write the picture for a video encoder, as YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
     ///
     /// Args:
-    ///     out: Luma, then both chroma planes at half the resolution; contiguous.
+    ///     out: Memory for luma, then both chroma planes at half the resolution; contiguous.
     ///
     /// Raises:
-    ///     ValueError: The array has another size.
+    ///     ValueError: The array does not have 3 / 2 elements per pixel.
     #[pyo3(signature = (out: "NDArray[np.uint8]") -> "None")]
     fn write_yuv(&self, py: Python<'_>, mut out: PyReadwriteArrayDyn<'_, u8>) -> PyResult<()> {
         expect_length("a frame", out.len(), self.0.data().len() / BYTES * 3 / 2)?;
@@ -244,18 +251,23 @@ impl Canvas {
     }
 }
 
-/// First number and the one after the last.
+/// First row or column, and the one after the last.
 type RowRange = (usize, usize);
 
-/// Keeps a share of a row and adds something.
+/// Multiply each byte of a row by its factor, add its summand, and divide by `WHOLE`.
 #[inline(always)]
-fn blend(line: &mut [u8], kept: &[u16], added: &[u16]) {
-    for ((sample, kept), added) in line.iter_mut().zip(kept).zip(added) {
-        *sample = ((u16::from(*sample).wrapping_mul(*kept).wrapping_add(*added)) >> 8) as u8;
+fn blend(line: &mut [u8], factors: &[u16], summands: &[u16]) {
+    for ((sample, factor), summand) in line.iter_mut().zip(factors).zip(summands) {
+        *sample = ((u16::from(*sample)
+            .wrapping_mul(*factor)
+            .wrapping_add(*summand))
+            >> 8) as u8;
     }
 }
 
-/// Adds a light to what falls on some rows; what lies outside is cut off.
+/// Add the light of a lamp to `lit`, rows of `width` values; ignore the parts outside.
+///
+/// `light` has rows of `columns` values, and its upper left corner is in column `x` and row `y` of `lit`.
 fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x, y): (i64, i64)) {
     let columns = columns.max(1);
     let first = x.clamp(0, width as i64);
@@ -264,53 +276,58 @@ fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x,
         let start = row * width as i64;
         let end = (start + last) as usize;
         if row >= 0 && first < last && end <= lit.len() {
-            let from = &line[(first - x) as usize..];
-            for (sum, one) in lit[(start + first) as usize..end].iter_mut().zip(from) {
-                *sum = sum.saturating_add(*one);
+            let visible = &line[(first - x) as usize..];
+            let sums = &mut lit[(start + first) as usize..end];
+            for (sum, brightness) in sums.iter_mut().zip(visible) {
+                *sum = sum.saturating_add(*brightness);
             }
         }
     }
 }
 
-/// Lets the light of a pixel fall on two times two.
+/// Multiply the pixels of each row by their light; each value of `lit` holds for two times two pixels.
 #[inline(always)]
 fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: usize) {
-    let mut kept = vec![WHOLE; 2 * width * BYTES];
+    let mut factors = vec![WHOLE; 2 * width * BYTES];
     for (row, line) in lines.enumerate() {
         if row % 2 == 0 {
-            let pairs = kept.chunks_exact_mut(2 * BYTES);
+            let pairs = factors.chunks_exact_mut(2 * BYTES);
             for (pair, &light) in pairs.zip(&lit[row / 2 * width..]) {
+                // From 0 to 255 to 0 to 256, so that full light changes nothing.
                 let light = u16::from(light) + u16::from(light >> 7);
                 pair.copy_from_slice(&[light, light, light, WHOLE, light, light, light, WHOLE]);
             }
         }
-        for (sample, kept) in line.iter_mut().zip(&kept) {
-            *sample = (u16::from(*sample).wrapping_mul(*kept) >> 8) as u8;
+        for (sample, factor) in line.iter_mut().zip(&factors) {
+            *sample = (u16::from(*sample).wrapping_mul(*factor) >> 8) as u8;
         }
     }
 }
 
-/// Luma of each pixel, and chroma of two times two.
+/// Compute the luma of each pixel and the chroma of each square of two times two pixels.
+///
+/// The factors of ITU-R BT.601 are rounded to 1/256; luma is from 16 to 235, chroma from 16 to 240 around 128.
 #[inline(always)]
 fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
     for (pixel, y) in data.chunks_exact(BYTES).zip(luma) {
-        let [red, green, blue] = [0, 1, 2].map(|part| u16::from(pixel[part]));
+        let [red, green, blue] = [0, 1, 2].map(|component| u16::from(pixel[component]));
         *y = ((66 * red + 129 * green + 25 * blue + 128) >> 8) as u8 + 16;
     }
     let (u, v) = chroma.split_at_mut(chroma.len() / 2);
-    let pairs = data.chunks_exact(2 * width * BYTES);
+    let row_pairs = data.chunks_exact(2 * width * BYTES);
     let planes = u
         .chunks_exact_mut(width / 2)
         .zip(v.chunks_exact_mut(width / 2));
-    for (two, (u, v)) in pairs.zip(planes) {
-        let (upper, lower) = two.split_at(width * BYTES);
+    for (row_pair, (u, v)) in row_pairs.zip(planes) {
+        let (upper, lower) = row_pair.split_at(width * BYTES);
         let squares = upper
             .chunks_exact(2 * BYTES)
             .zip(lower.chunks_exact(2 * BYTES));
         for ((up, down), (u, v)) in squares.zip(u.iter_mut().zip(v)) {
-            let [red, green, blue] = [0, 1, 2].map(|part| {
-                let sum = [up[part], up[part + BYTES], down[part], down[part + BYTES]];
-                (sum.into_iter().map(i16::from).sum::<i16>() + 2) >> 2
+            let [red, green, blue] = [0, 1, 2].map(|component| {
+                let next = component + BYTES;
+                let samples = [up[component], up[next], down[component], down[next]];
+                (samples.into_iter().map(i16::from).sum::<i16>() + 2) >> 2
             });
             *u = (((112 * blue - 74 * green - 38 * red + 128) >> 8) + 128) as u8;
             *v = (((112 * red - 94 * green - 18 * blue + 128) >> 8) + 128) as u8;
@@ -321,25 +338,29 @@ fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
 /// Lower and upper end along an axis.
 type Interval = (f32, f32);
 
-/// Distance of the control points of a quarter circle from its ends, in radii.
+/// Distance of the control points of a cubic Bezier curve from its ends, in radii, so that it is close to a quarter
+/// circle.
 const QUARTER: f32 = 0.552_285;
 
 enum Shape {
+    /// A filled outline.
     Fill(Path, Paint<'static>),
+    /// A line, and its width.
     Line(Path, Paint<'static>, f32),
+    /// An image, and the column and row of its upper left corner.
     Mask(Pixmap, (i32, i32)),
 }
 
-/// Shapes, the first below the others; x grows to the right, y downwards.
+/// Shapes in the order in which they are drawn; x grows to the right, y downwards.
 ///
-/// Colours are `#rrggbb`, opacity is 0 to 1. Every method raises `ValueError` for another colour.
+/// Colours are `#rrggbb`; any other text raises `ValueError`. Opacity is 0 (invisible) to 1.
 #[pyclass]
 #[derive(Default)]
 pub struct Drawing(Vec<Shape>);
 
 impl Drawing {
-    /// Draws all shapes, moved, turned and scaled.
-    pub fn on(&self, canvas: &mut PixmapMut<'_>, transform: Transform) {
+    /// Draw all shapes on a canvas, moved, turned and scaled by `transform`.
+    fn draw_on(&self, canvas: &mut PixmapMut<'_>, transform: Transform) {
         for shape in &self.0 {
             match shape {
                 Shape::Fill(path, paint) => {
@@ -363,13 +384,14 @@ impl Drawing {
         }
     }
 
+    /// Add the area inside a path; an empty path adds nothing.
     fn fill(&mut self, path: PathBuilder, paint: Paint<'static>) {
         self.0
             .extend(path.finish().map(|path| Shape::Fill(path, paint)));
     }
 }
 
-/// A colour written as `#rrggbb`.
+/// Read red, green and blue from a colour written as `#rrggbb`.
 pub fn parse_colour(colour: &str) -> PyResult<[u8; 3]> {
     let digits = colour.strip_prefix('#').filter(|digits| digits.len() == 6);
     let number = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
@@ -393,8 +415,8 @@ fn solid_paint(colour: &str, opacity: f32) -> PyResult<Paint<'static>> {
     })
 }
 
-/// A rectangle with round corners.
-fn rounded(x: Interval, y: Interval, radius: f32) -> PathBuilder {
+/// The outline of a rectangle with round corners; the radius is limited to half the shorter side.
+fn rounded_rectangle(x: Interval, y: Interval, radius: f32) -> PathBuilder {
     let mut path = PathBuilder::new();
     let radius = radius.min(0.5 * (x.1 - x.0)).min(0.5 * (y.1 - y.0));
     if radius <= 0.0 {
@@ -419,14 +441,14 @@ fn rounded(x: Interval, y: Interval, radius: f32) -> PathBuilder {
 
 #[pymethods]
 impl Drawing {
-    /// Begin without shapes.
+    /// Make a drawing without shapes.
     #[new]
     #[pyo3(signature = ())]
     fn new() -> Self {
         Self::default()
     }
 
-    /// Add a rectangle, with round corners if it has a radius.
+    /// Add a filled rectangle; its corners are round if `radius` is above 0.
     #[pyo3(signature = (
         x: "tuple[float, float]",
         y: "tuple[float, float]",
@@ -443,7 +465,10 @@ impl Drawing {
         opacity: f32,
         radius: f32,
     ) -> PyResult<()> {
-        self.fill(rounded(x, y, radius), solid_paint(colour, opacity)?);
+        self.fill(
+            rounded_rectangle(x, y, radius),
+            solid_paint(colour, opacity)?,
+        );
         Ok(())
     }
 
@@ -464,15 +489,16 @@ impl Drawing {
         line: f32,
         radius: f32,
     ) -> PyResult<()> {
+        // tiny-skia draws half of a line on each side of its path.
         let inner = |ends: Interval| (ends.0 + 0.5 * line, ends.1 - 0.5 * line);
-        let path = rounded(inner(x), inner(y), radius - 0.5 * line).finish();
+        let path = rounded_rectangle(inner(x), inner(y), radius - 0.5 * line).finish();
         let paint = solid_paint(colour, 1.0)?;
         self.0
             .extend(path.map(|path| Shape::Line(path, paint, line)));
         Ok(())
     }
 
-    /// Add a polygon.
+    /// Add a filled polygon through points (x, y).
     #[pyo3(signature = (
         points: "Sequence[tuple[float, float]]",
         colour: "str",
@@ -487,7 +513,7 @@ impl Drawing {
         Ok(())
     }
 
-    /// Add lines, each through points.
+    /// Add lines, each through a sequence of points (x, y).
     #[pyo3(signature = (
         lines: "Sequence[Sequence[tuple[float, float]]]",
         colour: "str",
@@ -510,7 +536,7 @@ impl Drawing {
         Ok(())
     }
 
-    /// Add light around a point that fades towards `reach`.
+    /// Add a light around a point, of opacity `strength` there and 0 at the distance `reach`.
     #[pyo3(signature = (
         x: "float",
         y: "float",
@@ -519,16 +545,25 @@ impl Drawing {
         strength: "float",
     ) -> "None")]
     fn glow(&mut self, x: f32, y: f32, reach: f32, colour: &str, strength: f32) -> PyResult<()> {
-        let stop = |away: f32| {
-            let left = 1.0 - away * away;
+        // The opacity falls as (1 - distance^2)^2, in four linear pieces; it is smooth at the centre and at `reach`.
+        let stop = |distance: f32| {
+            let share = 1.0 - distance * distance;
             Ok(GradientStop::new(
-                away,
-                colour_with_opacity(colour, strength * left * left)?,
+                distance,
+                colour_with_opacity(colour, strength * share * share)?,
             ))
         };
         let stops: PyResult<Vec<_>> = [0.0, 0.25, 0.5, 0.75, 1.0].map(stop).into_iter().collect();
-        let (centre, whole) = (Point::from_xy(x, y), Transform::identity());
-        let light = RadialGradient::new(centre, 0.0, centre, reach, stops?, SpreadMode::Pad, whole);
+        let centre = Point::from_xy(x, y);
+        let light = RadialGradient::new(
+            centre,
+            0.0,
+            centre,
+            reach,
+            stops?,
+            SpreadMode::Pad,
+            Transform::identity(),
+        );
         let mut path = PathBuilder::new();
         path.push_circle(x, y, reach);
         if let Some(shader) = light {
@@ -541,15 +576,15 @@ impl Drawing {
         Ok(())
     }
 
-    /// Add a mask of one colour.
+    /// Add an image of one colour, such as a letter.
     ///
     /// Args:
     ///     covered: Coverage of each pixel, 0 to 255; shape (height, width), contiguous.
-    ///     place: Column and row of the left upper corner.
-    ///     colour: Colour of the mask.
+    ///     place: Column and row of the upper left corner.
+    ///     colour: Colour of the image.
     ///
     /// Raises:
-    ///     ValueError: The mask has no rows or no columns, or the colour is invalid.
+    ///     ValueError: The array has no rows or no columns, or the colour is invalid.
     #[pyo3(signature = (
         covered: "NDArray[np.uint8]",
         place: "tuple[int, int]",
@@ -573,10 +608,10 @@ impl Drawing {
     }
 }
 
-/// Adds a line through points to a path.
+/// Add a line through points to a path.
 fn add_polyline(path: &mut PathBuilder, points: &[Interval]) {
-    for (place, &(x, y)) in points.iter().enumerate() {
-        if place == 0 {
+    for (index, &(x, y)) in points.iter().enumerate() {
+        if index == 0 {
             path.move_to(x, y);
         } else {
             path.line_to(x, y);

@@ -1,29 +1,29 @@
-//! Work on all threads of this process, begun only where the system grants threads and memory for it.
+//! Parallel work that begins only if the system grants enough threads and memory; otherwise Python gets an error.
 
 use overtaking_core::pool::process_pool;
 use pyo3::prelude::*;
 
-/// Memory that a thread allocates to advance its simulations: states, histories and frames of four blocks of sixteen
-/// simulations with 32 vehicles each take less than this.
+/// Upper bound of the memory that a thread allocates to simulate [bytes]: states, histories and frames of four blocks
+/// of sixteen simulations with 32 vehicles each take less.
 const THREAD_BYTES: usize = 4 << 20;
 
-/// Memory that the engine allocates for each simulation beside the arrays of the caller: where its results go, and
-/// the values of its answers before they are transposed.
+/// Memory that the engine allocates for each simulation in addition to the caller's arrays [bytes]: views of the
+/// outputs, and the values of answers before they are transposed.
 pub const SIMULATION_BYTES: usize = 2048;
 
-/// Do work on the threads of this process, while other Python threads run.
+/// Run `work` in the thread pool of this process, while other Python threads run.
 ///
-/// `room` is the memory that the work allocates at most, without that of each thread [bytes].
+/// `work_bytes` is the largest amount of memory that the work allocates, not counting `THREAD_BYTES` per thread.
 ///
 /// # Errors
 /// `SystemLimitError`: The system starts no more threads or grants no more memory.
 pub fn spread<R: Send>(
     py: Python<'_>,
-    room: usize,
+    work_bytes: usize,
     work: impl FnOnce() -> R + Send,
 ) -> PyResult<R> {
     let pool = process_pool().map_err(no_threads)?;
-    expect_room(room.saturating_add(pool.current_num_threads() * THREAD_BYTES))?;
+    expect_room(work_bytes.saturating_add(pool.current_num_threads() * THREAD_BYTES))?;
     Ok(py.detach(|| pool.install(work)))
 }
 
@@ -33,28 +33,30 @@ pub fn spread<R: Send>(
 /// can fail, and freed again, before the work begins.
 ///
 /// # Errors
-/// `SystemLimitError`: The system grants less.
+/// `SystemLimitError`: The system grants less memory.
 pub fn expect_room(bytes: usize) -> PyResult<()> {
     reserved::<u8>(bytes).map(drop)
 }
 
-/// An empty vector with room for some elements.
+/// An empty vector with memory for `count` elements.
 ///
 /// # Errors
 /// `SystemLimitError`: The system grants less memory.
 pub fn reserved<T>(count: usize) -> PyResult<Vec<T>> {
-    let mut room = Vec::new();
-    let answer = room.try_reserve_exact(count);
-    answer.map_err(|error| system_limit("memory_error", &error.to_string()))?;
-    Ok(room)
+    let mut elements = Vec::new();
+    let reservation = elements.try_reserve_exact(count);
+    reservation.map_err(|error| system_limit("memory_error", &error.to_string()))?;
+    Ok(elements)
 }
 
-/// The Python error for threads that do not start.
+/// The Python error for threads that do not start; `message` is the answer of the system.
 pub fn no_threads(message: String) -> PyErr {
     system_limit("thread_error", &message)
 }
 
-/// A `SystemLimitError`, made by a function of the Python package with the answer of the system.
+/// Make a `SystemLimitError` with `function` of `overtaking.core.process_limits` and the answer of the system.
+///
+/// The texts of errors are in Python, so that both languages have the same. An error of the call itself is returned.
 fn system_limit(function: &str, answer: &str) -> PyErr {
     Python::attach(|py| {
         py.import("overtaking.core.process_limits")
