@@ -1,4 +1,8 @@
-"""The Rust engine: the same model as `sim.reference`, sixteen simulations at a time."""
+"""The compiled engine in Rust: the same model as `sim.reference`, sixteen simulations at a time.
+
+This module allocates the output arrays of a batch, passes all inputs to the engine as flat arrays
+and numbers, and wraps the outputs as `Trajectories`.
+"""
 
 import dataclasses
 from collections.abc import Sequence
@@ -16,6 +20,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import (
     STATE_DTYPES,
     Contacts,
+    PerceivedVehicle,
     Percepts,
     States,
     Trajectories,
@@ -24,13 +29,15 @@ from overtaking.model.trajectories import (
 from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 
-_WIDE, _BYTE = np.int32, np.uint8
+_WIDE, _BYTE = np.int32, np.uint8  # The engine writes counts and times as int32, codes as bytes.
+
+
 _BELIEF_TYPES = {
     name: _BYTE if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
     if field.dtype and field.axes == Percepts.AXES
 }
-"""Types of the recorded beliefs about a neighbour; flags come as bytes."""
+"""Type of each recorded belief about a neighbour. The engine writes flags as bytes."""
 
 
 def simulate(
@@ -42,10 +49,11 @@ def simulate(
         scenario: A batch of scenarios.
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU. The result is the
             same.
-        buffers: Memory to use again; the returned batch is then valid until the next call with it.
+        buffers: Memory for the outputs. The next call with the same buffers overwrites the returned
+            arrays; without buffers each call has its own memory.
 
     Raises:
-        ConfigError: The SIMD level is unknown or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
     return run(scenario, step_parameters(scenario), level=level, buffers=buffers)
 
@@ -64,51 +72,52 @@ def run(
     Args:
         scenario: A batch of scenarios.
         params: Parameters of the batch.
-        switches: Parameters that take over at later steps, in their order.
-        actions: What another driver did with the ego; None for the model's own.
+        switches: Parameters that replace `params` at later steps, in the order of the steps.
+        actions: Recorded actions of an external driver; None lets the model driver drive the ego.
         level: As in `simulate`.
         buffers: As in `simulate`.
     """
-    room = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
+    # The engine writes whole tiles of 16 frames, so the arrays have space for a last full tile.
+    allocated_frames = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     outputs = _allocate_outputs(
-        scenario.num_simulations, scenario.num_slots, room, buffers or Buffers()
+        scenario.num_simulations, scenario.num_slots, allocated_frames, buffers or Buffers()
     )
-    forced = simd_level(level)
-    flat = {name: array.reshape(-1) for name, array in outputs.items()}
-    later = [
+    checked_level = simd_level(level)
+    flat_outputs = {name: array.reshape(-1) for name, array in outputs.items()}
+    switch_inputs = [
         (
-            one.vehicle_table.reshape(-1),
-            one.simulation_table.reshape(-1),
-            one.scenario_index,
-            _flat(one.judgement_errors),
+            new_params.vehicle_table.reshape(-1),
+            new_params.simulation_table.reshape(-1),
+            new_params.scenario_index,
+            _flatten(new_params.judgement_errors),
             step,
         )
-        for step, one in switches
+        for step, new_params in switches
     ]
     _core.simulate(
         vehicle=params.vehicle_table.reshape(-1),
         simulation=params.simulation_table.reshape(-1),
         scenario_index=params.scenario_index,
         num_slots=scenario.num_slots,
-        frames=room,
+        frames=allocated_frames,
         seed=params.seed,
         steps_per_frame=params.steps_per_frame,
         road=road_values(params),
         constants=engine_constants(params.constants),
-        outputs=flat,
-        switches=later,
+        outputs=flat_outputs,
+        switches=switch_inputs,
         action_log=None if actions is None else (actions.kind, actions.values),
-        level=forced,
+        level=checked_level,
     )
     return dataclasses.replace(_to_trajectories(scenario, outputs), actions=actions)
 
 
-def _flat(judged: F32 | None) -> F32 | None:
-    return None if judged is None else judged.reshape(-1)
+def _flatten(judgement_errors: F32 | None) -> F32 | None:
+    return None if judgement_errors is None else judgement_errors.reshape(-1)
 
 
 def road_values(params: StepParameters) -> dict[str, Any]:
-    """The road as the compiled engine takes it."""
+    """The fields of the road as numbers and lists, which the compiled engine reads by name."""
     road = params.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
     return {
@@ -128,60 +137,72 @@ def road_values(params: StepParameters) -> dict[str, Any]:
 
 
 def _allocate_outputs(
-    batch: int, slots: int, frames: int, buffers: Buffers
+    num_simulations: int, num_slots: int, num_frames: int, buffers: Buffers
 ) -> dict[str, NDArray[Any]]:
+    """The arrays that the engine fills, by the names under which it looks them up."""
     array = buffers.array
-    shape = (batch, slots, frames)
+    shape = (num_simulations, num_slots, num_frames)
     states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
-    # With how far each row is written: so the engine clears no more than was ever there.
+    # `written` holds how many frames of each vehicle are filled. In memory that is used again, the
+    # engine then clears only the frames that the batch before has filled.
     written = ArrayLayout("written", shape[:2], _WIDE)
     outputs = buffers.arrays("states", (*states, written))
-    outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
-    outputs["num_frames"] = array("num_frames", (batch,), _WIDE)
-    outputs["contact_partner"] = array("contact_partner", (batch, slots), _BYTE)
-    for name in ("contact_time", "contact_impulse", "contact_speed"):
-        outputs[name] = array(name, (batch, slots), _WIDE)
-    rows = (batch, _core.MAX_PERCEPTS)
     outputs |= {
-        f"percept_{name}": array(f"percept_{name}", rows, _BYTE) for name in ("valid", "kind")
+        name: array(name, (num_simulations, num_frames), _BYTE)
+        for name in ("stage", "collided_with")
     }
-    outputs["percept_time"] = array("percept_time", rows, _WIDE)
+    outputs["num_frames"] = array("num_frames", (num_simulations,), _WIDE)
+    outputs["contact_partner"] = array("contact_partner", (num_simulations, num_slots), _BYTE)
+    for name in ("contact_time", "contact_impulse", "contact_speed"):
+        outputs[name] = array(name, (num_simulations, num_slots), _WIDE)
+    percept_shape = (num_simulations, _core.MAX_PERCEPTS)
+    outputs |= {
+        f"percept_{name}": array(f"percept_{name}", percept_shape, _BYTE)
+        for name in ("valid", "kind")
+    }
+    outputs["percept_time"] = array("percept_time", percept_shape, _WIDE)
     for name, dtype in _BELIEF_TYPES.items():
-        outputs[f"percept_{name}"] = array(f"percept_{name}", (*rows, 3), dtype)
-    outputs["trace_hash"] = array("trace_hash", (batch, 4), np.uint32)
+        shape_by_vehicle = (*percept_shape, len(PerceivedVehicle))
+        outputs[f"percept_{name}"] = array(f"percept_{name}", shape_by_vehicle, dtype)
+    outputs["trace_hash"] = array("trace_hash", (num_simulations, 4), np.uint32)
     return outputs
 
 
-def _to_trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
+def _to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Trajectories:
+    """The outputs of the engine as a recording, cut after the longest simulation."""
     # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
-    longest = int(out["num_frames"].max(initial=1))
-    states = States(**{name: _read_only(out[name][:, :, :longest]) for name in STATE_DTYPES})
-    running = np.arange(longest) < out["num_frames"][:, None, None]
-    there = scenario.vehicles.valid[:, :, None] & running
+    max_frames = int(outputs["num_frames"].max(initial=1))
+    states = States(**{name: _read_only(outputs[name][:, :, :max_frames]) for name in STATE_DTYPES})
+    is_running = np.arange(max_frames) < outputs["num_frames"][:, None, None]
+    is_recorded = scenario.vehicles.valid[:, :, None] & is_running
     return Trajectories(
         scenario=scenario,
-        num_frames=out["num_frames"],
-        states=with_world_coordinates(scenario.road, states, there),
-        stage=out["stage"][:, :longest],
-        collided_with=out["collided_with"][:, :longest],
+        num_frames=outputs["num_frames"],
+        states=with_world_coordinates(scenario.road, states, is_recorded),
+        stage=outputs["stage"][:, :max_frames],
+        collided_with=outputs["collided_with"][:, :max_frames],
         contacts=Contacts(
-            partner=out["contact_partner"],
-            time=out["contact_time"],
-            impulse=out["contact_impulse"],
-            closing_speed=out["contact_speed"],
+            partner=outputs["contact_partner"],
+            time=outputs["contact_time"],
+            impulse=outputs["contact_impulse"],
+            closing_speed=outputs["contact_speed"],
         ),
         percepts=Percepts(
-            valid=out["percept_valid"].view(bool),
-            kind=out["percept_kind"],
-            time=out["percept_time"],
-            is_detected=out["percept_is_detected"].view(bool),
-            **{name: out[f"percept_{name}"] for name in _BELIEF_TYPES if name != "is_detected"},
+            valid=outputs["percept_valid"].view(bool),
+            kind=outputs["percept_kind"],
+            time=outputs["percept_time"],
+            is_detected=outputs["percept_is_detected"].view(bool),
+            **{name: outputs[f"percept_{name}"] for name in _BELIEF_TYPES if name != "is_detected"},
         ),
-        trace_hash=out["trace_hash"],
+        trace_hash=outputs["trace_hash"],
     )
 
 
 def _read_only(states: NDArray[Any]) -> NDArray[Any]:
-    """Recorded states, read-only: the zeros behind them are not cleared again."""
+    """Recorded states, protected against writing.
+
+    The next batch in the same memory clears only the frames that the engine has written, so values
+    that a caller writes behind them would appear in that batch.
+    """
     states.setflags(write=False)
     return states

@@ -1,4 +1,9 @@
-"""A driver of the user's that drives the ego of every simulation of a batch."""
+"""Simulations in which an external driver, a program of the user's, drives the ego.
+
+The driver answers at each decision for all simulations of a batch at once. Its answers are clipped,
+rounded to integers and recorded; the batch is then simulated with this record. So every
+machine can repeat the recording from the record, without the driver.
+"""
 
 import hashlib
 import inspect
@@ -22,6 +27,7 @@ from overtaking.model.driver_interface import (
 )
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.action_spaces import (
     ACTION_SPACES,
     ActionSpace,
@@ -37,27 +43,27 @@ from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 OBSERVATION_SOURCES = ("human", "truth")
-"""Observations without a sensor: the beliefs of the model's driver, or the state of the world."""
+"""Observations without a sensor: the beliefs of the model driver, or the true state."""
 
 
 MAX_ACTION_REPEAT = 200
-"""Largest number of decisions for which an action holds."""
+"""Largest number of decisions for which an answer may hold: 10 s. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """A function that drives the ego, with its observations and actions.
+    """A function that drives the ego, with its observations and its action space.
 
     Attributes:
         function: Takes an `Observation` of all simulations, and returns actions of shape
-            (simulation, part). Its method `reset`, if it has one, takes the scenarios before each
-            batch.
-        observation: `human` for the beliefs of the model's driver, `truth` for the state of the
-            world, or a `Sensor`.
-        action: What it answers, a name in `CONTROLS`.
-        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200.
-        name: Its name; that of the function if left out.
-        version: Its version, if it has one.
+            (simulation, part). A method `reset` of the function, if it exists, is called with the
+            scenarios before each batch.
+        observation: `human` for the beliefs of the model driver, `truth` for the true state, or a
+            `Sensor`.
+        action: Action space of the answers, a name in `ACTION_SPACES`.
+        action_repeat: Number of decisions for which an answer holds, 20 a second, 1 to 200.
+        name: Name of the driver; if empty, the name of the function is shown.
+        version: Version of the driver; may be empty.
     """
 
     function: DriverFunction
@@ -68,7 +74,7 @@ class Driver:
     version: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse a value that is out of its range."""
+        """Reject values of the wrong type or range."""
         if not callable(self.function):
             raise ConfigError(
                 what="function",
@@ -78,9 +84,9 @@ class Driver:
                 next_step="give a function, or an object with __call__",
             )
         if not isinstance(self.observation, Sensor) and self.observation not in OBSERVATION_SOURCES:
-            known = (*OBSERVATION_SOURCES, "a sensor, on the command line its .toml file")
+            choices = (*OBSERVATION_SOURCES, "a sensor, on the command line its .toml file")
             raise ConfigError.unknown_choice(
-                what="observation", where="drive", choices=known, got=self.observation
+                what="observation", where="drive", choices=choices, got=self.observation
             )
         check_choice(self.action, ACTION_SPACES, what="action", where="drive")
         action_repeat = check_whole_number(
@@ -96,33 +102,40 @@ class Driver:
     @property
     def display_name(self) -> str:
         """Name of the driver, or of its function."""
-        one: Any = self.function
-        named = one if hasattr(one, "__qualname__") else type(one)
-        return self.name or f"{named.__module__}:{named.__qualname__}"
+        definition = self._definition
+        return self.name or f"{definition.__module__}:{definition.__qualname__}"
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the file that defines the function, 64 digits; empty if unknown."""
-        one: Any = self.function
-        if isinstance(stated := getattr(one, "sha256", None), str):
-            return stated
+        """SHA-256 of the file that defines the function, 64 digits; empty if unknown.
+
+        A function with an attribute `sha256` states it, as `OnnxDriver` does.
+        """
+        if isinstance(sha256 := getattr(self.function, "sha256", None), str):
+            return sha256
         try:
-            path = inspect.getfile(one if hasattr(one, "__qualname__") else type(one))
+            path = inspect.getfile(self._definition)
             return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-        except (OSError, TypeError):
+        except (OSError, TypeError):  # Functions from a console or a compiled module have no file.
             return ""
+
+    @property
+    def _definition(self) -> Any:
+        """The function itself, or the class of an object with `__call__`."""
+        function: Any = self.function
+        return function if hasattr(function, "__qualname__") else type(function)
 
 
 def drive(
     scenario: Scenario, driver: Driver, run: Simulate, simulator: str = "engine"
 ) -> Trajectories:
-    """Simulate a batch in which a driver of the user's drives every ego.
+    """Simulate a batch in which an external driver drives every ego.
 
     Args:
         scenario: A batch of scenarios.
         driver: The driver.
-        run: `engine.run` or `reference.run`.
-        simulator: Which of them, by name.
+        run: `engine.run` or `reference.run`, which makes the recording.
+        simulator: `engine` or `reference`, in which the driver drives.
 
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
@@ -134,121 +147,145 @@ def drive(
 def record_actions(
     scenario: Scenario, params: StepParameters, driver: Driver, simulator: str
 ) -> Actions:
-    """The actions of a driver in a batch; a simulation with these actions is the one it observed.
+    """The actions of a driver in a batch.
+
+    A simulation with these actions repeats exactly the simulation that the driver observed.
 
     Args:
         scenario: A batch of scenarios.
         params: Parameters of the batch.
         driver: The driver.
-        simulator: `engine` or `reference`; both let it do the same.
+        simulator: `engine` or `reference`; both give the same actions.
+
+    Raises:
+        DriverError: The driver raises an exception, or its answer is not an action.
     """
-    last = int(params.simulations.last_step.max(initial=0.0))
-    log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MAX_ACTION_PARTS), np.int32)
-    clipped = np.zeros(scenario.num_simulations, np.int64)
+    last_step = int(params.simulations.last_step.max(initial=0.0))
+    num_decisions = last_step // SUBSTEPS + 1
+    log = np.zeros((scenario.num_simulations, num_decisions, MAX_ACTION_PARTS), np.int32)
+    num_clipped = np.zeros(scenario.num_simulations, np.int64)
     if scenario.num_simulations:
-        for decision, values in _decisions(scenario, params, driver, simulator, clipped):
-            rows = log[:, decision : decision + len(values)]
-            rows[...] = values.swapaxes(0, 1)[:, : rows.shape[1]]
-    return Actions(values=log, kind=driver.action_space.kind, num_clipped=clipped)
+        for decision, values in _run_driver(scenario, params, driver, simulator, num_clipped):
+            log_part = log[:, decision : decision + len(values)]
+            # The last answer may hold beyond the last decision.
+            log_part[...] = values.swapaxes(0, 1)[:, : log_part.shape[1]]
+    return Actions(values=log, kind=driver.action_space.kind, num_clipped=num_clipped)
 
 
-def _decisions(
+def _run_driver(
     scenario: Scenario,
     params: StepParameters,
     driver: Driver,
     simulator: str,
-    clipped: NDArray[np.int64],
+    num_clipped: NDArray[np.int64],
 ) -> Iterator[tuple[int, NDArray[np.int32]]]:
-    """The number of a decision, and the actions from there on, (decision, simulation, part).
+    """Let the driver drive until all simulations have ended.
 
-    Counts the answers that were beyond the limits.
+    Args:
+        scenario: A batch of scenarios.
+        params: Parameters of the batch.
+        driver: The driver.
+        simulator: `engine` or `reference`.
+        num_clipped: Number of answers of each simulation outside the limits; updated in place.
+
+    Yields:
+        Number of a decision, and the recorded actions of this and the next decisions, shape
+        (decision, simulation, `MAX_ACTION_PARTS`).
     """
-    control, sensor, action_repeat = driver.action_space, driver.observation, driver.action_repeat
-    observes_truth = sensor != "human"
+    space, source, action_repeat = driver.action_space, driver.observation, driver.action_repeat
+    action_parts = ACTION_KINDS[space.kind]
+    observes_truth = source != "human"  # Sensors measure the truth.
     if (reset := getattr(driver.function, "reset", None)) is not None:
         reset(scenario)
-    steps = new_stepper(params, control.kind, observes_truth=observes_truth, simulator=simulator)
-    eyes = _Observer(scenario, params, sensor if isinstance(sensor, Sensor) else None)
-    observation, decision = eyes.observe(steps.observe_start(), 0), 0
+    stepper = new_stepper(params, space.kind, observes_truth=observes_truth, simulator=simulator)
+    observer = _Observer(scenario, params, source if isinstance(source, Sensor) else None)
+    observation, decision = observer.observe(stepper.observe_start(), 0), 0
     while observation.is_running.any():
-        answer, num_clipped = clip_to_limits(
-            _call_driver(driver.function, observation, control), control.parts
+        answer, was_clipped = clip_to_limits(
+            _call_driver(driver.function, observation, space), space.parts
         )
-        clipped += num_clipped
-        if control.plan is None:
-            values = to_action_integers(answer, observation.is_running, ACTION_KINDS[control.kind])
+        num_clipped += was_clipped
+        if space.plan is None:
+            values = to_action_integers(answer, observation.is_running, action_parts)
             yield decision, np.broadcast_to(values, (action_repeat, *values.shape))
             decision += action_repeat
-            observation = eyes.observe(steps.step(values, action_repeat), decision)
+            observation = observer.observe(stepper.step(values, action_repeat), decision)
             continue
-        track = control.plan(answer, observation)
+        # The answer is a speed or a trajectory, which gives another action at each decision.
+        track = space.plan(answer, observation)
         for _ in range(action_repeat):
-            values = to_action_integers(
-                track(observation), observation.is_running, ACTION_KINDS[control.kind]
-            )
+            values = to_action_integers(track(observation), observation.is_running, action_parts)
             yield decision, values[None]
             decision += 1
-            observation = eyes.observe(steps.step(values, 1), decision)
+            observation = observer.observe(stepper.step(values, 1), decision)
 
 
 class _Observer:
-    """Makes observations of a batch from the numbers of the engines."""
+    """Makes the observations of a driver from the tables of a stepper, through a sensor if any."""
 
     def __init__(self, scenario: Scenario, params: StepParameters, sensor: Sensor | None) -> None:
-        self._scenario, self._vehicle = scenario, params.vehicles.at_slots(0)
-        self._sensing = SensorArray(sensor, scenario, params) if sensor else None
+        self._scenario, self._vehicle = scenario, params.vehicles.at_slots(EGO_SLOT)
+        self._sensors = SensorArray(sensor, scenario, params) if sensor else None
 
     def observe(self, stepped: SteppedObservation, decision: int) -> Observation:
-        table, active = stepped.table, stepped.runs
-        table[~active] = 0.0
-        if self._sensing:
+        table, is_running = stepped.table, stepped.runs
+        table[~is_running] = 0.0
+        if self._sensors:
+            # The parts are views, so the measurements are written into the table.
             _, neighbours, passing = split_observation(table)
-            neighbours[...] = self._sensing.measure(neighbours, active, decision)
-            self._sensing.clear_gap_ahead_of_leader(passing)
+            neighbours[...] = self._sensors.measure(neighbours, is_running, decision)
+            self._sensors.clear_gap_ahead_of_leader(passing)
         return Observation(
             time=decision / float(DECISIONS_PER_SECOND),
             decision_index=decision,
-            is_running=active,
+            is_running=is_running,
             table=table,
             vehicle=self._vehicle,
             scenario=self._scenario,
         )
 
 
-def _call_driver(function: DriverFunction, observation: Observation, control: ActionSpace) -> F64:
-    """The answer of a driver, shape (simulation, part).
+def _call_driver(function: DriverFunction, observation: Observation, space: ActionSpace) -> F64:
+    """The answer of a driver, shape (simulation, part); zero for simulations that have ended.
 
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
     """
     running = np.flatnonzero(observation.is_running)
-    expected = (len(observation.is_running), len(control.parts))
+    expected_shape = (len(observation.is_running), len(space.parts))
     try:
         answer: Any = np.asarray(function(observation))
     except DriverError:
-        raise  # It says already what is wrong; the message would be cut within another one.
+        raise  # Its message is complete, and would be cut as a part of another message.
     except Exception as error:
-        got = f"{type(error).__name__}{_error_line(error)}: {error}{_similar_names(error)}"
-        raise _driver_error(observation, "an answer", got, running) from error
+        failure = f"{type(error).__name__}{_error_line(error)}: {error}{_similar_names(error)}"
+        raise _driver_error(observation, "an answer", failure, running) from error
     if answer.dtype.kind not in "fiub":
         raise _driver_error(observation, "numbers", f"an array of {answer.dtype}", running)
-    if answer.shape == expected[:1] and expected[1] == 1:
+    if answer.shape == expected_shape[:1] and len(space.parts) == 1:
         answer = answer[:, None]
-    if answer.shape != expected:
-        wanted = f"shape {expected}: {', '.join(part.name for part in control.parts)}"
-        raise _driver_error(observation, wanted, f"shape {answer.shape}", running)
+    if answer.shape != expected_shape:
+        expected = f"shape {expected_shape}: {', '.join(part.name for part in space.parts)}"
+        raise _driver_error(observation, expected, f"shape {answer.shape}", running)
     values = answer.astype(np.float64)
-    wrong = np.flatnonzero(~np.isfinite(values).all(axis=1) & observation.is_running)
-    if len(wrong):
-        raise _driver_error(observation, "finite numbers", values[wrong[0]].tolist(), wrong)
+    invalid = np.flatnonzero(~np.isfinite(values).all(axis=1) & observation.is_running)
+    if len(invalid):
+        raise _driver_error(observation, "finite numbers", values[invalid[0]].tolist(), invalid)
     return np.where(observation.is_running[:, None], values, 0.0)
 
 
 def _error_line(error: Exception) -> str:
-    """The last line of the driver's file in the traceback of an error, in words."""
-    (_, *own) = traceback.extract_tb(error.__traceback__)  # The first one is ours.
-    lines = [one.lineno for one in own if one.filename == own[0].filename]
-    return f" in {Path(own[0].filename).name}, line {lines[-1]}" if own else ""
+    """The last line of the driver's file in the traceback of an error, in words.
+
+    The driver's file is the file of its outermost call; libraries that it calls have other files.
+    """
+    # The first entry is the call in this module.
+    (_, *driver_calls) = traceback.extract_tb(error.__traceback__)
+    if not driver_calls:
+        return ""
+    file = driver_calls[0].filename
+    lines = [call.lineno for call in driver_calls if call.filename == file]
+    return f" in {Path(file).name}, line {lines[-1]}"
 
 
 def _similar_names(error: Exception) -> str:
@@ -262,15 +299,15 @@ def _similar_names(error: Exception) -> str:
 
 
 def _driver_error(
-    observation: Observation, expected: str, got: object, wrong: NDArray[np.integer]
+    observation: Observation, expected: str, got: object, rows: NDArray[np.integer]
 ) -> DriverError:
-    """The error for an invalid answer."""
-    first = int(observation.scenario.scenario_index[wrong[0]])
-    others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
+    """The error for an invalid answer in some rows of the batch, at least one."""
+    first = int(observation.scenario.scenario_index[rows[0]])
+    others = f" and {len(rows) - 1} others" if len(rows) > 1 else ""
     return DriverError(
         what="answer of the driver",
         where=f"simulation {first}{others} at {observation.time:.2f} s",
         expected=expected,
         got=got,
-        next_step="correct the driver; what is already written stays, and --resume goes on with it",
+        next_step="correct the driver; --resume continues after the simulations already written",
     )

@@ -1,4 +1,8 @@
-"""A batch that another driver takes from decision to decision, on either engine."""
+"""A batch that waits at every decision for the actions of an external driver, on either simulator.
+
+`new_stepper` makes such a batch. `trace_beliefs` uses it to find what the egos of a recording
+believed about their neighbours at every decision.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +29,10 @@ if TYPE_CHECKING:
 
 
 class Stepper(Protocol):
-    """A batch that waits at every decision for orders; both engines give the same bits.
+    """A batch that waits at every decision for actions; both simulators give the same bits.
 
-    The last observation of a simulation is the one at its end, even if an order was to hold longer.
+    A simulation may end before its action has held for all its decisions. Its last observation is
+    the state at its end.
     """
 
     def observe_start(self) -> SteppedObservation:
@@ -35,24 +40,25 @@ class Stepper(Protocol):
         ...
 
     def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
-        """Carry out the same orders for some decisions.
+        """Carry out the same action at some successive decisions.
 
         Args:
-            values: Steps of each number of the action, shape (simulation, `MAX_ACTION_PARTS`).
-            decisions: How many, one at least.
+            values: Each part of the action as a number of steps of its resolution, shape
+                (simulation, `MAX_ACTION_PARTS`).
+            decisions: Number of decisions, at least 1.
         """
         ...
 
 
 class EngineStepper:
-    """The compiled stepper, in whose rows new simulations can begin while others go on.
+    """The compiled stepper. New simulations can begin in some rows while the other rows go on.
 
     Args:
         params: Parameters of a batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
-            decides.
-        observes_truth: Whether the truth is observed, not what the ego believes.
-        level: As in `stepper`.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver drive.
+        observes_truth: Whether observations hold the true neighbours; if not, the beliefs of the
+            model driver.
+        level: As in `new_stepper`.
     """
 
     def __init__(
@@ -63,8 +69,8 @@ class EngineStepper:
         observes_truth: bool,
         level: str | None = None,
     ) -> None:
-        """Stand before the first decision."""
-        self._batch = _core.Stepper(_values(params), kind, observes_truth, simd_level(level))
+        """Place the batch before its first decision."""
+        self._batch = _core.Stepper(_engine_inputs(params), kind, observes_truth, simd_level(level))
 
     def observe_start(self) -> SteppedObservation:
         """As `Stepper.observe_start`."""
@@ -78,24 +84,27 @@ class EngineStepper:
         """Begin new simulations in some rows.
 
         Args:
-            rows: The rows in which they begin, each once.
-            parameters: Their parameters: on the same road, with the same seed and number of slots.
+            rows: Positions in the batch at which new simulations begin, without repetition.
+            parameters: Parameters of the new simulations, in the order of `rows`. Road, seed and
+                number of slots must be the same as at the start.
 
         Returns:
             The observations at their start, shape (row, `OBSERVATION_SIZE`).
         """
-        return SteppedObservation(*self._batch.restart(rows, _values(parameters)))
+        return SteppedObservation(*self._batch.restart(rows, _engine_inputs(parameters)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefTrace:
-    """Beliefs of the egos of a batch at each decision, 20 a second; NaN once a simulation is over.
+    """Beliefs of the egos of a batch at each decision, 20 a second, beside the truth.
+
+    All values are NaN after the end of a simulation.
 
     Attributes:
         ego: Columns of the egos, shape (decision, simulation, `EGO_COLUMNS`).
-        believed: Columns of their neighbours as the egos believe them to be, shape (decision,
-            simulation, `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
-        true: True columns of the neighbours, in the same shape.
+        believed: Columns of the neighbours as the egos' model drivers believe them to be, shape
+            (decision, simulation, `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
+        true: The same columns with their true values.
     """
 
     ego: F32
@@ -115,9 +124,9 @@ def new_stepper(
 
     Args:
         params: Parameters of the batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
-            decides.
-        observes_truth: Whether the truth is observed, not what the ego believes.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver drive.
+        observes_truth: Whether observations hold the true neighbours; if not, the beliefs of the
+            model driver.
         simulator: `engine` or `reference`.
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
 
@@ -129,8 +138,8 @@ def new_stepper(
     return EngineStepper(params, kind, observes_truth=observes_truth, level=level)
 
 
-def _values(params: StepParameters) -> dict[str, Any]:
-    """A batch as the compiled stepper takes it."""
+def _engine_inputs(params: StepParameters) -> dict[str, Any]:
+    """The parameters as flat arrays and numbers, which the compiled stepper reads by name."""
     return {
         "vehicle": params.vehicle_table.reshape(-1),
         "simulation": params.simulation_table.reshape(-1),
@@ -146,37 +155,39 @@ def _values(params: StepParameters) -> dict[str, Any]:
 def trace_beliefs(
     scenario: Scenario, actions: Actions | None = None, simulator: str = "engine"
 ) -> BeliefTrace:
-    """Simulate again, and return the beliefs of the egos at every decision.
+    """Simulate a batch again, and return the beliefs of the egos at every decision.
 
     Args:
         scenario: A batch of scenarios.
-        actions: What another driver did with the ego; None for the model's own.
-        simulator: `engine` or `reference`; their beliefs are the same.
+        actions: Recorded actions of an external driver; None if the model driver drove the ego.
+        simulator: `engine` or `reference`; both give the same beliefs.
     """
-    ego, believed = _trace(scenario, actions, simulator, observes_truth=False)
-    _, true = _trace(scenario, actions, simulator, observes_truth=True)
+    # A stepper observes either beliefs or truth, so the same simulation runs twice.
+    ego, believed = _trace_observations(scenario, actions, simulator, observes_truth=False)
+    _, true = _trace_observations(scenario, actions, simulator, observes_truth=True)
     return BeliefTrace(ego=ego, believed=believed, true=true)
 
 
-def _trace(
+def _trace_observations(
     scenario: Scenario, actions: Actions | None, simulator: str, *, observes_truth: bool
 ) -> tuple[F32, F32]:
-    """Columns of the egos and of their neighbours."""
+    """Observed columns of the egos and of their neighbours, along a first axis of decisions."""
     kind = None if actions is None else actions.kind
-    steps = new_stepper(
+    stepper = new_stepper(
         step_parameters(scenario), kind, observes_truth=observes_truth, simulator=simulator
     )
-    nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
+    # A stepper of the model driver takes actions too, and ignores them.
+    no_action = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
-    table, runs, _ = steps.observe_start()
-    while runs.any():
-        tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
-        orders = nothing if actions is None else _actions_at(actions, len(tables) - 1)
-        table, runs, _ = steps.step(orders, 1)
+    table, is_running, _ = stepper.observe_start()
+    while is_running.any():
+        tables.append(np.where(is_running[:, None], table, np.float32(np.nan)))
+        values = no_action if actions is None else _actions_at(actions, len(tables) - 1)
+        table, is_running, _ = stepper.step(values, 1)
     ego, neighbours, _ = split_observation(np.stack(tables))
     return ego, neighbours
 
 
 def _actions_at(actions: Actions, decision: int) -> np.ndarray:
-    """The orders of a decision; those of the last one where there are no more."""
+    """Recorded actions at a decision; after the end of the record, the last recorded actions."""
     return np.ascontiguousarray(actions.values[:, min(decision, actions.values.shape[1] - 1)])
