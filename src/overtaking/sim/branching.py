@@ -1,6 +1,6 @@
 """Branches: the same simulations with weather, drivers or vehicles changed from a frame on.
 
-A branch equals its source up to the first change, because the same random numbers are drawn; each
+A branch equals its source up to the first change, because the same random numbers are drawn. Each
 later difference is an effect of the changes.
 """
 

@@ -1,6 +1,8 @@
-"""The drivers that come with the package. They observe `human` and answer `decision`.
+"""The drivers `stay` and `rules`, and drivers in ONNX files.
 
-They decide about lane changes; the model's own driver accelerates, brakes and steers.
+`stay` and `rules` come with the package. They observe the beliefs of the model driver
+(`observation="human"`) and answer moves (`action="decision"`): they decide about lane changes, and
+the model driver accelerates, brakes and steers.
 """
 
 import hashlib
@@ -29,39 +31,45 @@ Moves = NDArray[np.int64]
 
 
 MIN_SPEED_GAIN = 3.0
-"""Smallest amount by which a leader must be slower than the desired speed to be overtaken [m/s]."""
+"""A leader is overtaken if it is slower than the desired speed by more than this [m/s]. Chosen."""
 
 
 PULL_OUT_TIME_GAP = 4.0
-"""Time gap to the leader below which the overtake begins [s]."""
+"""Time gap to the leader below which the overtake may begin [s]. Chosen."""
 
 
 MIN_TIME_GAP = 1.2
-"""Time gap kept to the new leader, and left to the new follower [s]."""
+"""Smallest time gap to the new leader, and of the new follower to the ego [s]. Chosen.
+
+UN R79 asks for 1 s of the new follower (docs/how-to/evaluate-a-driver.md).
+"""
 
 
 INDICATOR_LEAD_TIME = 1.2
-"""Time from the indicator to the movement; UN R79 asks for 1 s [s]."""
+"""Time from the indicator to the lane change [s]. Chosen: UN R79 asks for at least 1 s."""
 
 
 MAX_IMPOSED_DECEL = 3.0
-"""Largest deceleration that a lane change imposes on the new follower (UN R79) [m/s^2]."""
+"""Largest deceleration that a lane change imposes on the new follower [m/s^2].
+
+The value of UN R79 as recalled; its wording was not at hand.
+"""
 
 
 CANCEL_IMPOSED_DECEL = 6.0
-"""Deceleration of the new follower above which a lane change is cancelled [m/s^2]."""
+"""Deceleration of the new follower above which a lane change is cancelled [m/s^2]. Chosen."""
 
 
 MIN_TIME_BETWEEN_CHANGES = 8.0
-"""Time between two lane changes; the return need not wait for it [s]."""
+"""Smallest time from a lane change to the next pull-out; a return need not wait [s]. Chosen."""
 
 
 ABORT_STATE_THRESHOLD = 0.5
-"""Above it the ego fits in behind the target; below it the ego still brakes for that [1]."""
+"""The ego aborts if `abort_state` is above it, which is 1 if it fits in behind the target [1]."""
 
 
 ONCOMING_TIME_MARGIN = 3.0
-"""Time that is left until an oncoming vehicle at the end of a pass [s]."""
+"""Smallest time to the meeting with an oncoming vehicle at the end of a pass [s]. Chosen."""
 
 
 def stay(observation: Observation) -> Moves:
@@ -70,9 +78,10 @@ def stay(observation: Observation) -> Moves:
 
 
 def rules(observation: Observation) -> Moves:
-    """Change lanes by fixed rules: if it gains speed, and the gaps are larger than UN R79 demands.
+    """Change lanes by fixed rules: for a gain of speed, into gaps larger than UN R79 demands.
 
-    It decides when it checks the mirrors, and keeps indicating in between.
+    The driver decides only while it checks the mirrors. Between two checks it goes on to indicate
+    the side that it wants.
     """
     ego = observation.ego
     checks_mirrors = ego.checks_mirrors > 0
@@ -85,9 +94,10 @@ def rules(observation: Observation) -> Moves:
     is_clear = _is_clear_ahead(observation, observation.right_leader)
     is_clear &= _is_clear_behind(observation, observation.right_follower, MAX_IMPOSED_DECEL)
     returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
-    now = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
-    move = np.where(pulls_out, np.where(now, Move.PULL_OUT, Move.INDICATE_PULL_OUT), Move.KEEP)
-    move = np.where(returns, np.where(now, Move.RETURN, Move.INDICATE_RETURN), move)
+    can_begin = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
+    pull_out_move = np.where(can_begin, Move.PULL_OUT, Move.INDICATE_PULL_OUT)
+    return_move = np.where(can_begin, Move.RETURN, Move.INDICATE_RETURN)
+    move = np.where(returns, return_move, np.where(pulls_out, pull_out_move, Move.KEEP))
     may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
     cancels = may_cancel & ~_is_clear_behind(
         observation, observation.left_follower, CANCEL_IMPOSED_DECEL
@@ -117,15 +127,17 @@ def _wants_to_overtake(observation: Observation) -> Mask:
 
 
 def _is_back_in_time(observation: Observation) -> Mask:
-    """Whether the ego returns `ONCOMING_TIME_MARGIN` before it meets an oncoming vehicle.
+    """Whether the ego can return `ONCOMING_TIME_MARGIN` before it meets an oncoming vehicle.
 
-    A vehicle that it does not see may be just beyond its sight, at the usual speed.
+    If no oncoming vehicle is seen, one may be just beyond the sight distance, at the speed that the
+    driver expects.
     """
     ego, leader, vehicle = observation.ego, observation.leader, observation.vehicle
     oncoming, passing = observation.oncoming, observation.passing
     leader_speed = ego.speed - leader.closing_speed
     lengths = leader.length + 2.0 * vehicle.half_length
     distance = leader.gap + lengths + MIN_TIME_GAP * leader_speed
+    # A smaller gain is rejected in `_wants_to_overtake`; the limit avoids a division by zero here.
     speed_gain = np.maximum(vehicle.desired_speed - leader_speed, MIN_SPEED_GAIN)
     duration = distance / speed_gain + vehicle.lane_change_duration
     is_seen = oncoming.is_detected > 0
@@ -148,41 +160,43 @@ def _is_clear_behind(
     """Whether the vehicle behind in the new lane need not brake harder than `max_decel`."""
     closing_speed: F32 = np.maximum(new_follower.closing_speed, 0.0)
     follower_speed = observation.ego.speed + new_follower.closing_speed
+    # The check for a cancellation demands no time gap: it fails for hard braking or less than 2 m.
     time_gap = MIN_TIME_GAP if max_decel == MAX_IMPOSED_DECEL else 0.0
     braking_distance = closing_speed * closing_speed / (2.0 * max_decel)
+    # As in UN R79, the follower reacts after 0.4 s. At least 2 m are left at any speed; chosen.
     min_gap = 0.4 * closing_speed + braking_distance + np.maximum(time_gap * follower_speed, 2.0)
     return (new_follower.is_detected == 0) | (new_follower.gap > min_gap)
 
 
 MAX_BYTES = 1 << 28
-"""Largest file that is read."""
+"""Largest ONNX file that is read, 256 MiB. Chosen."""
 
 
 MEMORY_MIB = 2048
-"""Memory of the process beyond ONNX Runtime itself [MiB], which Linux enforces."""
+"""Memory of the process beyond ONNX Runtime itself [MiB]. Only Linux enforces it. Chosen."""
 
 
 TIMEOUT_S = 60.0
-"""Longest time to load and check a network, and longest time of one decision [s]."""
+"""Longest time to load and check a network, and longest time of one decision [s]. Chosen."""
 
 
 READY = "ready"
-"""First message of the process: ONNX Runtime is imported, the time limit begins."""
+"""First answer of the process: ONNX Runtime is imported. From then on `TIMEOUT_S` holds."""
 
 
 _MODULE = "overtaking.sim.network_process"
 
 
 _START_TIMEOUT_S = 120.0
-"""Longest time to start Python and import ONNX Runtime on a busy machine [s]."""
+"""Longest time to start Python and import ONNX Runtime, also on a busy machine [s]. Chosen."""
 
 
 class OnnxDriver:
-    """A driver in an ONNX file: from float32 numbers to an action.
+    """A driver in an ONNX file: a network from float32 observations to actions.
 
     The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
-    ego, of each neighbour, and of a pass. It may leave out the pass. The first output has
-    shape (simulation, part).
+    ego, of each neighbour, and of a pass. A network may have an input without the columns of a
+    pass. The first output is the action, of shape (simulation, part).
 
     A child process loads the network, checks it with zeros, and evaluates it at each decision. A
     network that passes the check may still crash or exhaust memory with other inputs, so this
@@ -202,8 +216,7 @@ class OnnxDriver:
 
     def __init__(self, path: Path) -> None:
         """Read the file, then load and check it in the child process."""
-        what = "onnxruntime, which runs networks"
-        check_extra("onnx", "onnxruntime", what=what, where=str(path))
+        check_extra("onnx", "onnxruntime", what="onnxruntime, which runs networks", where=str(path))
         self._path = path
         self._content = _read_file(path)
         self.sha256 = hashlib.sha256(self._content).hexdigest()
@@ -224,7 +237,11 @@ class OnnxDriver:
             return self._request(observation.table[:, : self._width], DriverError)
 
     def _start(self, error: type[OvertakingError]) -> tuple[int, int]:
-        """Start the process; return the width of the input and the number of parts."""
+        """Start the process; return the width of the input and the number of parts of an action.
+
+        Args:
+            error: Class of the error to raise: `ConfigError` at construction, `DriverError` later.
+        """
         self._worker = WorkerProcess(_MODULE)
         weakref.finalize(self, self._worker.close)
         limits = {
@@ -237,7 +254,13 @@ class OnnxDriver:
     def _request(
         self, message: object, error: type[OvertakingError], timeout_s: float | None = None
     ) -> Any:
-        """Send a message to the process and return its answer."""
+        """Send a message to the process and return its answer.
+
+        Args:
+            message: The message, see `sim.network_process`.
+            error: Class of the error to raise if the network or its process fails.
+            timeout_s: Longest time of the answer [s]; None for `TIMEOUT_S`.
+        """
         assert self._worker is not None
         limit = TIMEOUT_S if timeout_s is None else timeout_s
         try:
@@ -259,7 +282,7 @@ class OnnxDriver:
 
 
 class _NetworkError(Exception):
-    """A network that failed in its process."""
+    """The network or its process failed; the parts of the message that the user gets."""
 
     def __init__(self, expected: str, got: str) -> None:
         super().__init__(expected, got)
@@ -267,7 +290,7 @@ class _NetworkError(Exception):
 
 
 def _receive(worker: WorkerProcess, timeout_s: float) -> Any:
-    """The next answer.
+    """The next answer of the process.
 
     Raises:
         _NetworkError: The process reports an error, ends, or takes too long.
@@ -304,6 +327,7 @@ def _read_file(path: Path) -> bytes:
 def _driver_file_error(
     path: Path, expected: str, got: str, error: type[OvertakingError] = ConfigError
 ) -> OvertakingError:
+    """The error for a driver file that cannot be used, of the class `error`."""
     return error(
         what="driver",
         where=str(path),

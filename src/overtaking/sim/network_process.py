@@ -1,8 +1,9 @@
-"""ONNX Runtime in a worker process, which the system holds to its memory.
+"""A worker process that evaluates the network of an `OnnxDriver` under a memory limit.
 
-Its messages are the limits, the content of an ONNX file, then observations. The answers are
-`READY`, the width of the input with the number of parts, then actions. A dictionary reports an
-error, with `expected` and `got`; the process ends after it.
+The parent sends the limits, the content of an ONNX file, then one table of observations for each
+decision. The process answers `READY`, then the width of the input and the number of parts of an
+action, then actions. An error is answered as a dictionary with `expected` and `got`; the process
+then ends.
 """
 
 from __future__ import annotations
@@ -23,30 +24,38 @@ if TYPE_CHECKING:
     from overtaking.core.worker_process import ParentConnection
 
 _NUM_CHECKED_ROWS = 3
-"""Simulations of the check. An output with another number of rows has another shape."""
+"""Number of rows of the input in the check, if the network takes any number.
+
+Chosen: with more than one row, the check notices an output without a row for each simulation.
+"""
 
 
 _MEMORY_SIGNS = ("Failed to allocate memory", "bad_alloc", "bad allocation")
-"""Texts in messages of ONNX Runtime about memory, for which it has no class of errors."""
+"""Texts by which messages about memory are recognised; ONNX Runtime has no error class for them."""
 
 
 class _UnusableError(Exception):
-    """A network or an output that cannot be used; its arguments are `expected` and `got`."""
+    """The network or its output cannot be used; the arguments are `expected` and `got`."""
 
 
 class _Network:
     """A network in the memory of this process.
 
+    Args:
+        content: Content of an ONNX file.
+        widths: Allowed numbers of columns of the input.
+
     Raises:
-        _UnusableError: It has another input, or its output for zeros is no action.
+        _UnusableError: The network has a different input, or its output for zeros is no action.
+        MemoryError: ONNX Runtime lacks memory.
     """
 
     def __init__(self, content: bytes, widths: tuple[int, ...]) -> None:
         settings: Any = onnxruntime.SessionOptions()
-        # One thread adds numbers in one order on every machine, and leaves the other cores to the
-        # simulator.
+        # A single thread adds numbers in a fixed order, whatever the number of cores, and leaves
+        # the other cores to the simulator.
         settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-        settings.log_severity_level = 3
+        settings.log_severity_level = 3  # Errors, no warnings.
         try:
             self._session: Any = onnxruntime.InferenceSession(
                 content, settings, providers=["CPUExecutionProvider"]
@@ -64,7 +73,11 @@ class _Network:
         self.num_parts = self._check(shapes[0][0])
 
     def _check(self, length: object) -> int:
-        """Run the network once; return the number of parts of its output."""
+        """Run the network once with zeros; return the number of parts of an action.
+
+        Args:
+            length: Fixed number of rows of the input, or a name if any number is allowed.
+        """
         num_rows = length if isinstance(length, int) else _NUM_CHECKED_ROWS
         action = self.run(np.zeros((num_rows, self.width), np.float32))
         if not np.isfinite(action).all():
@@ -72,7 +85,7 @@ class _Network:
         return action.shape[1] if action.ndim == 2 else 1
 
     def run(self, observation: NDArray[np.float32]) -> NDArray[np.generic]:
-        """The first output for an observation."""
+        """The first output for observations of shape (simulation, width)."""
         try:
             action = self._session.run(None, {self._input: observation})[0]
         except Exception as error:
@@ -89,13 +102,13 @@ class _Network:
 
 
 def main(parent: ParentConnection) -> None:
-    """Load the network of the second message, then evaluate it for each further one."""
+    """Load the network in the second message, then evaluate it for each later message."""
     messages = iter(parent)
     limits = next(messages)
     parent.send(READY)
     content = next(messages)
-    # Standard input, output and error are open, and the pipes to the parent: a network cannot read
-    # a file, such as one that it names as the place of its weights.
+    # Three open files are allowed, and standard input, output and error are open already. So a
+    # network cannot read other files, such as a file that it names as the place of its weights.
     limit_process(limits["memory_mib"], open_files=3)
     try:
         network = _Network(content, limits["widths"])
@@ -112,10 +125,10 @@ def main(parent: ParentConnection) -> None:
 
 
 def _runtime_error(expected: str, error: Exception) -> Exception:
-    """The error for one that ONNX Runtime raises."""
+    """Our error for an exception of ONNX Runtime, with a shortened message."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     text = lines[0] if lines else type(error).__name__
-    # Without the code of the error, and the place in the source code of ONNX Runtime.
+    # Remove the error code, then the place in the source code of ONNX Runtime.
     text = re.sub(r"^\[ONNXRuntimeError\] : \d+ : ", "", text)
     cause = re.sub(r"^\S+:\d+ .*?\) (?=[A-Z])", "", text.rpartition("Status Message: ")[2])
     is_memory = isinstance(error, MemoryError) or any(sign in text for sign in _MEMORY_SIGNS)

@@ -1,6 +1,7 @@
-"""A tick of driven vehicles, by the compiled engine where they fit into it.
+"""One tick of vehicles under pedal and wheel control, as in a CARLA server.
 
-Both ways give the same bits: `sim.reference.pedal_driving` says what happens.
+The compiled engine computes the tick if it has enough slots for the vehicles, else the reference.
+Both give the same bits; `sim.reference.pedal_driving` documents the model.
 """
 
 from typing import Any, Protocol
@@ -19,34 +20,35 @@ from overtaking.world.step_parameters import StepParameters
 
 
 class PedalDriving(Protocol):
-    """What moves the vehicles of one simulation."""
+    """Moves the vehicles of one simulation from tick to tick, by pedals and wheel angles."""
 
     @property
     def constants(self) -> ModelConstants:
-        """Constants with the lengths of step and tick."""
+        """Constants of the model, with the lengths of step and tick."""
         ...
 
     def weather(self, state: State, decision: int) -> None:
-        """Gusts, friction and wind for the tick with this number."""
+        """Update gusts, friction and wind for the tick with the number `decision`."""
         ...
 
     def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """Motion over some steps; contacts are not looked for."""
+        """Move all vehicles by some steps, without detection of collisions."""
         ...
 
 
 def pedal_driving(params: StepParameters) -> PedalDriving:
-    """The engine for a batch of one, or the reference if the engine has too few slots for it.
+    """The engine for one simulation, or the reference if the engine has too few slots for it.
 
     Args:
-        params: Parameters with the lengths of step and tick among the constants.
+        params: Parameters of a batch of one simulation, with the lengths of step and tick among the
+            constants.
     """
     is_small = params.vehicle_table.shape[1] <= _core.MAX_VEHICLES
     return EnginePedalDriving(params) if is_small else ReferencePedalDriving(params)
 
 
 class ReferencePedalDriving:
-    """The reference, for any number of vehicles.
+    """Pedal driving by the reference, for any number of vehicles.
 
     Args:
         params: As in `pedal_driving`.
@@ -66,7 +68,7 @@ class ReferencePedalDriving:
 
 
 class EnginePedalDriving:
-    """The compiled engine.
+    """Pedal driving by the compiled engine.
 
     Args:
         params: As in `pedal_driving`, with no more vehicles than the engine has slots.
@@ -77,7 +79,7 @@ class EnginePedalDriving:
     """
 
     def __init__(self, params: StepParameters, level: str | None = None) -> None:
-        """Turn the parameters into what the engine takes."""
+        """Convert the parameters once to the flat arrays that the engine takes at every tick."""
         self.constants = params.constants
         self._level = simd_level(level)
         self._inputs: dict[str, Any] = {
@@ -92,26 +94,29 @@ class EnginePedalDriving:
 
     def weather(self, state: State, decision: int) -> None:
         """See `PedalDriving`."""
-        table = _table(state)
+        table = _to_table(state)
         _core.weather_driven(self._inputs, table, decision, self._level)
-        _spread(state, table)
+        _write_to_state(state, table)
 
     def drive(self, state: State, controls: PedalControls, steps: int) -> None:
         """See `PedalDriving`."""
-        table = _table(state)
+        table = _to_table(state)
         rows = [controls.throttle, controls.brake, controls.wheel_angle]
-        wanted = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
-        _core.drive(self._inputs, table, wanted, float(WHEEL_RATE), steps, self._level)
-        _spread(state, table)
+        control_table = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
+        _core.drive(self._inputs, table, control_table, float(WHEEL_RATE), steps, self._level)
+        _write_to_state(state, table)
 
 
-def _table(state: State) -> NDArray[np.float32]:
-    """The fields of a state that a tick changes, shape (field, vehicle)."""
+def _to_table(state: State) -> NDArray[np.float32]:
+    """A copy of the fields `TABLE_FIELDS` of a state, shape (field, vehicle).
+
+    The engine changes the table in place.
+    """
     columns = [getattr(getattr(state, group), name) for group, name in TABLE_FIELDS]
     return np.concatenate(columns, axis=1).T.copy()
 
 
-def _spread(state: State, table: NDArray[np.float32]) -> None:
-    """Write the rows of a table into the fields of a state."""
+def _write_to_state(state: State, table: NDArray[np.float32]) -> None:
+    """Write the rows of a table of shape (field, vehicle) into the fields of a state."""
     for (group, name), row in zip(TABLE_FIELDS, table[:, :, None], strict=True):
         setattr(getattr(state, group), name, row)

@@ -1,4 +1,9 @@
-"""Sensors of an automated vehicle: what of the truth reaches another driver, when and how well."""
+"""Sensors of an automated vehicle, which stand between the true traffic and an external driver.
+
+A sensor limits range and field of view, misses vehicles, adds errors to gaps and closing speeds,
+and reports late. Its random errors depend on seed, scenario index and decision alone, not on the
+batch.
+"""
 
 import math
 from collections import deque
@@ -19,32 +24,34 @@ from overtaking.world.constants import DECISIONS_PER_SECOND
 from overtaking.world.step_parameters import StepParameters
 
 _MAX_FILE_BYTES = 1 << 20
+"""Largest sensor file that is read. Chosen: far above ten numbers with comments."""
 
 
-_LOOKS_AHEAD = np.array([role.endswith(("leader", "oncoming")) for role in NEIGHBOUR_ROLES])
+_IS_AHEAD = np.array([role.endswith(("leader", "oncoming")) for role in NEIGHBOUR_ROLES])
+"""Whether the neighbour in each role is ahead of the ego; followers are behind."""
 
 
-_GAP_AHEAD_COLUMN = PassingColumns._fields.index("gap_ahead_of_leader")
+_GAP_AHEAD_OF_LEADER_COLUMN = PassingColumns._fields.index("gap_ahead_of_leader")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """Numbers of a sensor around the vehicle; whose they are, the user says.
+    """Properties of a sensor system around the ego; the user states them for a product.
 
-    What is nearest in a lane is detected where its centre is within range and field of view, unless
-    it is missed. Ranges shrink with the weather.
+    The sensor detects the vehicle in a role if its centre is within range and field of view, or
+    within `range_around`, except for random misses. Ranges shrink in rain and fog.
 
     Attributes:
-        range_ahead: Range ahead [m].
+        range_ahead: Range ahead, from centre to centre [m].
         range_behind: Range behind [m].
-        range_around: Range in every direction [m].
-        field_of_view: Whole angle of the view ahead, and of that behind [rad].
-        latency: Age of what is observed, in whole decisions of 50 ms [s].
-        gap_error: Standard deviation of gaps [m].
-        closing_speed_error: Standard deviation of speeds of approach [m/s].
-        missed: Share of detections that are missed at a decision.
-        rain_loss: Share of the range that is lost in CARLA's heaviest rain.
-        fog_loss: Share of the range that is lost in CARLA's thickest fog.
+        range_around: Range in every direction, also outside the field of view [m].
+        field_of_view: Full angle of the view ahead, and full angle of the view behind [rad].
+        latency: Age of the reported measurements, rounded to decisions of 0.05 s [s].
+        gap_error: Standard deviation of the error of a gap [m].
+        closing_speed_error: Standard deviation of the error of a closing speed [m/s].
+        missed: Share of detections that are missed, independently at each decision [1].
+        rain_loss: Share of the range that is lost in rain of 100 % in CARLA's scale [1].
+        fog_loss: Share of the range that is lost in fog of 100 % in CARLA's scale [1].
     """
 
     range_ahead: float
@@ -59,20 +66,21 @@ class Sensor:
     fog_loss: float
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no sensor has."""
-        for name, (most, unit) in _UPPER_LIMITS.items():
+        """Reject values that are no numbers or outside `_UPPER_LIMITS`."""
+        for name, (limit, unit) in _UPPER_LIMITS.items():
             value = getattr(self, name)
-            if not (isinstance(value, int | float) and 0.0 <= value <= most):
+            if not (isinstance(value, int | float) and 0.0 <= value <= limit):
                 raise ConfigError.out_of_range(
-                    what=name, where="sensor", low=0, high=f"{most:g} {unit}".strip(), got=value
+                    what=name, where="sensor", low=0, high=f"{limit:g} {unit}".strip(), got=value
                 )
 
     @classmethod
     def from_file(cls, path: str | Path) -> "Sensor":
-        """The sensor of a TOML file with a value for each attribute.
+        """The sensor that a TOML file describes, with one key for each attribute.
 
         Raises:
-            ConfigError: It cannot be read, or says something else.
+            ConfigError: The file cannot be read, a key is missing or unknown, or a value is out of
+                range.
         """
         try:
             numbers = read_toml(Path(path), _MAX_FILE_BYTES)
@@ -85,17 +93,17 @@ class Sensor:
                 got=reason or str(error),
                 next_step="correct the path or the file",
             ) from error
-        known = {one.name for one in fields(cls)}
+        keys = {field.name for field in fields(cls)}
         for name in numbers:
-            if name not in known:
+            if name not in keys:
                 raise ConfigError(
                     what=name,
                     where=str(path),
                     expected="a known key",
                     got=repr(name),
-                    next_step=suggestion(name, sorted(known)),
+                    next_step=suggestion(name, sorted(keys)),
                 )
-        if missing := sorted(known - set(numbers)):
+        if missing := sorted(keys - set(numbers)):
             raise ConfigError(
                 what=missing[0],
                 where=str(path),
@@ -118,7 +126,10 @@ _UPPER_LIMITS = {
     "rain_loss": (1.0, ""),
     "fog_loss": (1.0, ""),
 }
-"""Largest value and unit of each number; the smallest is zero."""
+"""Largest value and unit of each attribute; the smallest value is zero.
+
+The limits are chosen wide enough for any sensor, to catch values in wrong units.
+"""
 
 
 class SensorArray:
@@ -131,30 +142,41 @@ class SensorArray:
     """
 
     def __init__(self, sensor: Sensor, scenario: Scenario, params: StepParameters) -> None:
-        """Have seen nothing yet."""
+        """Compute the ranges in the weather of each simulation; nothing is measured yet."""
         self._sensor, self._scenario = sensor, scenario
-        self._unseen = params.constants.unseen_gap
-        self._half = params.vehicles.at_slots(0).half_length
+        self._unseen_gap = params.constants.unseen_gap
+        self._ego_half_length = params.vehicles.at_slots(0).half_length
         weather = scenario.weather
-        kept = 1.0 - sensor.rain_loss * weather.rain / 100.0
-        self._clear = (kept * (1.0 - sensor.fog_loss * weather.fog / 100.0)).astype(np.float32)
-        delay = round(sensor.latency * float(DECISIONS_PER_SECOND))
-        self._delay = delay
-        self._past = deque[tuple[int, F32]](maxlen=max(delay, 0) + 1)
+        # CARLA states rain and fog in per cent. Losses in rain and fog multiply.
+        share_in_rain = 1.0 - sensor.rain_loss * weather.rain / 100.0
+        share_in_fog = 1.0 - sensor.fog_loss * weather.fog / 100.0
+        self._range_share = (share_in_rain * share_in_fog).astype(np.float32)
+        self._delay = round(sensor.latency * float(DECISIONS_PER_SECOND))
+        # Decisions with their measurements, oldest first.
+        self._measurements = deque[tuple[int, F32]](maxlen=max(self._delay, 0) + 1)
 
     def measure(self, neighbours: F32, is_running: Mask, decision: int) -> F32:
-        """Report the neighbours as the sensor measures them, in the shape of `neighbours`.
+        """Measure the neighbours now, and report the measurements that are as old as the latency.
+
+        Before the latency has passed for the first time, the first measurements are reported. An
+        answer that holds for several decisions leaves gaps between measured decisions, so reported
+        measurements can be older than the latency.
 
         Args:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
                 `NEIGHBOUR_COLUMNS`).
             is_running: Whether each simulation runs, shape (simulation,).
-            decision: Number of the decision, greater each time.
+            decision: Number of the decision, greater than at the previous call.
+
+        Returns:
+            Reported values in the shape of `neighbours`, zero for simulations that have ended.
         """
-        self._past.append((decision, self._measure_now(neighbours, decision)))
-        while len(self._past) > 1 and self._past[1][0] <= decision - self._delay:
-            self._past.popleft()
-        return np.where(is_running[:, None, None], self._past[0][1], np.float32(0.0))
+        measurements = self._measurements
+        measurements.append((decision, self._measure_now(neighbours, decision)))
+        while len(measurements) > 1 and measurements[1][0] <= decision - self._delay:
+            measurements.popleft()
+        _, reported = measurements[0]
+        return np.where(is_running[:, None, None], reported, np.float32(0.0))
 
     @staticmethod
     def clear_gap_ahead_of_leader(passing: F32) -> None:
@@ -163,41 +185,55 @@ class SensorArray:
         Args:
             passing: Columns about a pass, shape (simulation, `PASSING_COLUMNS`).
         """
-        passing[:, _GAP_AHEAD_COLUMN] = 0.0
+        passing[:, _GAP_AHEAD_OF_LEADER_COLUMN] = 0.0
 
     def _measure_now(self, neighbours: F32, decision: int) -> F32:
-        """Measurements of this decision, which are reported after the latency."""
+        """Measurements of this decision, which are reported after the latency.
+
+        Only gap and closing speed have errors; the other columns of a detected vehicle are true.
+        """
         sensor = self._sensor
+        # Each role has its own stream of four numbers: the first decides whether the vehicle is
+        # missed, the next two give the errors, the last is unused.
         streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
-        draws = self._draws(streams, decision)
-        first, second = box_muller(draws[..., 1], draws[..., 2])
+        draws = self._draw_uniform_numbers(streams, decision)
+        gap_deviation, speed_deviation = box_muller(draws[..., 1], draws[..., 2])
         is_detected = self._is_in_range(neighbours) & (draws[..., 0] >= np.float32(sensor.missed))
         measured = np.where(is_detected[..., None], neighbours, np.float32(0.0))
+        # The columns are views: the assignments below change `measured`.
         true, columns = _columns_of(neighbours), _columns_of(measured)
-        gap = true.gap + np.float32(sensor.gap_error) * first
-        columns.gap[...] = np.where(is_detected, gap, self._unseen)
-        closing_speed = true.closing_speed + np.float32(sensor.closing_speed_error) * second
+        gap = true.gap + np.float32(sensor.gap_error) * gap_deviation
+        columns.gap[...] = np.where(is_detected, gap, self._unseen_gap)
+        speed_error = np.float32(sensor.closing_speed_error) * speed_deviation
+        closing_speed = true.closing_speed + speed_error
         columns.closing_speed[...] = np.where(is_detected, closing_speed, np.float32(0.0))
         return measured
 
-    def _draws(self, streams: np.ndarray, decision: int) -> F32:
+    def _draw_uniform_numbers(self, streams: np.ndarray, decision: int) -> F32:
+        """Random numbers in (0, 1), shape (simulation, stream, 4)."""
         columns = [uniform_numbers(self._scenario, int(stream), decision) for stream in streams]
         return np.stack(columns, axis=1)
 
     def _is_in_range(self, neighbours: F32) -> Mask:
-        """Whether each neighbour is within range and field of view."""
+        """Whether each neighbour exists and is within range and field of view.
+
+        Distances are between centres and angles from the direction of the road, not from the ego's
+        heading.
+        """
         sensor, neighbour = self._sensor, _columns_of(neighbours)
-        half_lengths = self._half[:, None] + np.float32(0.5) * neighbour.length
-        distance_ahead = neighbour.gap + half_lengths
+        half_lengths = self._ego_half_length[:, None] + np.float32(0.5) * neighbour.length
+        # Ahead for leaders and oncoming vehicles, behind for followers.
+        distance_along = neighbour.gap + half_lengths
         lateral_distance = np.abs(neighbour.lateral_distance)
-        distance = np.hypot(distance_ahead, lateral_distance)
-        angle = np.arctan2(lateral_distance, distance_ahead)
-        far = np.where(_LOOKS_AHEAD, sensor.range_ahead, sensor.range_behind) * self._clear[:, None]
-        near = sensor.range_around * self._clear[:, None]
-        inside = (angle <= 0.5 * sensor.field_of_view) & (distance <= far)
-        return (neighbour.is_detected > 0) & (inside | (distance <= near))
+        distance = np.hypot(distance_along, lateral_distance)
+        angle = np.arctan2(lateral_distance, distance_along)
+        range_share = self._range_share[:, None]
+        max_distance = np.where(_IS_AHEAD, sensor.range_ahead, sensor.range_behind) * range_share
+        is_in_view = (angle <= 0.5 * sensor.field_of_view) & (distance <= max_distance)
+        is_around = distance <= sensor.range_around * range_share
+        return (neighbour.is_detected > 0) & (is_in_view | is_around)
 
 
 def _columns_of(neighbours: F32) -> NeighbourColumns:
-    """Columns of all neighbours, each of shape (simulation, `NEIGHBOUR_ROLES`)."""
+    """Columns of all neighbours as views, each of shape (simulation, `NEIGHBOUR_ROLES`)."""
     return NeighbourColumns._make(np.moveaxis(neighbours, -1, 0))
