@@ -257,7 +257,7 @@ fn append_numbers(rows: &OwnedRows, width: usize, out: &mut Vec<u8>) -> PyResult
 fn clear_missing<const WIDTH: usize>(buffer: &mut [u8], missing: &[u8]) {
     let (numbers, _) = buffer.as_chunks_mut::<WIDTH>();
     for (number, is_missing) in numbers.iter_mut().zip(missing) {
-        // 255 for a number, 0 for a missing one; a branch would be slower.
+        // 255 for a number, 0 for a missing one.
         let mask = is_missing.wrapping_sub(1);
         number.iter_mut().for_each(|octet| *octet &= mask);
     }

@@ -65,7 +65,7 @@ pub fn log<S: Simd>(x: F32<S>) -> F32<S> {
 /// Sine and cosine of angles [rad].
 ///
 /// If all sixteen angles are below 0.78, just under pi / 4, the quadrant is 0 and the reduction of the angle would
-/// change no bit, so it is left out. Most angles of a simulation are that small.
+/// change no bit, so it is left out.
 #[inline(always)]
 pub fn sincos<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     if x.abs().simd_lt(0.78).all_true() {

@@ -160,8 +160,8 @@ pub fn perceive<S: Simd, const N: usize>(
 
 /// Update where driver `i` looks at a decision: `checks_mirrors` is set where the driver looks at the adjacent lanes.
 ///
-/// Returns whether the neighbours in the adjacent lanes are needed in any simulation of the block. They
-/// also are where a lane change is under way, or where the ego may change lanes without a look.
+/// Returns whether the neighbours in the adjacent lanes are needed in any simulation of the block: where the driver
+/// looks there, where a lane change is under way, or where the ego may change lanes without a look.
 #[inline(always)]
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
