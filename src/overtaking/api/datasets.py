@@ -267,8 +267,8 @@ def relabel_dataset(
         dataset: Folder of the data set; one in a store cannot be relabelled.
         errors: Standard deviations of the positions [m] and speeds [m/s] that the recording states;
             None for exact ones. The column `rule_set` records them. A rule is undecidable where its
-            margin (the distance to its limit) is less than two standard errors of the margin,
-            which the rule computes from these deviations.
+            margin (the distance to its limit, negative in a breach) is nearer to 0 than two
+            standard errors of the margin, which the rule computes from these deviations.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:

@@ -32,7 +32,9 @@ A pack of the user, in a module of the user:
 
 `overtaking.label(trajectories, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
 `code` names the rule in tables and policies; `law`, `title`, `gloss`, `predicate`, `unit` (of the
-margin) and `grade` (the severity of a breach) appear in reports.
+margin) and `grade` (the severity of a breach) appear in reports. `id` and `version` are stored with
+the verdicts, so that a reader knows which text of the rule decided them. Their form is free; the
+packs of this package write the year of the law after "@".
 """
 
 import importlib
@@ -104,12 +106,14 @@ def load_pack(law: str | Pack) -> Pack:
 def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
     """Find the policies that can be applied to a pack.
 
-    Packs of this package have policies of their own. Any other pack gets each Portuguese policy of
-    which it has all rules, matched by code. If there is no such policy, a policy `all` requires
-    every rule about a duty of the ego (the vehicle whose overtaking is studied).
+    The packs of this package have policies of their own, found by the name of the pack. A pack of
+    another name gets each Portuguese policy of which it has all rules, matched by code. If there is
+    no such policy, a policy `all` requires every rule about a duty of the ego (the vehicle whose
+    overtaking is studied).
 
     Args:
-        pack: The pack.
+        pack: The pack. A pack of the user must not be called `pt` or `de`: it would get the
+            policies of that law.
         names: Names of policies; None for the policies that data sets store (`paper`, `default` and
             `strict`), or for all policies of a pack of the user.
 
@@ -175,11 +179,12 @@ def tolerance_curve(
 
     Args:
         dataset: The data set, or its folder or URL; it is not changed.
-        law: `pt`, `de` or `module:NAME`, as in `load_pack`; only `judge` takes a `Pack` too.
+        law: `pt`, `de` or `module:NAME`, as in `load_pack`. For a `Pack` object use `judge`.
         policy: Name of a policy of the law; None for the default of the data set's profile.
         errors: Standard deviations of the positions [m] and speeds [m/s] that a recording states;
-            None for exact ones. A rule is undecidable where its margin is less than two standard
-            errors of the margin, which the rule computes from these deviations.
+            None for exact ones. A rule is undecidable where its margin, positive or negative, is
+            nearer to 0 than two standard errors of the margin, which the rule computes from these
+            deviations.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -263,7 +268,7 @@ def _judge_batches(
             label(trajectories, pack=pack, policies=law_policies, errors=errors)
             for pack, law_policies in zip(packs, policies, strict=True)
         ]
-        # The case (signals, events, target) is the same for all laws.
+        # The case does not depend on the law, so the first labels give it for all.
         yield numbers, case_of(labelled[0]), labelled
         num_done += len(numbers)
         if progress is not None:
@@ -292,8 +297,9 @@ def explain(
 
     Returns:
         A dictionary for each rule, broken rules first: `rule` (its code), `law`, `verdict`,
-        `margin` (None if there is no value), `unit`, `text` (how the wording of the law is known)
-        and `paragraph`.
+        `margin` (None if there is no value), `unit`, `text` and `paragraph`. `text` says how the
+        wording of the law is known: `read` (in the provision itself), `secondary` (as others quote
+        it) or `recalled` (from memory).
 
     Raises:
         ConfigError: There is no such law, policy, rule or simulation.

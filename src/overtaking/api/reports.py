@@ -3,8 +3,10 @@
 A *data set* is a folder of tables with many simulations of one *ego*, the vehicle whose overtaking
 is studied. *Trajectories* are the recorded motion of a batch of simulations in memory; `label` adds
 verdicts of the law and classes. *Class*: the result of a simulation, such as `Success_L`
-(completed, legal). *Policy*: the set of rules of law that decides between legal and illegal.
-Each *profile*, the setting that simulations are drawn from, has a default policy.
+(completed, legal). *Policy*: the set of rules of law that decides between legal and illegal:
+`paper` (the rules that the reproduced study can decide), `default` (also rules that need weather
+and road) or `strict` (also signals, lamps and keeping right). *Profile*: the setting that
+simulations are drawn from. Its policy is `paper` for the profiles of the study, else `default`.
 *Twin*: a simulation and the same simulation after a change, made by `whatif.counterfactual`.
 
 Drawing packages are optional extras and slow to load, so they are imported inside the functions.
@@ -67,7 +69,7 @@ def plot(
         width: `column` (3.5 inches, one column of a paper with two) or `page` (7.16 inches, both
             columns). Letters have the same size in both.
         policy: Policy for the classes of a data set or a twin: `paper`, `default` or `strict`; None
-            for the default of the profile.
+            for the policy of the profile.
 
     Returns:
         The Matplotlib figure; with `ax`, the figure that `ax` belongs to.
@@ -153,19 +155,21 @@ def write_report(
         out: Folder for the page, its figures and tables; an earlier report in it is replaced. May
             be None for a data set only: then the folder `report` in the data set.
         policy: Only for data sets. Policy for the classes: `paper`, `default` or `strict`; None for
-            the default of the profile.
+            the policy of the profile.
         reading: Only for data sets. How the features (columns that describe a simulation) are
             measured. `paper`: at the start of the overtake, or, without an overtake, as means over
             the simulation, as in the study that the package reproduces. `matched`: at the start of
-            the overtake, or, without an overtake, at an instant after a similar waiting time. None
-            for `paper` with the policy `paper`, else `matched`.
+            the overtake, or, without an overtake, at a drawn instant, after a waiting time like
+            those before the overtakes of the profile. None for `paper` with the policy `paper`,
+            else `matched`.
         weighted: Only for data sets. Whether statistics use the weights of the simulations, which
             restore natural shares where rare cases were drawn more often.
         learn: Only for data sets. Whether rules and factors are learned too, which takes minutes.
         films: Only for evaluations and benchmarks. Number of films of the worst scenes, 0 to 10;
-            None for 10.
-        progress: Called with the number of parts or films that are done, and of all; not for
-            reproductions.
+            None for 10, as an evaluation keeps its ten worst scenes.
+        progress: Called with the number of parts or films that are done, and of all. It changes
+            no result, so it is accepted for reproductions, too, but never called: their page is
+            written in one step.
 
     Returns:
         A `Written` (`Report` and `Evaluated` are kinds of it), or a list of them for a benchmark:
@@ -302,11 +306,12 @@ def film(
         simulation_ids: Numbers of the simulations, from 0 in a data set as in trajectories; `all`;
             or `one-per-class`, the first simulation of each class that lasts 2 s or more (no
             overtake fits into a shorter one). Not for twins.
-        policy: Policy for the class: `paper`, `default` or `strict`; None for the default of the
+        policy: Policy for the class: `paper`, `default` or `strict`; None for the policy of the
             profile. Breaches of rules that it does not require are drawn in grey.
         threads: Number of films that are made at the same time; None for one per processor. Not for
             twins.
-        progress: Called with the number of films that are done, and of all. Not for twins.
+        progress: Called with the number of films that are done, and of all; never for a twin, which
+            has one film.
 
     Returns:
         For each simulation `number`, `path`, `num_frames` and `label` (its class); for a twin, the
@@ -387,7 +392,7 @@ def write_viewer_page(
         out: The file; an existing one is replaced.
         simulation_ids: As in `film`.
         policy: Policy for the class when the page opens: `paper`, `default` or `strict`; None for
-            the default of the profile. The page has a menu to change it.
+            the policy of the profile. The page has a menu to change it.
         progress: Called with the number of simulations that are done, and of all.
         say: Called before a page above 8 MB is written, with its size [bytes], to warn the user:
             such a page is too large for an e-mail.
@@ -427,7 +432,7 @@ def serve_viewer(
     Args:
         dataset: The data set, or its folder or URL.
         policy: Policy for the class when the page opens: `paper`, `default` or `strict`; None for
-            the default of the profile. The page has a menu to change it.
+            the policy of the profile. The page has a menu to change it.
         port: Port to listen on, 0 to 65535; 0 lets the system choose.
         ready: Called with the URL of the page once the server answers requests. The URL contains a
             secret token that opens the page once. None prints the URL; a notebook always shows it
@@ -447,8 +452,8 @@ def serve_viewer(
         "starlette",
         "uvicorn",
         what="Starlette and uvicorn, which serve the page",
-        where="view",
-        otherwise="write a page with --export",  # Advice at the end of the error.
+        where="view",  # Errors of the viewer name the command, which calls this function, too.
+        otherwise="write a page with --export or write_viewer_page",
     )
     from overtaking.show.server.running import serve
 

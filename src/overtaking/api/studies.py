@@ -3,12 +3,14 @@
 *Profile*: a named setting of road, traffic, weather and drivers that simulations are drawn from,
 such as `motorway`; *specification*: the same as an object or as a TOML file of the user.
 *Scenario*: everything decided before the first instant of a simulation. *Ego*: the vehicle whose
-overtaking is studied. *Outcome*: end of the overtake, such as completed, legal or not. *Class*:
-outcome and legality, such as `Success_L` (completed, legal); *policy*: the set of rules of law that
-decides between legal and illegal; each profile has a default policy. *The paper*: the published
-study that the package reproduces (Pinto, Dutra and Fonseca 2023).
+overtaking is studied. *Outcome*: whether the overtake was completed, was not completed or ended in
+a collision. *Class*: outcome and legality, such as `Success_L` (completed, legal); *policy*: the
+set of rules of law that decides between legal and illegal. The policy of a profile is `paper` for
+the profiles of the paper, `default` for all others. *The paper*: the published study that the
+package reproduces (Pinto, Dutra and Fonseca 2023).
 
-`check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+`check_arguments` raises a `ConfigError` for an argument of another type than its annotation. Other
+errors name in `where` the command with the same task, such as `compare` for `compare_simulators`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -114,12 +116,12 @@ def dataset_statistics(
 
     Args:
         dataset: The data set, or its folder or URL.
-        policy: `paper`, `default` or `strict`; None for the default of the profile.
+        policy: `paper`, `default` or `strict`; None for the policy of the profile.
         reading: How the features (the columns that describe a simulation) are measured. `paper`: at
             the start of the overtake, or, without an overtake, as means over the simulation, as in
-            the paper. `matched`: at the start of the overtake, or, without an overtake, at an
-            instant after a similar waiting time. None for `paper` with the policy `paper`, else
-            `matched`.
+            the paper. `matched`: at the start of the overtake, or, without an overtake, at a drawn
+            instant, after a waiting time like those before the overtakes of the profile. None for
+            `paper` with the policy `paper`, else `matched`.
         weighted: Whether each simulation counts by its weight, a column of the data set. Weights
             restore natural shares where rare cases were drawn more often.
 
@@ -165,8 +167,9 @@ def validate_profile(
 
     Returns:
         Each measured quantity with its 95 % interval, the published target and a verdict, and
-        outcomes by weather; `plot` draws it. `recordings.import_report` lists contradictions and
-        doubts in the recordings; a `RecordingWarning` states the first.
+        outcomes by weather; `plot` draws it. Its field `recordings` is the comparison with the
+        recordings. The table `recordings.import_report`, made from `recordings.import_findings`,
+        lists contradictions and doubts in them; a `RecordingWarning` states the first.
 
     Raises:
         ConfigError: The specification or a number cannot be used.

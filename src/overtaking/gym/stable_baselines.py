@@ -28,7 +28,7 @@ from overtaking.gym.environments import Info, OvertakingVectorEnv
 
 
 class StableBaselinesVecEnv(VecEnv):
-    """Environments of one batch, each of which an agent drives, for Stable-Baselines3.
+    """Environments of one batch for Stable-Baselines3; in each, an agent drives a vehicle.
 
     Args:
         profile: Profile of the scenarios: a name, a TOML file, or a specification.
@@ -68,7 +68,8 @@ class StableBaselinesVecEnv(VecEnv):
         """Store the actions for `step_wait`.
 
         Args:
-            actions: Shape (env, part), or (env,) for a kind with one part.
+            actions: Actions in `action_space`. Shape (env, part) if an action has several numbers,
+                such as acceleration and wheel angle; (env,) if it is one number, such as a `Move`.
         """
         self._actions = actions
 
@@ -84,7 +85,9 @@ class StableBaselinesVecEnv(VecEnv):
         observations, reward, terminated, truncated, info = self.batch.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(terminated | truncated):
-            final: Info = info["final_info"]
+            final: Info = info["final_info"]  # Exists only in steps in which an episode ends.
+            # Gymnasium adds to each name a mask, "_" and the name: the environments that have a
+            # value. A row of the mask says nothing here.
             infos[row] = {name: final[name][row] for name in final if not name.startswith("_")} | {
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row]),

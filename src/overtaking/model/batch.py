@@ -155,7 +155,8 @@ class BatchField:
         spec: Its `FieldSpec`; the default `FieldSpec()` if the annotation has no metadata.
         axes: Axes of the array: of the `FieldSpec`, or, if it states no axes, of the class.
         dtype: The dtype of an array; None if the field holds no array.
-        type: Its type, without the metadata of `Annotated`.
+        type: Its type without an outer `Annotated`; members of a union, as in `F32 | None`, keep
+            theirs.
         column: Name of its column, without the unit; None if it is not written.
     """
 
@@ -232,7 +233,7 @@ def declared_dtype(annotation: Any) -> np.dtype[Any] | None:
 
 
 def without_metadata(annotation: Any) -> Any:
-    """The type of an annotation, without `Annotated`."""
+    """The type of an annotation, without an outer `Annotated`."""
     return annotation.__origin__ if get_origin(annotation) is Annotated else annotation
 
 
@@ -279,9 +280,12 @@ class Batch(CompactRepr, ContentEquality):
     """Base of frozen dataclasses whose arrays all have `simulation` as their first axis.
 
     A field may also be another batch or a tuple of batches, for the same simulations, or a value
-    that all simulations share, such as the road. `==` compares the content of arrays, and `repr`
-    shows a summary of them. `model.checks` checks batches of users; subclasses extend its checks by
-    `axis_lengths` and `constraints`.
+    that all simulations share, such as the road. `model.checks` checks batches of users; subclasses
+    extend its checks by `axis_lengths` and `constraints`.
+
+    `==` compares the content of arrays, and `repr` shows a summary of them. A subclass needs no
+    `eq=False` for this: the two base classes copy `__eq__`, `__hash__` and `__repr__` into each new
+    subclass, and the decorator `dataclass` keeps methods that a class has itself.
     """
 
     __slots__ = ()
@@ -294,7 +298,11 @@ class Batch(CompactRepr, ContentEquality):
 
     @property
     def nbytes(self) -> int:
-        """Size of its arrays and nested batches, without tuples of batches [bytes]."""
+        """Size of its arrays and nested batches [bytes].
+
+        Tuples of batches do not count: comparisons of simulators hold such tuples, but the caller,
+        `sample`, asks for the size of drawn scenarios, which hold none.
+        """
         # "type: ignore" here and below: `Batch` itself is no dataclass, but all subclasses are.
         values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
         return sum(value.nbytes for value in values if isinstance(value, np.ndarray | Batch))
@@ -377,7 +385,8 @@ class IdentityBatch(Batch):
     """A batch that equals only itself: `==` is `is`, and `equals` compares the content.
 
     `cached_per_batch` keeps results in a dictionary whose keys are batches, so they need a hash.
-    Other batches are not hashable, because `==` compares their arrays.
+    Other batches are not hashable, because `==` compares their arrays. Subclasses get the two
+    methods below in the same way as the methods of `Batch`.
     """
 
     __slots__ = ()
@@ -400,9 +409,9 @@ class Delayed(Batch):
         """A batch with the values of some fields, and functions that compute the others.
 
         Args:
-            later: By the name of each other field, a function that returns the value of that field
-                by its name. Fields that are computed together have the same function: it returns
-                the values of all of them, and runs at the first use of any.
+            later: For the name of each other field, a function without arguments. It returns a
+                mapping from field names to values. Fields that are computed together have the same
+                function, whose mapping holds all of them; it runs at the first use of any.
             **known: Values of fields by name.
         """
         # `__init__` would demand all fields, and a frozen dataclass refuses plain assignments.

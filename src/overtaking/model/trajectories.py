@@ -9,15 +9,18 @@ Terms:
     frame: a recorded instant, `Scenario.frame_interval_ms` apart. Axes of time have the length of
         the longest simulation of the batch; the ends of shorter ones are padding.
     decision: the ego driver's choice to change lanes, or to cancel a lane change.
+    branch: a copy of a simulation in which interventions change the driver, a vehicle or the
+        weather from some frame on; it answers a what-if question.
     percept: the ego driver's belief about a neighbour at a decision, beside the true values.
     step (of an integer): the amount that the integer 1 stands for, such as 1 mm.
     engines: the compiled one and a readable reference in Python, which record the same bits.
     world: the plane coordinates of OpenDRIVE, a format of road maps, with y to the left of x.
 
-`FieldSpec` declares description, unit, range and table column of a field. `missing` is the value
-that stands for "none", `null_unless` names the field without which a column is null, and `needs`
-names the properties (`UNKNOWNS`) without which it is null. `with_field_docs` lists the fields in
-the docstring of the class.
+`FieldSpec` declares description, unit, range and table column of a field. `missing` is a value
+outside the range that is valid, too, and null in tables. `null_unless` names the field without
+which a column is null, after a dot if it is a field of the same class. `needs` names the properties
+(`UNKNOWNS`) without which it is null. `with_field_docs` lists the fields in the docstring of the
+class.
 """
 
 import dataclasses
@@ -78,9 +81,10 @@ BEYOND_KERB_EDGE = 255
 LANE_CHANGE_SPEED = 0.15
 """Lateral speed above which a vehicle changes lanes instead of wandering in its lane [m/s].
 
-The search for overtakes in recordings uses it, and the traffic simulator SUMO gets the `Stage` of
-the ego from it. Labels read the same number, with its reason, from `event_detection.toml`
-(`least_speed`). They need it as float32, in which 0.15 is another number."""
+The search for overtakes in recordings uses it, and so does the derivation of `Stage` for egos that
+the traffic simulator SUMO moves. A slow lane change peaks at 0.66 m/s, and vehicles that keep their
+lane move more slowly than 0.15 m/s. Labels read the same number from `event_detection.toml`
+(`least_speed`), as float32, in which 0.15 is another number; a test compares the two."""
 
 POSITION_RESOLUTION = 1e-3  # [m]
 SPEED_RESOLUTION = 1e-3  # [m/s]
@@ -186,6 +190,8 @@ class States(Batch):
             "Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge",
             "1",
             0,
+            # Largest index: `num_lanes`, the entry "lane or beyond" of `Scenario.axis_lengths` less
+            # one. 255 is valid, too; it is no null, as the field has no column of its own.
             AxisEnd("lane or beyond"),
             missing=BEYOND_KERB_EDGE,
             column=None,
@@ -452,8 +458,8 @@ class Trajectories(IdentityBatch):
         is_kind_known: Whether the kind of each vehicle is known, shape (simulation, vehicle); None
             if all kinds are known, or if no kind is, because "kinds" is in `unknown`.
         actions: Actions of a user's own driver; None if the model driver drove the ego.
-        branch_origin: Origin and interventions of branches (`model.scenario`); None for other
-            simulations.
+        branch_origin: Scenarios from which branches were made, and their interventions; None for
+            simulations that are no branches.
         import_findings: Rows of `import_report`. `equals` and `trace_hash` ignore them, because
             they describe the source and not the traffic.
     """

@@ -8,10 +8,10 @@ studied; it has slot 0. A *slot* is the position of a vehicle in the second axis
 ego has not begun to overtake.
 
 The traffic has ends: in each lane, the outermost vehicle ahead of the ego and the outermost one
-behind it. Vehicles are placed from the ego outwards, until the ego would see no end before an
-overtake that begins at the deadline is over, or until all slots are filled. Two simpler ways were
-rejected: on a ring the ego would meet the same trucks again, and vehicles that are moved from far
-behind to far ahead would make recorded states jump by a kilometre.
+behind it. Vehicles are placed from the ego outwards until all slots are filled, or until the ego
+would see no end before the deadline and for the duration of a common overtake after it. Two simpler
+ways were rejected: on a ring the ego would meet the same trucks again, and vehicles that are moved
+from far behind to far ahead would make recorded states jump by a kilometre.
 
 Arrays that decide scenarios are computed in float32 with the functions of `core.native`, which give
 the same bits on every machine. *Importance sampling* draws rare scenarios more often: it may
@@ -149,15 +149,16 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
-        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader. This
-        # is the share of the space behind it that the vehicle keeps. On a whole road it may give up
-        # all of that space: 0.
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, but
+        # not into the space that its followers need. It keeps this share of the free road behind
+        # it: above 0 only in placed traffic, whose starts would pile up at the end of a short zone.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. `RETURN_TIME` is not subtracted, so a late
-        # attempt may see an end before it is over.
+        # attempt after it would meet an empty road. Chosen: `RETURN_TIME` is not subtracted, as
+        # dense traffic would lose 25 s of the time for attempts. So a late attempt may see an end
+        # before it is over; `overtaking validate` measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 

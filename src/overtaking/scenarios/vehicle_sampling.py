@@ -206,8 +206,9 @@ def typical_vehicles(kind: U8, colour: U8) -> VehicleSpecs:
 def top_speeds() -> F32:
     """Highest speed of each vehicle class by its code, for drawing speeds, shape (class,) [m/s].
 
-    Infinite for bicycles: placed traffic has them at any speed, see `with_able_bicycles`. The field
-    `VehicleSpecs.max_speed` of a drawn bicycle is the real one.
+    Infinite for bicycles, whose speed this table does not limit. In placed traffic they hold any
+    speed, because `with_able_bicycles` raises their `VehicleSpecs.max_speed`. In other traffic that
+    field, the speed of a real bicycle, limits them when `sampler` places them and in motion.
     """
     speeds = _class_values("governed_speed").copy()
     speeds[VehicleKind.BICYCLE] = np.inf
@@ -355,6 +356,9 @@ def _complete_vehicles(body: DrawnBody) -> VehicleSpecs:
         tyre_wear=body.tyre_wear,
         contrast=_colour_contrasts()[body.colour],
         two_wheeler=_class_flags("two_wheeler")[kind],
+        # A property of the class, so it is set on two-way roads, too. It has no effect there: no
+        # rule of the law reads it, and `world.vehicle_parameters` only lets flagged vehicles hold
+        # the speed at which they start.
         unlawful_presence=~_class_flags("motorway_allowed")[kind],
         **class_fields,
     )

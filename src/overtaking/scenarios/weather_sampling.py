@@ -8,7 +8,8 @@ from the direction of travel [rad]. The *study* is Pinto, Dutra and Fonseca (202
 
 *Importance sampling* draws rare scenarios more often: it may replace random numbers of independent
 weather, by name (`random_draws`). Numbers are computed in float32 with the functions of
-`core.native`, which give the same bits on every machine.
+`core.native`, which give the same bits on every machine. `number` and `constant` read a value of
+the folder `knowledge/data` in SI units, so degrees in radians: as a float and as a float32.
 """
 
 from __future__ import annotations
@@ -78,8 +79,9 @@ def draw_weather(
         section: Section `[weather]` of a specification.
         stream: The stream `Stream.WEATHER`, before its first draw.
         transform: Called with the name and the random numbers of each quantity of independent
-            weather, but for the direction of the wind; returns the numbers to use. Importance
-            sampling replaces the numbers here; by default they stay.
+            weather that importance sampling can replace; returns the numbers to use. By default
+            they stay. The direction of the wind cannot be replaced: it has no name in
+            `specification.PROPOSAL_UNIFORMS`.
     """
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
     sun_u = stream.uniform()
@@ -106,7 +108,7 @@ def _preset_weather(
     cloudiness = _preset_value("cloudiness_percent", preset)
     azimuth_ahead = scale_to_range(sun_u, -SUN_AHEAD, SUN_AHEAD)
     any_azimuth = scale_to_range(sun_u, -PI, PI)
-    azimuth = np.where(is_low_sun(altitude, cloudiness), azimuth_ahead, any_azimuth)
+    azimuth = np.where(can_sun_dazzle(altitude, cloudiness), azimuth_ahead, any_azimuth)
     return Weather(
         preset=preset,
         cloudiness=cloudiness,
@@ -218,10 +220,11 @@ def _preset_value(field: str, preset: U8) -> F32:
     return _preset_values(field)[preset]
 
 
-def is_low_sun(altitude: F32, cloudiness: F32) -> Mask:
+def can_sun_dazzle(altitude: F32, cloudiness: F32) -> Mask:
     """Whether the sun is low and the sky clear enough to dazzle a driver towards the sun.
 
-    Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, 60 % of clouds.
+    Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, as the roof of
+    the vehicle hides a higher sun, and 60 % of clouds.
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
@@ -236,7 +239,9 @@ def is_low_sun(altitude: F32, cloudiness: F32) -> Mask:
 
 
 def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
-    """Whether a low sun stands ahead, within 25 degrees; the study calls this "horizon line".
+    """Whether a low sun stands ahead, within 25 degrees (a choice): the field `Weather.low_sun`.
+
+    The study calls this "horizon line".
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
@@ -245,4 +250,4 @@ def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
         cloudiness: Clouds, the same shape [%].
     """
     is_ahead = np.abs(azimuth) < constant("weather.glare.half_width")
-    return is_low_sun(altitude, cloudiness) & is_ahead
+    return can_sun_dazzle(altitude, cloudiness) & is_ahead

@@ -36,9 +36,9 @@ MAX_SPEED_STD = 100.0
 class MeasurementErrors:
     """Standard deviations of the positions and speeds of a recording.
 
-    A rule is undecidable where its margin is less than two standard errors. The errors of a vehicle
-    are the same in all frames of a simulation, and independent of those of other vehicles. The
-    errors along the road, across it and of the speed are independent, too.
+    A rule is undecidable where its margin is nearer to 0 than two standard errors. The errors of a
+    vehicle are the same in all frames of a simulation, and independent of the errors of others.
+    The errors along the road, across it and of the speed are independent, too.
 
     Args:
         position_std: Of a position, along the road and across it, 0 to 100 [m].
