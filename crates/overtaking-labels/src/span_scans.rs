@@ -21,7 +21,7 @@ use crate::vectors::{SIMD_LANES, at_least, min, splat};
 /// Simulations that a thread takes at a time; one takes some microseconds.
 pub(crate) const SIMULATIONS_PER_TASK: usize = 32;
 
-/// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.frames` defines them.
+/// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.margins` defines them.
 pub const SPAN_NAMES: [&str; 5] = ["conduct", "settled", "passed", "manoeuvre", "counted"];
 
 /// Names of frames and slots, in the order of `SpanQuery::moments`; fields of `OvertakeEvents`.

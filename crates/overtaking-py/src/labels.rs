@@ -115,7 +115,7 @@ macro_rules! with_outputs {
 ///         (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
 ///         the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
 ///     visibility: As `labels.signals.conditions` makes it.
-///     thresholds: As `labels.events.thresholds` makes them.
+///     thresholds: As `labels.event_detection.thresholds` makes them.
 ///     constants: As in `simulate`.
 ///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
 ///     zero_from: Frame from which on these arrays are zero, before and after the call, shape
@@ -344,7 +344,7 @@ pub struct SpanOutputArrays<'py> {
 ///     signals: As in `target_signals`.
 ///     spans: First and last frame, flat (span, end, simulation).
 ///     moments: Frames (-1: no event) and slots (255: no vehicle), flat (moment, simulation).
-///     law: Numbers of the law, as `labels.law.frames` makes them.
+///     law: Numbers of the law, as `labels.law.margins` makes them.
 ///     outputs: measures, frames and sums, each with a row for each of its names; filled.
 ///     level: As in `ego_signals_and_events`.
 ///
