@@ -31,12 +31,12 @@ from overtaking.data.shards import write_shard
 from overtaking.data.tables.encode_labels import contents, encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.attempt_features import attempt_features
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.labelling import label
-from overtaking.labels.law.judging import check
+from overtaking.labels.law.judging import judge_pack
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.paper_features import matched_features, paper_features
-from overtaking.labels.safety_features import safety_measures
+from overtaking.labels.safety_features import safety_features
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -108,19 +108,19 @@ def stages() -> list[Measure]:
     scenario = ScenarioSource(given, road, 9).sample(index)
     prepared, buffers = step_parameters(scenario), Buffers()
     runs = engine.run(scenario, prepared, buffers=buffers)
-    case = case_of(runs)
+    case = case_from_trajectories(runs)
     numbers = index.astype(np.int64)
     rows = contents(runs, numbers, KEPT)
     work: dict[str, Callable[[], object]] = {
         "sample": lambda: ScenarioSource(given, road, 9).sample(index),
         "parameters": lambda: step_parameters(scenario),
         "simulate": lambda: engine.run(scenario, prepared, buffers=buffers),
-        "signals and events": lambda: case_of(runs),
+        "signals and events": lambda: case_from_trajectories(runs),
         # What many ask of a case is answered once, so each run of rules has a case of its own.
-        "rules": lambda: check(PORTUGAL, case.replace()),
+        "rules": lambda: judge_pack(PORTUGAL, case.replace()),
         "features": lambda: (paper_features(case), matched_features(case)),
         "attempts": lambda: attempt_features(case),
-        "safety": lambda: safety_measures(case),
+        "safety": lambda: safety_features(case),
         "label": lambda: label(runs),
         "label and tables": lambda: contents(runs, numbers, KEPT),
     }

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.snapshots import footprint, lateral_speed_at, side_of
+from overtaking.labels.snapshots import lateral_footprint, lateral_speed_at, overtaking_sign
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
@@ -95,7 +95,7 @@ def swings(run: Trajectories, slot: int) -> Swings:
     interval = run.scenario.frame_interval_ms
     bodies, states = run.scenario.vehicles, run.states
     headings, direction = run.headings_and_origin
-    lateral, reach = footprint(
+    lateral, reach = lateral_footprint(
         run.road,
         states.d[:, slot],
         (headings[:, slot], direction),
@@ -111,7 +111,7 @@ def swings(run: Trajectories, slot: int) -> Swings:
     hours = np.zeros((len(VehicleKind), len(WINDS) + 1))
     np.add.at(hours, (kind, wind), keeps.sum(axis=1) * interval / 3.6e6)
     wait = round(float(constant("event_detection.attempt.back_time")) * 1000.0 / interval)
-    border = (float(side_of(run.road)) * run.road.lane_boundaries).tolist()
+    border = (float(overtaking_sign(run.road)) * run.road.lane_boundaries).tolist()
     lane = np.minimum(states.lane[row, slot, begin].astype(int) + 1, len(border) - 1)
     counts = [
         _comes_back(lateral[one, first:stop], reach[one, first:stop], last - first, border[line])

@@ -25,8 +25,8 @@ import overtaking as ot
 from overtaking.analysis.logic.law import PROGRAMS, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
 from overtaking.analysis.logic.source import Group, groups
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.law.judging import PACKS, check
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.law.judging import LAWS, judge_pack
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
@@ -64,12 +64,12 @@ def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
     for first in range(0, number, PIECE):
         numbers = np.arange(first, min(first + PIECE, number))
         runs = engine.simulate(ScenarioSource(chosen, road, seed).sample(numbers.astype(np.uint64)))
-        yield Group(numbers=numbers, case=case_of(runs), done=int(numbers[-1]) + 1)
+        yield Group(numbers=numbers, case=case_from_trajectories(runs), done=int(numbers[-1]) + 1)
 
 
 def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str, law: str) -> None:
     """Compare all verdicts of a group, and the first frames of breaches."""
-    found, said = check(PACKS[law], group.case), judged(reasoner, group, law)
+    found, said = judge_pack(LAWS[law], group.case), judged(reasoner, group, law)
     codes = PROGRAMS[law][1]
     place = [found.rule_codes.index(code) for code in codes]
     verdict, first = found.verdict[:, place], found.first_frame[:, place]

@@ -18,8 +18,8 @@ from overtaking.labels import signals
 from overtaking.labels.law import case as case_of_law
 from overtaking.labels.law import margins
 from overtaking.labels.law.case import Alongside
-from overtaking.labels.law.margins import Stretch, Stretches
-from overtaking.labels.snapshots import Span
+from overtaking.labels.law.margins import MarginMinimum, ScanResults
+from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.ego_signals import EgoSignals, TargetSignals
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.safety_measures import Encounter
@@ -77,9 +77,9 @@ def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
     return Encounter(valid=valid, **found)
 
 
-def answers(case: Case, spans: dict[str, Span]) -> Stretches:
+def answers(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
     """Everything about stretches of frames, one simulation after the other."""
-    names = (*signals.SEEN, "left_count")
+    names = (*signals.SIGNALS_FOR_ENGINE, "left_count")
     stretched = {name: _frames(span) for name, span in spans.items()}
     found = []
     for one in _ones(case.trajectories):
@@ -89,7 +89,7 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
     def rows(name: str) -> Any:
         return zip(*(one[name] for one in found), strict=True)
 
-    def stretch(name: str) -> Stretch:
+    def stretch(name: str) -> MarginMinimum:
         return _stretch([one[name] for one in found])
 
     due, length = (np.array(each, np.int32) for each in rows("due"))
@@ -97,27 +97,27 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
     def table(name: str, kind: type) -> dict[str, Any]:
         return {key: np.array([one[name][key] for one in found], kind) for key in found[0][name]}
 
-    return Stretches(
-        due=(due, length),
+    return ScanResults(
+        return_opportunity=(due, length),
         stop_lit=stretch("stop_lit"),
         stop_unlit=stretch("stop_unlit"),
-        follow=stretch("follow"),
-        braking=stretch("braking"),
+        following=stretch("follow"),
+        forced_braking=stretch("braking"),
         entry_arrival=np.array([one["entry_arrival"] for one in found], np.int32),
         return_arrival=np.array([one["return_arrival"] for one in found], np.int32),
-        worst=table("worst", np.float32),
-        sums=table("sums", np.int64),
+        worst_measures=table("worst", np.float32),
+        recorded_sums=table("sums", np.int64),
     )
 
 
-def limited(signal: Any, limit: Any, span: Span, *, is_most: bool) -> Stretch:
+def limited(signal: Any, limit: Any, span: FrameSpan, *, is_most: bool) -> MarginMinimum:
     """Margins to a limit, one simulation after the other."""
     limits = np.full(len(signal), limit, np.float32)
     each = zip(signal, limits, _frames(span), strict=True)
     return _stretch([readable_scans.limited(*one, is_most=is_most) for one in each])
 
 
-def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
+def bits_within(values: Any, span: FrameSpan) -> tuple[Any, Any]:
     """Bits that are set ever and always, one simulation after the other."""
     each = zip(values, _frames(span), strict=True)
     found = [readable_scans.bits_within(*one) for one in each]
@@ -125,27 +125,27 @@ def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
     return np.array(ever, np.uint8), np.array(always, np.uint8)
 
 
-def overlaps(case: Case, span: Span) -> Alongside:
+def overlaps(case: Case, span: FrameSpan) -> Alongside:
     """Frames in which ego and target overlap, from the signals of the target."""
     target = target_signals(case.trajectories, case.signals, case.target.slot)
     every = np.arange(case.signals.num_simulations)
     rows, at = np.nonzero(target.overlaps & span.mask(every, case.signals.num_frames))
     said = {name: getattr(target, name)[rows, at] for name in ("lane", "lateral_gap", "accel")}
-    return Alongside(rows=rows, frames=at, **said)
+    return Alongside(simulation=rows, frame=at, **said)
 
 
-def _stretch(found: list[readable_scans.Lowest]) -> Stretch:
+def _stretch(found: list[readable_scans.Lowest]) -> MarginMinimum:
     low, first, last, longest = zip(*found, strict=True)
-    return Stretch(
-        low=np.array(low, np.float32),
-        first=np.array(first, np.int32),
-        last=np.array(last, np.int32),
-        longest=np.array(longest, np.int32),
+    return MarginMinimum(
+        min_margin=np.array(low, np.float32),
+        first_frame=np.array(first, np.int32),
+        last_frame=np.array(last, np.int32),
+        longest_run=np.array(longest, np.int32),
     )
 
 
-def _frames(span: Span) -> list[range]:
-    ends = zip(span.start.tolist(), span.stop.tolist(), strict=True)
+def _frames(span: FrameSpan) -> list[range]:
+    ends = zip(span.first.tolist(), span.last.tolist(), strict=True)
     return [range(start, stop + 1) for start, stop in ends]
 
 
@@ -170,13 +170,13 @@ def _padded(run: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
-    signals.watch: watch,
+    signals.extract_signals_and_events: watch,
     signals.target_signals: target_signals,
-    signals.encounter: encounter,
-    margins.answers: answers,
-    margins.limited: limited,
-    margins.bits_within: bits_within,
-    case_of_law.overlaps: overlaps,
+    signals.encounters_at: encounter,
+    margins.scan_spans: answers,
+    margins.minimum_to_limit: limited,
+    margins.flags_any_and_all: bits_within,
+    case_of_law.overlaps_in: overlaps,
 }
 """Compiled functions and what a person reads instead."""
 

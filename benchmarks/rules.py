@@ -13,8 +13,8 @@ from functools import partial
 
 import overtaking as ot
 from measure import Measure, number, parser, report
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.law.judging import check, judge
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.law.judging import judge_pack, judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Rule
 from overtaking.model.verdicts import Case
@@ -26,7 +26,9 @@ LIMIT = 60.0
 
 def case() -> Case:
     """A batch of the study's profile with everything that rules look at."""
-    return case_of(ot.simulate(ot.sample("pinto2023-physical", num_simulations=BATCH, seed=1)))
+    return case_from_trajectories(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=BATCH, seed=1))
+    )
 
 
 def cost(action: Callable[[], object]) -> float:
@@ -45,11 +47,11 @@ def measures() -> list[Measure]:
     scenarios = batch.trajectories.scenario
 
     def one(rule: Rule) -> object:
-        return judge(rule, batch.replace())
+        return judge_rule(rule, batch.replace())
 
     made = cost(lambda: ot.simulate(scenarios))
     # What many rules ask of a case is answered once, so each run has a case of its own.
-    everything = cost(lambda: check(PORTUGAL, batch.replace()))
+    everything = cost(lambda: judge_pack(PORTUGAL, batch.replace()))
     each = [
         Measure(name=rule.title, value=cost(partial(one, rule)), unit="us", note=rule.code)
         for rule in PORTUGAL.rules

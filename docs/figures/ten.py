@@ -16,7 +16,7 @@ from figures.svg import box, curve, document, element, label, line
 
 import overtaking as ot
 from overtaking.core.arrays import F64
-from overtaking.labels.snapshots import borders_of
+from overtaking.labels.snapshots import lane_borders
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
@@ -102,7 +102,7 @@ class Row:
         )
         ahead = (s - s[EGO_SLOT]) / 1000.0
         near = np.abs(ahead) <= REACH
-        self.borders = np.sort(borders_of(runs.road))
+        self.borders = np.sort(lane_borders(runs.road))
         d = np.clip(d / 1e3, self.borders[0] - VERGE, self.borders[-1] + VERGE)
         self.curves = [np.where(near, one, np.nan) for one in (ahead, d, speed * 3.6e-3)]
         self.others = np.flatnonzero(runs.scenario.vehicles.valid[row])[1:]

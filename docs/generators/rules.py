@@ -8,9 +8,9 @@ from generators.knowledge import numbers_of, source_link
 from generators.markdown import page, section, table
 
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Text
+from overtaking.labels.law.rule import TextSource
 
 if TYPE_CHECKING:
     from overtaking.labels.law.judging import Policy
@@ -55,12 +55,12 @@ def content() -> str:
             POLICY,
             table(
                 ("policy", "undecidable", "open", "off the road or spun", "counts from"),
-                map(_policy, policies_for("pt")),
+                map(_policy, policies_of_law("pt")),
             ),
             TOLERANCES,
             numbers_of("tolerances.toml"),
         ),
-        section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, Text))),
+        section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, TextSource))),
         *_pack("Portugal", PORTUGAL, "law.toml"),
         *_pack("Germany", GERMANY, "law_de.toml"),
     )
@@ -68,7 +68,7 @@ def content() -> str:
 
 def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
     """The overview of a pack, its rules, and their numbers."""
-    names = [each.name for each in policies_for(pack.name)]
+    names = [each.name for each in policies_of_law(pack.name)]
     overview = table(
         ("rule", "title", "law", "text", *names), [_line(rule, pack) for rule in pack.rules]
     )
@@ -83,20 +83,26 @@ def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
     )
 
 
-def _text(of: Text) -> tuple[str, str]:
+def _text(of: TextSource) -> tuple[str, str]:
     return f"`{of}`", of.meaning
 
 
 def _line(rule: Rule, pack: Pack) -> tuple[str, ...]:
-    asked = ["yes" if rule.code in each.required else "" for each in policies_for(pack.name)]
-    return f"[{rule.code}](#{_anchor(rule)})", rule.title, rule.law, str(rule.text), *asked
+    asked = ["yes" if rule.code in each.required else "" for each in policies_of_law(pack.name)]
+    return (
+        f"[{rule.code}](#{_anchor(rule)})",
+        rule.title,
+        rule.article,
+        str(rule.text_source),
+        *asked,
+    )
 
 
 def _policy(each: Policy) -> tuple[str, ...]:
     doubt = "counts as legal" if each.allows_undecided else "gives `Success_U`"
     cut = "left out as *censored*" if each.censors_open else "counts as not completed"
     lost = "`Unsuccess_dep`" if each.names_departures else "counts as not completed"
-    least = f"{each.least.name.lower().replace('_', ' ')} breaches"
+    least = f"{each.min_severity.name.lower().replace('_', ' ')} breaches"
     return f"`{each.name}`", doubt, cut, lost, least
 
 
@@ -109,19 +115,22 @@ def _anchor(rule: Rule) -> str:
 def _rule(rule: Rule) -> str:
     rows = [
         ("id", f"`{rule.id}`"),
-        ("law", f"{rule.law} ({source_link(rule.source)})"),
-        ("text", f"`{rule.text}`: {rule.where}"),
+        ("law", f"{rule.article} ({source_link(rule.source)})"),
+        ("text", f"`{rule.text_source}`: {rule.consulted_source}"),
         ("what it asks", rule.gloss),
         ("what is checked", rule.predicate),
         ("unit of the margin", rule.unit),
         ("standard error", rule.spread.formula if rule.spread else "0"),
         ("a breach is", rule.grade.value),
         ("it costs", rule.fine),
-        ("undecidable without", _list(rule.needs)),
-        ("at times undecidable without", _list(rule.partly)),
-        ("without an attempt", "judged all the same" if rule.without_attempt else "not applicable"),
-        ("roads", "with oncoming traffic" if rule.two_way else ""),
-        ("whose duty", "the ego's" if rule.of_ego else "another's; no policy asks for it"),
+        ("undecidable without", _list(rule.required_inputs)),
+        ("at times undecidable without", _list(rule.conditional_inputs)),
+        (
+            "without an attempt",
+            "judged all the same" if rule.applies_without_attempt else "not applicable",
+        ),
+        ("roads", "with oncoming traffic" if rule.only_two_way_roads else ""),
+        ("whose duty", "the ego's" if rule.is_duty_of_ego else "another's; no policy asks for it"),
     ]
     body = table(("", ""), [row for row in rows if row[1]])
     return f"### {rule.code} {rule.title}\n\n{body}\n"

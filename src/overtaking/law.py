@@ -23,7 +23,7 @@ Functions that use a law:
 
 Description of a rule and of a pack:
 
-- `Rule`, and the types of its attributes: `Text` (whether the author read the wording of the
+- `Rule`, and the types of its attributes: `TextSource` (whether the author read the wording of the
   provision or knows it at second hand), `Grade` (how severe a breach of the rule is; the severity
   may depend on the road or on the breach) and `Spread` (a function that computes the standard
   deviation of the margin from errors of measurement);
@@ -36,40 +36,41 @@ Input of a rule:
 - `Case`; `MeasurementErrors`, the standard deviations of recorded positions and speeds;
 - `NeighbourRole`: leader and follower in the lane of the ego and in the lanes beside it;
 - `NEVER` (-1): the number of a frame if the event did not happen;
-- `ENDLESS`: larger than any margin; a margin has this value in frames that do not count;
-- `ROAD_KINDS` and `CLASSES`: kinds of roads and of vehicles with speed limits of their own.
+- `UNCONSTRAINED`: larger than any margin; a margin has this value in frames that do not count;
+- `ROAD_KINDS` and `LIMIT_CLASSES`: kinds of roads and of vehicles with speed limits of their own.
 
-Spans of frames to check (`Span`: the first and the last frame of each simulation):
+Spans of frames to check (`FrameSpan`: the first and the last frame of each simulation):
 
 - `manoeuvre`: from 3 s before the attempt to 3 s after its end;
-- `conduct`: the manoeuvre, or the whole drive if there was no attempt;
-- `settled`: `conduct` without its first seconds, in which a driver may restore a gap that another
-  vehicle has taken before the recording;
-- `passed`: from the frame in which the ego is past the target to the end of `manoeuvre`;
-- `alongside`: no `Span`, but a list of the frames in which ego and target are side by side, at
+- `judged_span`: the manoeuvre, or the whole drive if there was no attempt;
+- `span_after_gap_recovery`: `judged_span` without its first seconds, in which a driver may restore
+  a gap that another vehicle has taken before the recording;
+- `span_after_passing`: from the frame in which the ego is past the target to the end of
+  `manoeuvre`;
+- `alongside`: no `FrameSpan`, but a list of the frames in which ego and target are side by side, at
   least in part, with the lateral gap between them;
-- `frames_of`: number of frames in a number of seconds; `seconds_of`: the reverse.
+- `num_frames_in`: number of frames in a number of seconds; `seconds_of`: the reverse.
 
 Values at frames:
 
-- `at`: a signal at one frame of each simulation;
-- `encounter`: gap, closing speed and other measures of a neighbour at listed frames;
-- `beside`: the measures of `encounter` at one frame of each simulation;
-- `limits_of`: the lowest and the highest speed limit that may hold, because the kind of the road or
-  of the ego can be unknown.
+- `at_frame`: a signal at one frame of each simulation;
+- `encounters_at`: gap, closing speed and other measures of a neighbour at listed frames;
+- `neighbour_at`: the measures of `encounters_at` at one frame of each simulation;
+- `speed_limit_bounds`: the lowest and the highest speed limit that may hold, because the kind of
+  the road or of the ego can be unknown.
 
 Functions that make a finding from margins (the smallest margin becomes the margin of the finding):
 
-- `always`: a margin at all frames of a span;
-- `always_at`: a margin at listed frames;
-- `instant`: a margin at one frame of each simulation;
+- `finding_over_span`: a margin at all frames of a span;
+- `finding_at_instants`: a margin at listed frames;
+- `finding_at_frame`: a margin at one frame of each simulation;
 - `keeps_limit`: the speed under a limit;
-- `decided`: a margin and frames that you have computed for each simulation.
+- `finding_from_margins`: a margin and frames that you have computed for each simulation.
 
 Errors of measurement:
 
-- `deciding`: the frame of a span at which the margin is smallest, where its error matters;
-- `standard_error`: the standard deviation of a margin.
+- `deciding_frame`: the frame of a span at which the margin is smallest, where its error matters;
+- `propagated_error`: the standard deviation of a margin.
 
 `docs/how-to/write-a-rule.md` shows a pack of two rules.
 """
@@ -82,39 +83,39 @@ from overtaking.api.law import load_pack as load_pack
 from overtaking.api.law import policies_for as policies_for
 from overtaking.api.law import tolerance_curve as tolerance_curve
 from overtaking.api.law import undecidable_rules as undecidable_rules
-from overtaking.labels.law.case import CLASSES as CLASSES
+from overtaking.labels.law.case import LIMIT_CLASSES as LIMIT_CLASSES
 from overtaking.labels.law.case import ROAD_KINDS as ROAD_KINDS
 from overtaking.labels.law.case import alongside as alongside
-from overtaking.labels.law.case import beside as beside
-from overtaking.labels.law.case import conduct as conduct
-from overtaking.labels.law.case import limits_of as limits_of
+from overtaking.labels.law.case import judged_span as judged_span
 from overtaking.labels.law.case import manoeuvre as manoeuvre
-from overtaking.labels.law.case import passed as passed
+from overtaking.labels.law.case import neighbour_at as neighbour_at
 from overtaking.labels.law.case import seconds_of as seconds_of
-from overtaking.labels.law.case import settled as settled
+from overtaking.labels.law.case import span_after_gap_recovery as span_after_gap_recovery
+from overtaking.labels.law.case import span_after_passing as span_after_passing
+from overtaking.labels.law.case import speed_limit_bounds as speed_limit_bounds
 from overtaking.labels.law.germany import GERMANY as GERMANY
 from overtaking.labels.law.judging import Policy as Policy
-from overtaking.labels.law.margins import ENDLESS as ENDLESS
-from overtaking.labels.law.margins import always as always
-from overtaking.labels.law.margins import always_at as always_at
-from overtaking.labels.law.margins import decided as decided
-from overtaking.labels.law.margins import frames_of as frames_of
-from overtaking.labels.law.margins import instant as instant
+from overtaking.labels.law.margins import UNCONSTRAINED as UNCONSTRAINED
+from overtaking.labels.law.margins import finding_at_frame as finding_at_frame
+from overtaking.labels.law.margins import finding_at_instants as finding_at_instants
+from overtaking.labels.law.margins import finding_from_margins as finding_from_margins
+from overtaking.labels.law.margins import finding_over_span as finding_over_span
+from overtaking.labels.law.margins import num_frames_in as num_frames_in
 from overtaking.labels.law.measurement_errors import MeasurementErrors as MeasurementErrors
-from overtaking.labels.law.measurement_errors import deciding as deciding
-from overtaking.labels.law.measurement_errors import standard_error as standard_error
+from overtaking.labels.law.measurement_errors import deciding_frame as deciding_frame
+from overtaking.labels.law.measurement_errors import propagated_error as propagated_error
 from overtaking.labels.law.portugal import PORTUGAL as PORTUGAL
 from overtaking.labels.law.rule import Grade as Grade
 from overtaking.labels.law.rule import Pack as Pack
 from overtaking.labels.law.rule import Rule as Rule
 from overtaking.labels.law.rule import Spread as Spread
-from overtaking.labels.law.rule import Text as Text
+from overtaking.labels.law.rule import TextSource as TextSource
 from overtaking.labels.law.rule import Tolerance as Tolerance
 from overtaking.labels.law.rule import adopt as adopt
 from overtaking.labels.law.speed import keeps_limit as keeps_limit
-from overtaking.labels.signals import encounter as encounter
-from overtaking.labels.snapshots import Span as Span
-from overtaking.labels.snapshots import at as at
+from overtaking.labels.signals import encounters_at as encounters_at
+from overtaking.labels.snapshots import FrameSpan as FrameSpan
+from overtaking.labels.snapshots import at_frame as at_frame
 from overtaking.model.neighbours import NeighbourRole as NeighbourRole
 from overtaking.model.overtake_events import NEVER as NEVER
 from overtaking.model.verdicts import Case as Case

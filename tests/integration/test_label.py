@@ -61,7 +61,7 @@ def test_labels_agree_with_those_of_a_run_in_memory(data):
     paper = rows[rows["policy"] == "paper"]
     assert paper["num_broken"].tolist() == found.labels.num_broken[:, 0].tolist()
     # Rules of two-way roads have no rows on a road of one direction.
-    stored = [one.code for one in PORTUGAL.rules if not one.two_way]
+    stored = [one.code for one in PORTUGAL.rules if not one.only_two_way_roads]
     assert data.findings()["rule"].tolist() == stored * SIZE
     assert set(stored) < set(found.findings.rule_codes)
 

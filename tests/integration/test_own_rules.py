@@ -116,10 +116,10 @@ def test_two_rules_of_one_code_are_no_pack():
 
 
 def test_a_speed_limit_of_another_country_counts_where_less_is_posted():
-    general = np.full((len(ot.law.ROAD_KINDS), len(ot.law.CLASSES)), 130 / 3.6, np.float32)
+    general = np.full((len(ot.law.ROAD_KINDS), len(ot.law.LIMIT_CLASSES)), 130 / 3.6, np.float32)
 
     def below(case: ot.law.Case) -> ot.law.Finding:
-        return ot.law.keeps_limit(case, ot.law.limits_of(case, general))
+        return ot.law.keeps_limit(case, ot.law.speed_limit_bounds(case, general))
 
     limit = dataclasses.replace(PORTUGAL.rule("L12"), code="G1", check=below, spread=None)
     pack = ot.law.Pack(name="mine", version="1", rules=(limit,))

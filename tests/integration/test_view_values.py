@@ -15,7 +15,7 @@ from tests.support.viewing import ROWS, at, enter
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 from overtaking.model.verdicts import OvertakeClass, Verdict
 from overtaking.show.wording import symbol
@@ -275,7 +275,7 @@ def test_margins_and_marks_are_those_of_the_verdict(
 def test_only_rules_that_the_policy_counts_are_red(
     browser: Browser, url: str, key: Any, dataset: Dataset, capsys: pytest.CaptureFixture[str]
 ):
-    for policy in (policy.name for policy in POLICIES):
+    for policy in (policy.name for policy in STORED_POLICIES):
         with at(browser, url, key, f"#policy={policy}") as page:
             for number in range(NUM_OPENED):
                 values = values_of_show(dataset, number, capsys)

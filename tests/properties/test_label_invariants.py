@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from overtaking.labels.labelling import LabelledTrajectories, label
-from overtaking.labels.snapshots import at
+from overtaking.labels.snapshots import at_frame
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.verdicts import Verdict
@@ -192,5 +192,5 @@ def test_phases_of_completed_overtakes_are_in_order():
     # Who cuts in closely turns back before being wholly past.
     turned = events.return_begin[done]
     assert ((frames[0] < turned) & (turned <= frames[-1])).all()
-    lead = at(labelled().signals.lane, events.return_end)[done]
+    lead = at_frame(labelled().signals.lane, events.return_end)[done]
     assert (lead == events.original_lane[done]).all()

@@ -13,7 +13,7 @@ from tests.support.cases import Track, case, ramp, seen_case
 from tests.support.overtakes import CROSSED, crossing, overtake
 
 import overtaking as ot
-from overtaking.labels.law.judging import check
+from overtaking.labels.law.judging import judge_pack
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.trajectories import NO_VEHICLE, Lights, States, Trajectories
 from overtaking.model.verdicts import Case, Findings, Verdict
@@ -31,7 +31,7 @@ def simulated() -> Case:
 
 @cache
 def found() -> Findings:
-    return check(PORTUGAL, simulated())
+    return judge_pack(PORTUGAL, simulated())
 
 
 def assert_equal(one: Findings, other: Findings) -> None:
@@ -50,7 +50,7 @@ def test_the_simulations_break_most_rules():
 
 def test_in_a_mirror_the_law_is_the_same():
     recorded = simulated().trajectories
-    assert_equal(found(), check(PORTUGAL, seen_case(mirrored(recorded))))
+    assert_equal(found(), judge_pack(PORTUGAL, seen_case(mirrored(recorded))))
 
 
 def mirrored(recorded: Trajectories) -> Trajectories:
@@ -68,7 +68,7 @@ def test_the_order_of_the_others_does_not_matter():
     recorded = simulated().trajectories
     slots = recorded.states.s.shape[1]
     order = np.array([0, *range(slots - 1, 0, -1)])
-    assert_equal(found(), check(PORTUGAL, seen_case(reordered(recorded, order))))
+    assert_equal(found(), judge_pack(PORTUGAL, seen_case(reordered(recorded, order))))
 
 
 def reordered(recorded: Trajectories, order: np.ndarray) -> Trajectories:
@@ -93,7 +93,7 @@ def fields(cls: type) -> tuple[dataclasses.Field, ...]:
 
 def test_a_simulation_is_judged_alike_in_any_company():
     chosen = np.array([70, 3, 41, 8])
-    assert_equal(found().select(chosen), check(PORTUGAL, simulated().select(chosen)))
+    assert_equal(found().select(chosen), judge_pack(PORTUGAL, simulated().select(chosen)))
 
 
 def test_frames_beyond_the_end_of_a_recording_do_not_matter():
@@ -102,7 +102,7 @@ def test_frames_beyond_the_end_of_a_recording_do_not_matter():
         name: np.where(one.signals.valid, getattr(one.signals, name), np.float32(-7.0))
         for name in ("speed", "friction", "sight_lit", "sight_unlit", "right_edge", "left_edge")
     }
-    assert_equal(found(), check(PORTUGAL, one.replace(signals=one.signals.replace(**spoiled))))
+    assert_equal(found(), judge_pack(PORTUGAL, one.replace(signals=one.signals.replace(**spoiled))))
 
 
 @pytest.mark.ci
@@ -112,7 +112,7 @@ def test_a_recording_that_began_earlier_says_the_same_later(shift):
     lane = ramp((3 + shift * 0.05, 0), (6 + shift * 0.05, 1), frames=200 + shift)
     early = crossing_at(shift, lane, frames=200 + shift)
     late = crossing_at(0, lane[shift:], frames=200)
-    one, other = check(PORTUGAL, early), check(PORTUGAL, late)
+    one, other = judge_pack(PORTUGAL, early), judge_pack(PORTUGAL, late)
     assert (one.verdict == other.verdict).all()
     assert one.margin == pytest.approx(other.margin, abs=0.02)
     broken = one.verdict == Verdict.ILLEGAL
@@ -139,7 +139,7 @@ def crossing_at(shift: int, lane: np.ndarray, *, frames: int) -> Case:
 @given(near=st.floats(40.0, 150.0), more=st.floats(0.1, 100.0))
 def test_a_leader_farther_off_never_makes_a_lawful_distance_unlawful(near, more):
     margins = [
-        check(PORTUGAL, crossing(Track(s=s, lane=1), target={"s": s})).margin[0]
+        judge_pack(PORTUGAL, crossing(Track(s=s, lane=1), target={"s": s})).margin[0]
         for s in (near, near + more)
     ]
     for code in ("L3", "L4"):
@@ -150,7 +150,7 @@ def test_a_leader_farther_off_never_makes_a_lawful_distance_unlawful(near, more)
 @settings(max_examples=10, deadline=None)
 @given(far=st.floats(0.0, 5000.0))
 def test_where_on_the_road_it_happens_does_not_matter(far):
-    here = check(PORTUGAL, overtake(target={"s": 110.0}))
-    there = check(PORTUGAL, overtake(ego={"s": far}, target={"s": 110.0 + far}))
+    here = judge_pack(PORTUGAL, overtake(target={"s": 110.0}))
+    there = judge_pack(PORTUGAL, overtake(ego={"s": far}, target={"s": 110.0 + far}))
     assert (here.verdict == there.verdict).all()
     assert here.margin == pytest.approx(there.margin, abs=0.02)

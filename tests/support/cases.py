@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.worlds import CLEAR, Vehicle, scenario
 
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.signals import target_signals
 from overtaking.model.known_roads import known_road
 from overtaking.model.overtake_events import NEVER, OvertakeEvents
@@ -121,7 +121,7 @@ def case(
 
 def seen_case(recorded: Trajectories, events: dict[str, int] | None = None) -> Case:
     """A case from trajectories, with events by name or those that are found in it."""
-    found = case_of(recorded)
+    found = case_from_trajectories(recorded)
     if events is None:
         return found
     return with_events(found, _events(recorded, found.signals, events))

@@ -12,7 +12,7 @@ import numpy as np
 from overtaking.analysis.result_methods import Plottable
 from overtaking.core.equality import ContentEquality
 from overtaking.core.units import mps_from_kmh
-from overtaking.labels.law.judging import breaches, duration
+from overtaking.labels.law.judging import breach_duration, counted_breaches
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.verdicts import OvertakeClass, Verdict
 
@@ -33,8 +33,8 @@ STEPS = {
     "time": ("s", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
     "lasting": ("", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)),
 }
-"""Of each tolerance: the unit of the margins that it is about, empty for those of all rules; the
-unit in which it is told; and its values."""
+"""For each tolerance the unit of the margins that it relaxes, empty for the margins of all rules;
+the unit in which results show it; and its values in that unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,14 +68,14 @@ class Curve(ContentEquality, Plottable):
 
     def values(self) -> dict[str, Any]:
         """Plain values; shares are of completed overtakes."""
-        whole = max(self.overtakes, 1)
+        num_overtakes = max(self.overtakes, 1)
         return {
             "rule_set": self.pack,
             "policy": self.policy,
             "overtakes": self.overtakes,
             "legal": self.legal,
             "undecided": self.undecided,
-            "legal_share": self.legal / whole,
+            "legal_share": self.legal / num_overtakes,
             "rules": [
                 {
                     "rule": code,
@@ -90,19 +90,19 @@ class Curve(ContentEquality, Plottable):
                     "tolerance": name,
                     "unit": STEPS[name][1],
                     "values": list(STEPS[name][2]),
-                    "legal_share": [count / whole for count in counts],
+                    "legal_share": [count / num_overtakes for count in counts],
                 }
                 for name, counts in self.relaxed.items()
             ],
             "tolerances_by_rule": [
-                {"rule": code, "legal_share": [count / whole for count in counts]}
+                {"rule": code, "legal_share": [count / num_overtakes for count in counts]}
                 for code, counts in self.by_rule.items()
             ],
         }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
+class _CompletedOvertakes:
     """The completed overtakes of a batch; arrays of shape (overtake, required rule)."""
 
     counted: Mask
@@ -121,43 +121,45 @@ def curve(
         pack: The rules.
         policy: Which of them count.
     """
-    found, version = [], pack.version
+    overtakes, version = [], pack.version
     for labelled, case in batches:
-        found.append(_found(labelled, case, pack, policy))
+        overtakes.append(_completed_overtakes(labelled, case, pack, policy))
         version = labelled.findings.version
-    together = _Found(
-        counted=np.concatenate([one.counted for one in found]),
-        excess=np.concatenate([one.excess for one in found]),
-        lasting=np.concatenate([one.lasting for one in found]),
-        doubtful=np.concatenate([one.doubtful for one in found]),
+    all_overtakes = _CompletedOvertakes(
+        counted=np.concatenate([overtakes_of_batch.counted for overtakes_of_batch in overtakes]),
+        excess=np.concatenate([overtakes_of_batch.excess for overtakes_of_batch in overtakes]),
+        lasting=np.concatenate([overtakes_of_batch.lasting for overtakes_of_batch in overtakes]),
+        doubtful=np.concatenate([overtakes_of_batch.doubtful for overtakes_of_batch in overtakes]),
     )
-    return _curve(together, pack, policy, version)
+    return _curve(all_overtakes, pack, policy, version)
 
 
-def _found(labelled: LabelledTrajectories, case: Case, pack: Pack, policy: Policy) -> _Found:
+def _completed_overtakes(
+    labelled: LabelledTrajectories, case: Case, pack: Pack, policy: Policy
+) -> _CompletedOvertakes:
     findings = labelled.findings
     columns = [findings.rule_codes.index(code) for code in policy.required]
-    done = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
-    lasting = np.stack([duration(findings, one, case) for one in columns], axis=1)
-    return _Found(
-        counted=breaches(findings, policy, pack, case)[done][:, columns],
-        excess=-findings.margin[done][:, columns],
-        lasting=lasting[done],
-        doubtful=(findings.verdict == Verdict.UNDECIDABLE)[done][:, columns],
+    is_completed = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
+    lasting = np.stack([breach_duration(findings, column, case) for column in columns], axis=1)
+    return _CompletedOvertakes(
+        counted=counted_breaches(findings, policy, pack, case)[is_completed][:, columns],
+        excess=-findings.margin[is_completed][:, columns],
+        lasting=lasting[is_completed],
+        doubtful=(findings.verdict == Verdict.UNDECIDABLE)[is_completed][:, columns],
     )
 
 
-def _curve(found: _Found, pack: Pack, policy: Policy, version: str) -> Curve:
+def _curve(overtakes: _CompletedOvertakes, pack: Pack, policy: Policy, version: str) -> Curve:
     units = np.array([pack.rule(code).unit for code in policy.required])
-    counted = found.counted
-    doubtful = found.doubtful.any(axis=1) & (not policy.allows_undecided)
+    counted = overtakes.counted
+    doubtful = overtakes.doubtful.any(axis=1) & (not policy.allows_undecided)
 
     def legal(broken: Mask) -> int:
         return int((~broken.any(axis=1) & ~doubtful).sum())
 
-    def relaxed(name: str, about: Mask) -> list[int]:
-        measured = found.lasting if name == "lasting" else found.excess
-        return [legal(counted & ~(about & (measured <= value))) for value in tolerances(name)]
+    def relaxed(name: str, is_relaxed: Mask) -> list[int]:
+        measured = overtakes.lasting if name == "lasting" else overtakes.excess
+        return [legal(counted & ~(is_relaxed & (measured <= value))) for value in tolerances(name)]
 
     single = counted.sum(axis=1) == 1
     by_rule = {}
@@ -184,8 +186,8 @@ def _curve(found: _Found, pack: Pack, policy: Policy, version: str) -> Curve:
 
 def tolerances(name: str) -> tuple[float, ...]:
     """The values of a tolerance in SI."""
-    _, told, values = STEPS[name]
-    return tuple(mps_from_kmh(one) for one in values) if told == "km/h" else values
+    _, shown_unit, values = STEPS[name]
+    return tuple(mps_from_kmh(value) for value in values) if shown_unit == "km/h" else values
 
 
 EXAMPLES = 5
@@ -241,7 +243,7 @@ def compared(
         Plain values. `classes` counts simulations by class, `conduct` all of them by whether the
         ego kept the required rules.
     """
-    names = [one.name for one in policies[0]]
+    names = [difference.name for difference in policies[0]]
     classes = {(pack.name, name): Counter[str]() for pack in packs for name in names}
     conduct = {key: Counter[str]() for key in classes}
     parted = {
@@ -250,20 +252,23 @@ def compared(
         for a, b in permutations(packs, 2)
     }
     versions, total, overtakes = dict[str, str](), 0, 0
-    for numbers, case, said in batches:
+    for numbers, case, labelled_by_law in batches:
         total += len(numbers)
-        overtakes += int((said[0].labels.outcome == Outcome.COMPLETED).sum())
-        for pack, labelled in zip(packs, said, strict=True):
+        overtakes += int((labelled_by_law[0].labels.outcome == Outcome.COMPLETED).sum())
+        for pack, labelled in zip(packs, labelled_by_law, strict=True):
             versions[pack.name] = labelled.findings.version
             for column, name in enumerate(names):
-                found = (OvertakeClass(one).title for one in labelled.labels.classes[:, column])
+                found = (
+                    OvertakeClass(difference).title
+                    for difference in labelled.labels.classes[:, column]
+                )
                 classes[pack.name, name].update(found)
                 conduct[pack.name, name].update(_conduct(labelled, column))
         for i, j in permutations(range(len(packs)), 2):
-            batch = (numbers, case, said[i], said[j])
+            batch = (numbers, case, labelled_by_law[i], labelled_by_law[j])
             for column, name in enumerate(names):
-                one = parted[packs[i].name, packs[j].name, name]
-                _part(one, column, batch, packs[j], policies[j][column])
+                difference = parted[packs[i].name, packs[j].name, name]
+                _count_differences(difference, column, batch, packs[j], policies[j][column])
     return {
         "simulations": total,
         "overtakes": overtakes,
@@ -277,7 +282,7 @@ def compared(
             }
             for (law, name), count in classes.items()
         ],
-        "parted": [one.values() for one in parted.values()],
+        "parted": [difference.values() for difference in parted.values()],
     }
 
 
@@ -292,7 +297,7 @@ def _conduct(labelled: LabelledTrajectories, column: int) -> dict[str, int]:
     }
 
 
-def _part(
+def _count_differences(
     into: Parted,
     column: int,
     batch: tuple[NDArray[np.integer], Case, LabelledTrajectories, LabelledTrajectories],
@@ -304,7 +309,7 @@ def _part(
     parts = legal.labels.classes[:, column] == OvertakeClass.SUCCESS_L
     parts &= illegal.labels.classes[:, column] == OvertakeClass.SUCCESS_I
     rows, findings = np.flatnonzero(parts), illegal.findings
-    counted = breaches(findings, policy, pack, case)
+    counted = counted_breaches(findings, policy, pack, case)
     into.count += len(rows)
     for row in rows.tolist():
         codes = [code for code in policy.required if counted[row, findings.rule_codes.index(code)]]

@@ -48,11 +48,16 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.progress import ProgressCallback
-from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.labelling import LabelledTrajectories, label
-from overtaking.labels.law.judging import PACKS, POLICIES, STORED, Policy, choose_policy
-from overtaking.labels.law.judging import lacking as rules_lacking
-from overtaking.labels.law.judging import policies_for as policies_of_package
+from overtaking.labels.law.judging import (
+    LAWS,
+    STORED_POLICIES,
+    STORED_POLICY_NAMES,
+    Policy,
+    choose_policy,
+)
+from overtaking.labels.law.judging import policies_of_law as policies_of_package
+from overtaking.labels.law.judging import undecidable_rules as rules_lacking
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack
@@ -84,8 +89,8 @@ def load_pack(law: str | Pack) -> Pack:
     """
     if isinstance(law, Pack):
         return _check_pack(law)
-    if law in PACKS:
-        return PACKS[law]
+    if law in LAWS:
+        return LAWS[law]
     module, colon, name = law.partition(":")
     if not (module and colon and name):
         raise _law_error(law, "pt, de, or MODULE:NAME", "another form")
@@ -123,18 +128,18 @@ def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy
     Raises:
         ConfigError: The pack has no policy of such a name.
     """
-    package_policies = policies_of_package(pack.name) if pack.name in PACKS else ()
+    package_policies = policies_of_package(pack.name) if pack.name in LAWS else ()
     matching_policies = tuple(
-        policy for policy in POLICIES if set(policy.required) <= set(pack.codes)
+        policy for policy in STORED_POLICIES if set(policy.required) <= set(pack.codes)
     )
-    duties_of_ego = tuple(rule.code for rule in pack.rules if rule.of_ego)
+    duties_of_ego = tuple(rule.code for rule in pack.rules if rule.is_duty_of_ego)
     fallback = (Policy(name="all", required=duties_of_ego),)
     policies = package_policies or matching_policies or fallback
     if names is None:
         if not package_policies:
             return policies
-        # `STORED` are the names of the policies that data sets store.
-        return tuple(policy for policy in policies if policy.name in STORED)
+        # `STORED_POLICY_NAMES` are the names of the policies that data sets store.
+        return tuple(policy for policy in policies if policy.name in STORED_POLICY_NAMES)
     by_name = {policy.name: policy for policy in policies}
     for name in names:
         check_choice(name, by_name, what="policy", where=pack.name)
@@ -269,7 +274,7 @@ def _judge_batches(
             for pack, law_policies in zip(packs, policies, strict=True)
         ]
         # The case does not depend on the law, so the first labels give it for all.
-        yield numbers, case_of(labelled[0]), labelled
+        yield numbers, labelled[0].case(), labelled
         num_done += len(numbers)
         if progress is not None:
             progress(num_done, len(dataset))

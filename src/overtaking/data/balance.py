@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import ConfigError, convert_integers
-from overtaking.labels.law.judging import policy as known_policy
+from overtaking.labels.law.judging import stored_policy as known_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.verdicts import OvertakeClass

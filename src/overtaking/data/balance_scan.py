@@ -24,7 +24,7 @@ from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.labelling import label
-from overtaking.labels.law.judging import choose_policy, policy
+from overtaking.labels.law.judging import choose_policy, stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.scenarios.sampler import ScenarioSource
 
@@ -172,7 +172,7 @@ class Scan:
         assert identity.balance is not None
         self._recipe, self._simulator, self._location = recipe, simulator, location
         self._balance: ClassBalance = identity.balance
-        self._policy = policy(choose_policy(self._balance.policy, identity.profile))
+        self._policy = stored_policy(choose_policy(self._balance.policy, identity.profile))
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)
         self._step = identity.shard_size

@@ -1,4 +1,4 @@
-"""What happened: the events of an overtake, and how it ended.
+"""Events of the overtake, its outcome, and the detail of the outcome.
 
 The events are found in recorded positions and bodies, never in the intentions of the ego. The
 compiled engine finds them; `tests/reference/labels/readable_events.py` is the same in Python and
@@ -12,14 +12,14 @@ import numpy as np
 
 from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.signals import target_signals, watch
+from overtaking.labels.signals import extract_signals_and_events, target_signals
 from overtaking.labels.snapshots import (
-    across_at,
-    borders_of,
-    frames_within,
+    FrameSpan,
+    lane_borders,
+    lateral_position_and_gap,
     lateral_speed_at,
-    slot_of,
-    vehicle_at,
+    slot_or_ego,
+    vehicle_snapshot,
 )
 from overtaking.model.ego_signals import EgoSignals
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail, OvertakeEvents
@@ -27,46 +27,49 @@ from overtaking.model.trajectories import ANGLE_RESOLUTION, OVERTAKING_STAGES, T
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
-_NARROW = frozenset(
+_BYTE_FIELDS = frozenset(
     ["target_slot", "original_lane", "num_attempts", "num_passed", "collision_slot", "num_drifts"]
 )
 """Events that are bytes; the others are frames."""
 
 _LINE_OR_ABORT_END = ("line_crossed", "abort_end")
 
-HEADINGS = 1.0 / ANGLE_RESOLUTION
+HEADING_UNITS_PER_RADIAN = 1.0 / ANGLE_RESOLUTION
 """Recorded steps of a heading in a radian."""
 
 
-def case_of(trajectories: Trajectories) -> Case:
+def case_from_trajectories(trajectories: Trajectories) -> Case:
     """A recording of any origin with its signals, its events and its targets.
 
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
     """
-    seen, found = watch(trajectories, thresholds(trajectories))
+    signals, frames_by_event = extract_signals_and_events(
+        trajectories, event_thresholds(trajectories)
+    )
     columns: dict[str, Any] = {
-        name: row.astype(np.uint8) if name in _NARROW else row for name, row in found.items()
+        name: frames.astype(np.uint8) if name in _BYTE_FIELDS else frames
+        for name, frames in frames_by_event.items()
     }
     # A movement that is there in the first frame of a recording had begun; in a simulation it
     # begins.
     attempt = columns["attempt"]
-    begun = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
-    by_other = _struck(trajectories, seen, columns["collision_slot"], columns["collision"])
+    began_before_recording = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
+    was_struck = _was_struck(trajectories, signals, columns["collision_slot"], columns["collision"])
     return Case(
         trajectories=trajectories,
-        signals=seen,
+        signals=signals,
         events=OvertakeEvents(
-            was_struck=by_other,
-            began_before_recording=begun,
+            was_struck=was_struck,
+            began_before_recording=began_before_recording,
             was_intended=_was_intended(trajectories, columns),
             **columns,
         ),
-        target=target_signals(trajectories, seen, columns["target_slot"]),
+        target=target_signals(trajectories, signals, columns["target_slot"]),
     )
 
 
-def thresholds(trajectories: Trajectories) -> dict[str, Any]:
+def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
     """Numbers of `event_detection.toml` that tell an attempt, and the lanes of the road."""
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
@@ -75,11 +78,13 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
     advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
-    borders, beyond = borders_of(road), road.overtaking_side_neighbour
+    borders, neighbour = lane_borders(road), road.overtaking_side_neighbour
     return {
         "min_advance": np.array(advances)[kind],
-        "borders": [float(each) for each in borders],
-        "lanes_with_left": road.num_lanes - 1 + (beyond is not None and beyond.kind == "driving"),
+        "borders": [float(border) for border in borders],
+        "lanes_with_left": road.num_lanes
+        - 1
+        + (neighbour is not None and neighbour.kind == "driving"),
         "min_frames": frames("motion.least_time"),
         "window": frames("motion.median_window"),
         "advance": frames("attempt.advance_time"),
@@ -89,86 +94,111 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "settled_shift": float(constant("event_detection.motion.settled_shift")),
         "over_line": float(constant("event_detection.attempt.over_line")),
         "follow_time_gap": float(constant("event_detection.phases.follow_time_gap")),
-        "direction": round(HEADINGS * trajectories.headings_and_origin[1]),
-        "spin_angle": round(HEADINGS * float(constant("model.departure.spin_angle"))),
+        "direction": round(HEADING_UNITS_PER_RADIAN * trajectories.headings_and_origin[1]),
+        "spin_angle": round(
+            HEADING_UNITS_PER_RADIAN * float(constant("model.departure.spin_angle"))
+        ),
     }
 
 
-def _struck(trajectories: Trajectories, seen: EgoSignals, partner: U8, collision: I32) -> Mask:
+def _was_struck(
+    trajectories: Trajectories, signals: EgoSignals, partner: U8, collision: I32
+) -> Mask:
     """Whether another vehicle ran into the ego, shape (simulation,); False without a collision.
 
     In the last frame before the contact: where the two are apart along the road, the one behind
     runs into the one ahead; where they are side by side, the one that moves towards the other
     faster does.
     """
-    rows = np.flatnonzero(collision != NEVER)
-    before, slot = np.maximum(collision[rows] - 1, 0), slot_of(partner[rows])
-    along = vehicle_at(trajectories, partner[rows], rows, before)
-    lateral, lateral_gap = across_at(trajectories, seen, rows, slot, before)
-    is_left = seen.lateral_position[rows, before] > lateral
-    own = seen.lateral_speed[rows, before]
-    others = lateral_speed_at(trajectories, rows, slot, before)
+    simulation = np.flatnonzero(collision != NEVER)
+    last_frame_apart, slot = (
+        np.maximum(collision[simulation] - 1, 0),
+        slot_or_ego(partner[simulation]),
+    )
+    neighbour = vehicle_snapshot(trajectories, partner[simulation], simulation, last_frame_apart)
+    lateral, lateral_gap = lateral_position_and_gap(
+        trajectories, signals, simulation, slot, last_frame_apart
+    )
+    is_left = signals.lateral_position[simulation, last_frame_apart] > lateral
+    ego_speed = signals.lateral_speed[simulation, last_frame_apart]
+    other_speed = lateral_speed_at(trajectories, simulation, slot, last_frame_apart)
     # Towards the other: to the right for the one on the left.
-    towards, towards_ego = np.where(is_left, -own, own), np.where(is_left, others, -others)
-    beside = (along.gap < 0) & (lateral_gap > along.gap)
-    struck = np.zeros(len(collision), np.bool_)
-    struck[rows] = np.where(beside, towards_ego > towards, along.lead > 0)
-    return struck
+    closing_by_ego, closing_by_other = (
+        np.where(is_left, -ego_speed, ego_speed),
+        np.where(is_left, other_speed, -other_speed),
+    )
+    are_alongside = (neighbour.gap < 0) & (lateral_gap > neighbour.gap)
+    was_struck = np.zeros(len(collision), np.bool_)
+    was_struck[simulation] = np.where(
+        are_alongside, closing_by_other > closing_by_ego, neighbour.ego_lead > 0
+    )
+    return was_struck
 
 
-def _was_intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
+def _was_intended(trajectories: Trajectories, frames_by_event: Mapping[str, I32]) -> Mask:
     """Whether the driver meant each attempt, shape (simulation,): by its stage until the line."""
     ends = (
-        np.where(found[name] == NEVER, found["last"], found[name]) for name in _LINE_OR_ABORT_END
+        np.where(frames_by_event[name] == NEVER, frames_by_event["last"], frames_by_event[name])
+        for name in _LINE_OR_ABORT_END
     )
-    begin, end = found["attempt"], np.minimum(*ends)
-    rows, frames = frames_within(begin, np.where(begin != NEVER, end, NEVER - 1))
-    meant = np.zeros(len(begin), np.bool_)
-    meant[rows[np.isin(trajectories.stage[rows, frames], OVERTAKING_STAGES)]] = True
-    return meant
+    attempt, end = frames_by_event["attempt"], np.minimum(*ends)
+    simulation, frame = FrameSpan(
+        first=attempt, last=np.where(attempt != NEVER, end, NEVER - 1)
+    ).instants()
+    was_intended = np.zeros(len(attempt), np.bool_)
+    was_intended[simulation[np.isin(trajectories.stage[simulation, frame], OVERTAKING_STAGES)]] = (
+        True
+    )
+    return was_intended
 
 
-def outcome(events: OvertakeEvents) -> U8:
+def outcomes(events: OvertakeEvents) -> U8:
     """`Outcome` of each simulation.
 
     A collision counts at any time that was recorded, also before an attempt and after the return:
     recordings of this package end three seconds after the overtake, and what happens until then
     belongs to it.
     """
-    ended = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
-    tried = np.where(events.has_attempt, ended, Outcome.NO_ATTEMPT)
-    return np.where(events.collision != NEVER, Outcome.COLLISION, tried).astype(np.uint8)
+    outcome_of_attempt = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
+    outcome_without_collision = np.where(events.has_attempt, outcome_of_attempt, Outcome.NO_ATTEMPT)
+    return np.where(events.collision != NEVER, Outcome.COLLISION, outcome_without_collision).astype(
+        np.uint8
+    )
 
 
-def detail(events: OvertakeEvents, frame_interval_ms: int) -> U8:
+def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
     """`OutcomeDetail` of each simulation.
 
     Args:
         events: Events of the batch.
         frame_interval_ms: Time between frames [ms].
     """
-    how, collided, back = outcome(events), events.collision != NEVER, events.abort_end != NEVER
-    off, across = events.road_departure, events.spin
-    spun_first = (across != NEVER) & ((off == NEVER) | (across < off))
+    outcome, has_collision, has_abort_end = (
+        outcomes(events),
+        events.collision != NEVER,
+        events.abort_end != NEVER,
+    )
+    departure, spin = events.road_departure, events.spin
+    spun_first = (spin != NEVER) & ((departure == NEVER) | (spin < departure))
     # Passed, and in the other lane for good.
     frames = float(constant("event_detection.phases.stay_time")) * 1000.0 / frame_interval_ms
-    stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
+    has_not_returned = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
     cases = [
-        (collided & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
-        (collided & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
-        (collided, OutcomeDetail.RAN_INTO_OTHER),
+        (has_collision & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
+        (has_collision & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
+        (has_collision, OutcomeDetail.RAN_INTO_OTHER),
         (events.lost_control & spun_first, OutcomeDetail.SPUN),
         (events.lost_control, OutcomeDetail.DEPARTED),
-        (how == Outcome.COMPLETED, OutcomeDetail.NONE),
-        (how == Outcome.NO_ATTEMPT, OutcomeDetail.NONE),
-        (back & (events.line_crossed == NEVER), OutcomeDetail.ABORTED_BEFORE_CROSSING),
-        (back, OutcomeDetail.ABORTED_AFTER_CROSSING),
-        (stayed, OutcomeDetail.PASSED_NOT_RETURNED),
+        (outcome == Outcome.COMPLETED, OutcomeDetail.NONE),
+        (outcome == Outcome.NO_ATTEMPT, OutcomeDetail.NONE),
+        (has_abort_end & (events.line_crossed == NEVER), OutcomeDetail.ABORTED_BEFORE_CROSSING),
+        (has_abort_end, OutcomeDetail.ABORTED_AFTER_CROSSING),
+        (has_not_returned, OutcomeDetail.PASSED_NOT_RETURNED),
     ]
-    return first_case(cases, OutcomeDetail.OPEN_AT_HORIZON)
+    return first_that_holds(cases, OutcomeDetail.OPEN_AT_HORIZON)
 
 
-def first_case(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
+def first_that_holds(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
     """The code of the first case that holds in each simulation."""
     conditions, codes = zip(*cases, strict=True)
     return np.select(conditions, codes, otherwise).astype(np.uint8)

@@ -9,13 +9,25 @@ import numpy as np
 
 from overtaking.core.arrays import U8
 from overtaking.labels.attempt_features import attempt_features
-from overtaking.labels.event_detection import case_of, detail, first_case, outcome
-from overtaking.labels.law.judging import POLICIES, Legality, Policy, check, legality
+from overtaking.labels.event_detection import (
+    case_from_trajectories,
+    first_that_holds,
+    outcome_details,
+    outcomes,
+)
+from overtaking.labels.law.judging import (
+    STORED_POLICIES,
+    Legality,
+    Policy,
+    assess_legality,
+    judge_pack,
+)
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack
 from overtaking.labels.paper_features import matched_features, paper_features
-from overtaking.labels.safety_features import safety_measures
+from overtaking.labels.safety_features import safety_features
+from overtaking.labels.signals import target_signals
 from overtaking.model.batch import IdentityBatch
 from overtaking.model.ego_signals import EgoSignals
 from overtaking.model.overtake_events import Outcome, OutcomeDetail, OvertakeEvents
@@ -31,12 +43,12 @@ class LabelledTrajectories(IdentityBatch):
 
     Attributes:
         trajectories: The recording.
-        signals: What was around the ego.
-        events: What happened when.
-        findings: What each rule says.
+        signals: Time series of the ego and its neighbours.
+        events: Frames of the events of the overtake.
+        findings: Result of each rule for each simulation.
         labels: How it ended, and its class under each policy.
-        paper: The paper's features as it measures them.
-        matched: The same features, measured alike in every class.
+        paper_features: The paper's features as it measures them.
+        matched_features: The same features, measured alike in every class.
         attempt_features: State of the ego and its surroundings when the overtake began, or could
             have begun.
         safety: How near it came to a collision.
@@ -49,13 +61,13 @@ class LabelledTrajectories(IdentityBatch):
     events: OvertakeEvents
     findings: Findings
     labels: Labels
-    paper: PaperFeatures
-    matched: PaperFeatures
+    paper_features: PaperFeatures
+    matched_features: PaperFeatures
     attempt_features: AttemptFeatures
     safety: SafetyMeasures
 
     def summary(self) -> Mapping[str, object]:
-        """That of the recording."""
+        """Summary of the trajectories."""
         return self.trajectories.summary()
 
     def to_pandas(self) -> Any:
@@ -68,17 +80,22 @@ class LabelledTrajectories(IdentityBatch):
         # By name, because this package loads no table library.
         return import_module("overtaking.data.tables.data_frames").labels_frame(self)
 
-    @property
-    def features(self) -> tuple[PaperFeatures, PaperFeatures]:
-        """Both readings of the features."""
-        return self.paper, self.matched
+    def case(self) -> Case:
+        """The batch as the rules see it."""
+        target = target_signals(self.trajectories, self.signals, self.events.target_slot)
+        return Case(
+            trajectories=self.trajectories,
+            signals=self.signals,
+            events=self.events,
+            target=target,
+        )
 
 
 def label(
     trajectories: Trajectories,
     *,
     pack: Pack = PORTUGAL,
-    policies: Sequence[Policy] = POLICIES,
+    policies: Sequence[Policy] = STORED_POLICIES,
     errors: MeasurementErrors | None = None,
 ) -> LabelledTrajectories:
     """Label a recording of any origin.
@@ -87,57 +104,65 @@ def label(
         trajectories: The recording.
         pack: The rules of a jurisdiction.
         policies: Which of its rules decide about the classes.
-        errors: Of the measurement of positions and speeds; None if there are none.
+        errors: Errors of measured positions and speeds; None for exact values.
 
     Raises:
         ConfigError: A policy requires a rule that the pack does not have.
     """
-    case = case_of(trajectories)
-    findings = check(pack, case, errors)
+    case = case_from_trajectories(trajectories)
+    findings = judge_pack(pack, case, errors)
     return LabelledTrajectories(
         trajectories=trajectories,
         signals=case.signals,
         events=case.events,
         findings=findings,
         labels=_labels(case, findings, pack, policies),
-        paper=paper_features(case),
-        matched=matched_features(case),
+        paper_features=paper_features(case),
+        matched_features=matched_features(case),
         attempt_features=attempt_features(case),
-        safety=safety_measures(case),
+        safety=safety_features(case),
     )
 
 
 def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Policy]) -> Labels:
     """How each simulation ended, and its class under each policy."""
-    how, way = outcome(case.events), detail(case.events, case.signals.frame_interval_ms)
-    laws = [legality(findings, each, pack, case) for each in policies]
-    classes = [_classes(how, way, law, each) for law, each in zip(laws, policies, strict=True)]
+    outcome, detail = (
+        outcomes(case.events),
+        outcome_details(case.events, case.signals.frame_interval_ms),
+    )
+    legality_by_policy = [assess_legality(findings, policy, pack, case) for policy in policies]
+    classes = [
+        _overtake_classes(outcome, detail, legality, policy)
+        for legality, policy in zip(legality_by_policy, policies, strict=True)
+    ]
     judged = {
-        name: np.stack([getattr(law, name) for law in laws], axis=1)
+        name: np.stack([getattr(legality, name) for legality in legality_by_policy], axis=1)
         for name in ("is_legal", "num_broken", "num_undecidable")
     }
     return Labels(
-        policies=tuple(each.name for each in policies),
-        outcome=how,
-        detail=way,
+        policies=tuple(policy.name for policy in policies),
+        outcome=outcome,
+        detail=detail,
         classes=np.stack(classes, axis=1),
         **judged,
     )
 
 
-def _classes(how: U8, way: U8, law: Legality, policy: Policy) -> U8:
+def _overtake_classes(outcome: U8, detail: U8, legality: Legality, policy: Policy) -> U8:
     """The class of each simulation under one policy."""
-    undecided = (law.num_undecidable > 0) & (not policy.allows_undecided)
-    completed = how == Outcome.COMPLETED
-    cut_off = (way == OutcomeDetail.OPEN_AT_HORIZON) & policy.censors_open
-    lost = np.isin(way, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures
+    is_undecided = (legality.num_undecidable > 0) & (not policy.allows_undecided)
+    is_completed = outcome == Outcome.COMPLETED
+    is_censored = (detail == OutcomeDetail.OPEN_AT_HORIZON) & policy.censors_open
+    has_departed = (
+        np.isin(detail, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures
+    )
     cases = [
-        (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
-        (lost, OvertakeClass.UNSUCCESS_DEP),
-        (how == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
-        (completed & (law.num_broken > 0), OvertakeClass.SUCCESS_I),
-        (completed & undecided, OvertakeClass.SUCCESS_U),
-        (completed, OvertakeClass.SUCCESS_L),
-        (cut_off, OvertakeClass.CENSORED),
+        (outcome == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
+        (has_departed, OvertakeClass.UNSUCCESS_DEP),
+        (outcome == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
+        (is_completed & (legality.num_broken > 0), OvertakeClass.SUCCESS_I),
+        (is_completed & is_undecided, OvertakeClass.SUCCESS_U),
+        (is_completed, OvertakeClass.SUCCESS_L),
+        (is_censored, OvertakeClass.CENSORED),
     ]
-    return first_case(cases, OvertakeClass.UNSUCCESS_NCOL)
+    return first_that_holds(cases, OvertakeClass.UNSUCCESS_NCOL)

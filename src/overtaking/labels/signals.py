@@ -16,7 +16,14 @@ from overtaking.core.arrays import F32, U8, ArrayLayout, Buffers, IndexArray, em
 from overtaking.core.float32_math import as_f32, log, maximum
 from overtaking.core.native import simd_level
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.snapshots import METRES, borders_of, half_window, oncoming, side_of, slot_of
+from overtaking.labels.snapshots import (
+    METRES_PER_MM,
+    is_oncoming,
+    lane_borders,
+    lateral_speed_half_window,
+    overtaking_sign,
+    slot_or_ego,
+)
 from overtaking.model.batch import Batch, batch_fields, cached_per_batch
 from overtaking.model.ego_signals import EgoSignals, TargetSignals
 from overtaking.model.neighbours import NeighbourRole
@@ -31,28 +38,30 @@ from overtaking.world.road_surface import lane_film
 from overtaking.world.sight_distance import sight_at
 from overtaking.world.weather_parameters import weather_effects
 
-Arrays = dict[str, NDArray[Any]]
-Later = dict[str, Callable[[], Arrays]]
+ArraysByName = dict[str, NDArray[Any]]
+DelayedArrays = dict[str, Callable[[], ArraysByName]]
 
-SEEN = (
+SIGNALS_FOR_ENGINE = (
     *("lane", "lateral_position", "lateral_speed", "speed"),
     *("right_edge", "left_edge", "neighbour_slot"),
     *("friction", "sight_lit", "sight_unlit"),
 )
 """Signals that further compiled functions read."""
 
-_AROUND = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
-_OF_NEIGHBOURS = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
+_NEIGHBOUR_SIGNAL_NAMES = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
+_PER_NEIGHBOUR = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
 """Signals of shape (simulation, neighbour, time)."""
 
 
-def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignals, Arrays]:
+def extract_signals_and_events(
+    trajectories: Trajectories, limits: dict[str, Any]
+) -> tuple[EgoSignals, ArraysByName]:
     """Signals and events of a batch, in one compiled call.
 
     Gaps to all neighbours and the lane to the left are computed at their first use.
 
     Args:
-        trajectories: The batch, of any origin and rate; what it holds must not change.
+        trajectories: The batch, of any origin and rate; its arrays must not change afterwards.
         limits: The thresholds of events.
 
     Returns:
@@ -61,15 +70,15 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
     """
-    names, recording = _core.FIELD_NAMES["events"], pack(trajectories)
+    names, recording = _core.FIELD_NAMES["events"], pack_recording(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
-    layouts = _layouts(trajectories, EgoSignals, (*SEEN, "accel"))
+    layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # Most simulations end early: what is zero behind their ends need not be cleared again.
+    # Most simulations end early: zeros behind their ends need not be written again.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     _core.ego_signals_and_events(
         recording=recording,
-        visibility=conditions(trajectories),
+        visibility=visibility_inputs(trajectories),
         thresholds=limits,
         constants=engine_constants(model_constants()),
         zero_from=outputs.pop("zero_from"),
@@ -77,49 +86,49 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
         events=events,
         level=simd_level(),
     )
-    around = partial(_around, trajectories, outputs["neighbour_slot"])
-    later: Later = {
-        "s": lambda: {"s": as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES},
+    around = partial(_neighbour_signals, trajectories, outputs["neighbour_slot"])
+    later: DelayedArrays = {
+        "s": lambda: {"s": as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES_PER_MM},
         "valid": lambda: {"valid": trajectories.frame_mask},
-        **dict.fromkeys(_AROUND, around),
+        **dict.fromkeys(_NEIGHBOUR_SIGNAL_NAMES, around),
     }
-    _limit_sight(trajectories, outputs)
+    _limit_sight_by_road(trajectories, outputs)
     interval = trajectories.scenario.frame_interval_ms
-    seen = EgoSignals.partly(later, frame_interval_ms=interval, **outputs)
-    return seen, dict(zip(names, events, strict=True))
+    signals = EgoSignals.partly(later, frame_interval_ms=interval, **outputs)
+    return signals, dict(zip(names, events, strict=True))
 
 
-def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
+def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> None:
     """Nothing is seen beyond what the road shows."""
     if trajectories.road.course:
         s = trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION
-        shown = sight_at(trajectories.road, s)
+        sight_of_road = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
-            np.minimum(outputs[name], as_f32(shown), out=outputs[name])
+            np.minimum(outputs[name], as_f32(sight_of_road), out=outputs[name])
 
 
-def target_signals(trajectories: Trajectories, seen: EgoSignals, vehicle: U8) -> TargetSignals:
+def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8) -> TargetSignals:
     """The target of each simulation, computed frame by frame at its first use.
 
     Args:
         trajectories: The batch.
-        seen: Its signals.
-        vehicle: Slot of each target, `NO_VEHICLE` for none, shape (simulation,).
+        signals: Its signals.
+        vehicle: Slot of each target, `NO_VEHICLE` without a target, shape (simulation,).
 
     Raises:
         ValueError: A target is no vehicle of the recording.
     """
-    slot, length = slot_of(vehicle), trajectories.scenario.vehicles.length
+    slot, length = slot_or_ego(vehicle), trajectories.scenario.vehicles.length
     if slot.size and slot.max() >= length.shape[1]:
         raise ValueError(f"target: no vehicle {slot.max()}")
     return TargetSignals.partly(
-        dict.fromkeys(_target_names(), partial(_target, trajectories, seen, vehicle)),
+        dict.fromkeys(_target_names(), partial(_frames_of_target, trajectories, signals, vehicle)),
         slot=vehicle,
         length=length[np.arange(len(slot)), slot],
     )
 
 
-def encounter(
+def encounters_at(
     case: Case, neighbour: NeighbourRole | IndexArray, rows: IndexArray, frames: IndexArray
 ) -> Encounter:
     """The ego and a neighbour at single frames, with the measures of the follower.
@@ -141,9 +150,9 @@ def encounter(
     instants = np.empty((3, len(rows)), np.int64)
     instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
     _core.encounter_measures(
-        recording=packed(case),
-        neighbour_slot=_flat(case.signals.neighbour_slot),
-        instants=_flat(instants),
+        recording=packed_recording(case),
+        neighbour_slot=_as_flat(case.signals.neighbour_slot),
+        instants=_as_flat(instants),
         slot=slot,
         out=out,
         level=simd_level(),
@@ -151,7 +160,7 @@ def encounter(
     return Encounter(valid=slot != NO_VEHICLE, **dict(zip(names, out, strict=True)))
 
 
-def beside_target(
+def frames_alongside_target(
     case: Case, ends: NDArray[np.int32]
 ) -> tuple[IndexArray, IndexArray, U8, NDArray[np.float32], NDArray[np.float32]]:
     """The frames in which ego and target overlap along the road, in order.
@@ -165,8 +174,8 @@ def beside_target(
         [m], and its acceleration [m/s^2]; shape (instant,).
     """
     return _core.frames_alongside(
-        recording=packed(case),
-        signals=pack_seen(case.signals),
+        recording=packed_recording(case),
+        signals=pack_signals(case.signals),
         target_slot=np.ascontiguousarray(case.target.slot, np.uint8),
         span=ends,
         level=simd_level(),
@@ -174,12 +183,12 @@ def beside_target(
 
 
 @cached_per_batch
-def packed(case: Case) -> dict[str, Any]:
+def packed_recording(case: Case) -> dict[str, Any]:
     """`pack` of a case."""
-    return pack(case.trajectories)
+    return pack_recording(case.trajectories)
 
 
-def pack(trajectories: Trajectories) -> dict[str, Any]:
+def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     """A recording as compiled functions take it.
 
     On a two-way road the lane of oncoming traffic is one more lane to the left, and who comes is
@@ -192,36 +201,36 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
     recorded |= {"accel": states.accel_lon, "collided_with": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _with_opposite_lane(trajectories)
-        along = np.broadcast_to(~oncoming(trajectories)[:, :, None], states.s.shape)
+        along = np.broadcast_to(~is_oncoming(trajectories)[:, :, None], states.s.shape)
         present = along.copy() if present is None else present & along
     return {
-        **{name: adjacent(values) for name, values in recorded.items()},
-        "is_recorded": None if present is None else adjacent(present),
+        **{name: with_adjacent_frames(values) for name, values in recorded.items()},
+        "is_recorded": None if present is None else with_adjacent_frames(present),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
-        **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
+        **{name: _as_flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
-        "overtaking_sign": float(side_of(road)),
+        "overtaking_sign": float(overtaking_sign(road)),
         "direction": float(np.float32(direction)),
         "interval_ms": interval_ms,
-        "half_window": half_window(interval_ms),
+        "half_window": lateral_speed_half_window(interval_ms),
     }
 
 
 def _with_opposite_lane(trajectories: Trajectories) -> U8:
     """Lanes, with the next number for what is beyond the lane of oncoming traffic."""
     states, road = trajectories.states, trajectories.road
-    edge = float(borders_of(road)[-1])
-    beyond = float(side_of(road)) * states.d > edge / POSITION_RESOLUTION
-    return states.lane + (beyond & (states.lane == road.num_lanes)).view(np.uint8)
+    edge = float(lane_borders(road)[-1])
+    is_beyond_road = float(overtaking_sign(road)) * states.d > edge / POSITION_RESOLUTION
+    return states.lane + (is_beyond_road & (states.lane == road.num_lanes)).view(np.uint8)
 
 
-def pack_seen(seen: EgoSignals) -> Arrays:
+def pack_signals(signals: EgoSignals) -> ArraysByName:
     """Signals as compiled functions take them."""
-    return {name: _flat(getattr(seen, name)) for name in SEEN}
+    return {name: _as_flat(getattr(signals, name)) for name in SIGNALS_FOR_ENGINE}
 
 
-def conditions(trajectories: Trajectories) -> dict[str, Any]:
-    """What signals need beside the states; arrays of shape (simulation,), flat.
+def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
+    """Inputs of the signals beside the states; flat arrays of shape (simulation,).
 
     A stop is judged on the mean film of the lane: the driver cannot know which wheel will be
     in which puddle. Spray is left out: it hides only a vehicle whose own brake lamps announce it.
@@ -239,7 +248,10 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     """
     scenario, attention = trajectories.scenario, constant("model.perception.range")
     ahead, bodies = weather_effects(scenario), scenario.vehicles
-    sight, film = ahead.sight, _mean_film(ahead.film, road_parameters(scenario.road).film_path)
+    sight, film = (
+        ahead.sight,
+        _mean_water_film(ahead.film, road_parameters(scenario.road).film_path),
+    )
     lamp = np.full_like(ahead.rain_rate, constant("weather.lamps.rear_position"))
     lamp = lamp / sight["lamp_threshold"]
     depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
@@ -255,11 +267,11 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
         "lamp_clear": np.sqrt(lamp),
         "unlit_limit": np.float32(1.0) / inverse,
     }
-    flat = {name: _flat(values) for name, values in arrays.items()}
+    flat = {name: _as_flat(values) for name, values in arrays.items()}
     return {**flat, "attention_range": float(attention)}
 
 
-def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
+def _mean_water_film(water: dict[str, F32], film_path: F32) -> F32:
     """Film of each lane with the puddles spread evenly over it, (simulation, lane) [mm]."""
     film = lane_film(
         water["min_wet_film"][:, None],
@@ -272,22 +284,22 @@ def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
     return film + (water["puddle_film"] * covered)[:, None]
 
 
-def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
-    outputs = _room(trajectories, EgoSignals, _AROUND)
+def _neighbour_signals(trajectories: Trajectories, vehicle: U8) -> ArraysByName:
+    outputs = _empty_arrays(trajectories, EgoSignals, _NEIGHBOUR_SIGNAL_NAMES)
     _core.neighbour_signals(
-        recording=pack(trajectories),
-        neighbour_slot=_flat(vehicle),
+        recording=pack_recording(trajectories),
+        neighbour_slot=_as_flat(vehicle),
         outputs=outputs,
         level=simd_level(),
     )
     return outputs
 
 
-def _target(trajectories: Trajectories, seen: EgoSignals, vehicle: U8) -> Arrays:
-    outputs = _room(trajectories, TargetSignals, _target_names())
+def _frames_of_target(trajectories: Trajectories, signals: EgoSignals, vehicle: U8) -> ArraysByName:
+    outputs = _empty_arrays(trajectories, TargetSignals, _target_names())
     _core.target_signals(
-        recording=pack(trajectories),
-        signals=pack_seen(seen),
+        recording=pack_recording(trajectories),
+        signals=pack_signals(signals),
         target_slot=np.ascontiguousarray(vehicle, np.uint8),
         outputs=outputs,
         level=simd_level(),
@@ -300,32 +312,36 @@ def _target_names() -> list[str]:
     return [name for name in batch_fields(TargetSignals) if name not in ("slot", "length")]
 
 
-def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
+def _empty_arrays(
+    trajectories: Trajectories, cls: type[Batch], names: Iterable[str]
+) -> ArraysByName:
     """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
     return {
         name: empty_array(math.prod(shape), dtype).reshape(shape)
-        for name, shape, dtype in _layouts(trajectories, cls, names)
+        for name, shape, dtype in _array_layouts(trajectories, cls, names)
     }
 
 
-def _layouts(
+def _array_layouts(
     trajectories: Trajectories, cls: type[Batch], names: Iterable[str]
 ) -> tuple[ArrayLayout, ...]:
     """Layouts of some fields of a batch."""
     simulations, frames = trajectories.stage.shape
-    whole, narrow = (simulations, len(NeighbourRole), frames), (simulations, frames)
-    kinds, wide = batch_fields(cls), _OF_NEIGHBOURS if cls is EgoSignals else ()
+    shape_of_neighbours, shape = (simulations, len(NeighbourRole), frames), (simulations, frames)
+    kinds, wide = batch_fields(cls), _PER_NEIGHBOUR if cls is EgoSignals else ()
     return tuple(
-        ArrayLayout(name, whole if name in wide else narrow, np.dtype(kinds[name].dtype))
+        ArrayLayout(
+            name, shape_of_neighbours if name in wide else shape, np.dtype(kinds[name].dtype)
+        )
         for name in names
     )
 
 
-def adjacent(values: NDArray[Any]) -> NDArray[Any]:
+def with_adjacent_frames(values: NDArray[Any]) -> NDArray[Any]:
     """`values` with the frames of a vehicle side by side; a copy only where they are not."""
     return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
 
 
-def _flat(values: NDArray[Any]) -> NDArray[Any]:
+def _as_flat(values: NDArray[Any]) -> NDArray[Any]:
     """`values` in one row."""
     return np.ascontiguousarray(values).reshape(-1)

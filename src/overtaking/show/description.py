@@ -12,7 +12,7 @@ from overtaking.data.tables.columns import NAME_SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge.glossary import terms
-from overtaking.labels.law.judging import POLICIES, default_policy
+from overtaking.labels.law.judging import STORED_POLICIES, default_policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.batch import batch_fields
 from overtaking.model.safety_measures import PassingSafety
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from overtaking.labels.explain.explanation import Thought
+    from overtaking.labels.explain.explanation import BelievedFinding
     from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.labels.law.judging import Policy
     from overtaking.labels.law.rule import Pack
@@ -59,7 +59,7 @@ def describe(
     number: int,
     *,
     pack: Pack = PORTUGAL,
-    policies: Sequence[Policy] = POLICIES,
+    policies: Sequence[Policy] = STORED_POLICIES,
 ) -> Values:
     """Everything that `show` prints about one simulation.
 
@@ -94,7 +94,7 @@ def describe(
         "vehicles": [_vehicle(run, one) for one in vehicles],
         "stages": _stages(run),
         "collisions": _collisions(vehicles),
-        "decisions": _decisions(run, explanation.thoughts),
+        "decisions": _decisions(run, explanation.believed),
         **_oncoming(labelled),
         **judge(labelled, explanation),
     }
@@ -227,11 +227,11 @@ def _collisions(vehicles: list[Values]) -> list[Values]:
     return [found[pair] for pair in sorted(found)]
 
 
-def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]:
+def _decisions(run: Trajectories, thoughts: tuple[BelievedFinding, ...]) -> list[Values]:
     """Beliefs of the ego about its neighbours at each decision, with the true values."""
     if "percepts" in run.unknown:
         return []
-    law = {(one.decision, one.whom): thought(one) for one in thoughts}
+    law = {(one.percept, one.perceived): thought(one) for one in thoughts}
     return [
         {
             "kind": row["kind"],

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from overtaking.labels.law.rule import Text
+from overtaking.labels.law.rule import TextSource
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.labels.explain.breach import Change
-    from overtaking.labels.explain.explanation import Breach, Doubt, Explanation, Thought
+    from overtaking.labels.explain.breach import RequiredChange
+    from overtaking.labels.explain.explanation import (
+        BelievedFinding,
+        Breach,
+        Explanation,
+        UndecidedRule,
+    )
     from overtaking.labels.labelling import LabelledTrajectories
 
 Values = dict[str, Any]
@@ -82,18 +87,20 @@ def judge(labelled: LabelledTrajectories, explanation: Explanation) -> Values:
         "rules_version": labelled.findings.version,
         "policies": _policies(labelled, explanation),
         "broken": [_breach(each, interval) for each in explanation.breaches],
-        "undecidable": [_doubt(each) for each in explanation.doubts],
+        "undecidable": [_doubt(each) for each in explanation.undecided],
         "kept": [rule.code for rule in explanation.kept],
         "not_applicable": [rule.code for rule in explanation.inapplicable],
-        "text_not_read": [rule.code for rule in explanation.decided if rule.text is not Text.READ],
+        "text_not_read": [
+            rule.code for rule in explanation.decided if rule.text_source is not TextSource.READ
+        ],
     }
 
 
-def thought(of: Thought) -> Values:
+def thought(of: BelievedFinding) -> Values:
     """Verdict of the law on one neighbour at a decision."""
     believed = of.believed_margin
     return {
-        "rule": of.code,
+        "rule": of.rule_code,
         "margin_m": round(of.margin, _DECIMALS),
         "believed_margin_m": None if believed is None else round(believed, _DECIMALS),
         "belief": _belief(of.belief),
@@ -138,7 +145,7 @@ def _policies(labelled: LabelledTrajectories, explanation: Explanation) -> dict[
         name: {
             "class": OvertakeClass(int(labelled.labels.classes[0, place])).title,
             "broken": [b.rule.code for b in explanation.breaches if name in b.policies],
-            "undecidable": [d.rule.code for d in explanation.doubts if name in d.policies],
+            "undecidable": [d.rule.code for d in explanation.undecided if name in d.policies],
         }
         for place, name in enumerate(labelled.labels.policies)
     }
@@ -149,27 +156,27 @@ def _breach(breach: Breach, interval_ms: int) -> Values:
     return {
         "rule": rule.code,
         "id": rule.id,
-        "law": rule.law,
+        "law": rule.article,
         "title": rule.title,
         "gloss": rule.gloss,
-        "text": rule.text.value,
-        "duty_of_ego": rule.of_ego,
+        "text": rule.text_source.value,
+        "duty_of_ego": rule.is_duty_of_ego,
         "required_by": list(breach.policies),
         "severity": breach.severity.name.lower(),
         "belief": _belief(breach.belief),
         "margin": round(breach.margin, _DECIMALS),
         "unit": rule.unit,
-        "first_frame": breach.first,
-        "last_frame": breach.last,
-        "from_s": _seconds(breach.first, interval_ms),
-        "to_s": _seconds(breach.last, interval_ms),
+        "first_frame": breach.first_frame,
+        "last_frame": breach.last_frame,
+        "from_s": _seconds(breach.first_frame, interval_ms),
+        "to_s": _seconds(breach.last_frame, interval_ms),
         "remedies": [
             [_change(change, interval_ms) for change in remedy] for remedy in breach.remedies
         ],
     }
 
 
-def _change(change: Change, interval_ms: int) -> Values:
+def _change(change: RequiredChange, interval_ms: int) -> Values:
     frame = change.frame
     return {
         "quantity": change.quantity.value,
@@ -179,19 +186,19 @@ def _change(change: Change, interval_ms: int) -> Values:
         "by": round(change.by, _DECIMALS),
         "frame": frame,
         "time_s": None if frame is None else _seconds(frame, interval_ms),
-        "vehicle": change.vehicle,
+        "vehicle": change.slot,
     }
 
 
-def _doubt(doubt: Doubt) -> Values:
+def _doubt(doubt: UndecidedRule) -> Values:
     return {
         "rule": doubt.rule.code,
         "title": doubt.rule.title,
-        "law": doubt.rule.law,
+        "law": doubt.rule.article,
         "required_by": list(doubt.policies),
-        "not_recorded": list(doubt.missing),
-        "text": doubt.rule.text.value,
-        "text_not_read": doubt.unread,
+        "not_recorded": list(doubt.missing_inputs),
+        "text": doubt.rule.text_source.value,
+        "text_not_read": doubt.is_text_unread,
     }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law.rule import Text
+from overtaking.labels.law.rule import TextSource
 from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.wording import BELIEFS, breach_words, words
@@ -62,14 +62,14 @@ def _told(rule: Rule, verdict: Verdict, labelled: LabelledTrajectories, values: 
     findings = labelled.findings
     margin = float(findings.margin[0, findings.rule_codes.index(rule.code)])
     sentences = load_toml(_FILE)["sentences"]
-    whose = "the ego" if rule.of_ego else "the overtaken vehicle"
+    whose = "the ego" if rule.is_duty_of_ego else "the overtaken vehicle"
     facts: Values = {
-        "law": rule.law,
+        "law": rule.article,
         "rule_set": findings.version,
         "gloss": rule.gloss,
         "code": rule.code,
         "simulation": values["simulation"],
-        "border": rule.border,
+        "border": rule.limit_phrase,
         "amount": _amount(abs(margin), rule.unit),
         "whose": whose,
         "fine": rule.fine,
@@ -81,17 +81,17 @@ def _told(rule: Rule, verdict: Verdict, labelled: LabelledTrajectories, values: 
     elif verdict is Verdict.UNDECIDABLE:
         one = next(one for one in values["undecidable"] if one["rule"] == rule.code)
         facts["why"] = _why(one, sentences)
-    if rule.text is not Text.READ:
+    if rule.text_source is not TextSource.READ:
         said.append("unread")
-        facts["how"] = sentences[rule.text.value]
+        facts["how"] = sentences[rule.text_source.value]
     is_decided = verdict in (Verdict.LEGAL, Verdict.ILLEGAL)
     return {
         "rule": rule.code,
-        "law": rule.law,
+        "law": rule.article,
         "verdict": verdict.name.lower(),
         "margin": round(margin, 4) if is_decided else None,
         "unit": rule.unit,
-        "text": rule.text.value,
+        "text": rule.text_source.value,
         "paragraph": " ".join(sentences[name].format(**facts) for name in said),
     }
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.event_detection import thresholds
-from overtaking.labels.snapshots import borders_of
+from overtaking.labels.event_detection import event_thresholds
+from overtaking.labels.snapshots import lane_borders
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE, Stage
@@ -48,7 +48,7 @@ class Drive:
 
     def __init__(self, one: One, seen: dict[str, Row]) -> None:
         """Find where the drive ends."""
-        self.one, self.seen, self.limits = one, seen, thresholds(one.run)
+        self.one, self.seen, self.limits = one, seen, event_thresholds(one.run)
         self.lane, self.lateral = one.lane[0], seen["lateral_position"]
         hit = one.run.collided_with[one.number]
         self.collision = first(range(one.frames), lambda t: hit[t] != NO_VEHICLE)
@@ -69,7 +69,7 @@ class Drive:
 
     def border(self, number: int) -> np.float32:
         """A lane border from the right to the left; the last one for what is beyond [m]."""
-        borders = borders_of(self.one.road)
+        borders = lane_borders(self.one.road)
         return borders[min(number, len(borders) - 1)]
 
     def left_line(self, lane: int) -> np.float32:

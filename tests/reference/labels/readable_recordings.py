@@ -12,7 +12,7 @@ from tests.reference.labels.readable_signals import One, Row, signals
 from tests.support.law_fixtures import FIXTURES
 from tests.support.recordings import with_gaps
 
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -92,7 +92,7 @@ every_recording = pytest.mark.parametrize(
 @cache
 def case(name: str) -> Case:
     """A recording with its compiled signals and events."""
-    return case_of(RECORDINGS[name]())
+    return case_from_trajectories(RECORDINGS[name]())
 
 
 @cache

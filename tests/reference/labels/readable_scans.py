@@ -14,8 +14,12 @@ from tests.reference.labels.readable_signals import encounter
 
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.margins import ENDLESS, frames_of, time_to_regain
-from overtaking.labels.law.safe_distance import lawful_gap, margin_of_gap, sure_decel
+from overtaking.labels.law.margins import UNCONSTRAINED, num_frames_in, num_frames_to_regain_gap
+from overtaking.labels.law.safe_distance import (
+    decel_for_safe_distance,
+    lawful_gap,
+    margin_to_leader,
+)
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.world.road_surface import stopping_distance
@@ -42,7 +46,7 @@ Lowest = tuple[np.float32, int, int, int]
 def answers_of(
     given: Case, one: One, seen: dict[str, Row], spans: Mapping[str, range]
 ) -> dict[str, Any]:
-    """All answers about one simulation, by the names of `Stretches`.
+    """All answers about one simulation, by the names of `ScanResults`.
 
     Args:
         given: Its batch, for the events.
@@ -54,11 +58,11 @@ def answers_of(
     crossed, back, target, lane = (int(getattr(given.events, name)[one.number]) for name in names)
     behind = None if crossed < 0 else one.neighbour(NeighbourRole.LEFT_FOLLOWER, crossed)
     nobody = target == NO_VEHICLE
-    lasting = frames_of(given, constant("law.obstruction.duration"))
+    lasting = num_frames_in(given, constant("law.obstruction.duration"))
     return {
         "stop_lit": stop_margin(seen, "sight_lit", spans["conduct"]),
         "stop_unlit": stop_margin(seen, "sight_unlit", spans["conduct"]),
-        "follow": follow_margin(one, seen, spans["settled"], time_to_regain(given)),
+        "follow": follow_margin(one, seen, spans["settled"], num_frames_to_regain_gap(given)),
         "braking": braking_margin(one, seen, spans["manoeuvre"], lasting),
         "due": due_return(one, seen, 0 if nobody else target, lane, spans["passed"]),
         "entry_arrival": -1 if behind is None else arrival(one, behind, crossed),
@@ -69,8 +73,8 @@ def answers_of(
 
 
 def lowest(margins: Iterable[tuple[int, np.float32]]) -> Lowest:
-    """Of margins by frame; `ENDLESS` and -1 where there are none."""
-    low, broken = ENDLESS, list[int]()
+    """Of margins by frame; `UNCONSTRAINED` and -1 where there are none."""
+    low, broken = UNCONSTRAINED, list[int]()
     for frame, margin in margins:
         low = min(low, margin)
         if margin < 0:
@@ -124,8 +128,8 @@ def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> L
             counted.append((t, slot))
     frames = [t for t, _ in counted]
     front = encounter(one, counted, ahead=True)
-    decel = sure_decel(seen["friction"][frames])
-    margins = margin_of_gap(front["gap"], seen["speed"][frames], front["closing_speed"], decel)
+    decel = decel_for_safe_distance(seen["friction"][frames])
+    margins = margin_to_leader(front["gap"], seen["speed"][frames], front["closing_speed"], decel)
     return lowest(zip(frames, margins, strict=True))
 
 
@@ -168,7 +172,9 @@ def _is_behind(one: One, seen: dict[str, Row], target: int, t: int) -> bool:
     """Whether the target is 2 s or its lawful gap behind, whichever is more."""
     lead = np.float32(one.s[0][t] - one.s[target][t]) * np.float32(1e-3)
     speed = np.float32(one.speed[target][t]) * np.float32(1e-3)
-    lawful = lawful_gap(speed, speed - seen["speed"][t], sure_decel(seen["friction"][t]))
+    lawful = lawful_gap(
+        speed, speed - seen["speed"][t], decel_for_safe_distance(seen["friction"][t])
+    )
     wanted = np.maximum(constant("law.return.time_gap") * speed, lawful)
     return bool(lead > 0 and np.abs(lead) - one.halves(target) >= wanted)
 
@@ -177,7 +183,7 @@ def _room(one: One, seen: dict[str, Row], t: int) -> Any:
     """The smallest margin to the lawful gaps in the lane to the right, and to 10 s ahead [m]."""
     speed, decel, room = (
         seen["speed"][t],
-        sure_decel(seen["friction"][t]),
+        decel_for_safe_distance(seen["friction"][t]),
         constant("law.return.reach"),
     )
     ahead, behind = (
@@ -247,7 +253,9 @@ def _ahead(
         follower_decel=decel,
         leader_decel=decel,
     )
-    lawful = margin_of_gap(gap, speed, closing, sure_decel(seen["friction"][frames]))
+    lawful = margin_to_leader(
+        gap, speed, closing, decel_for_safe_distance(seen["friction"][frames])
+    )
     return {
         "time_headway": min(time_headway(gap, one.length[slots], speed), default=0.0),
         "picud": min(left, default=0.0),

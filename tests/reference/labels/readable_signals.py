@@ -16,7 +16,7 @@ import numpy as np
 
 from overtaking.core.float32_math import as_f32, maximum, minimum, sincos
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.signals import conditions
+from overtaking.labels.signals import visibility_inputs
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road import DrivingSide
 from overtaking.model.trajectories import NO_VEHICLE
@@ -200,7 +200,7 @@ def _left_lane(one: One) -> dict[str, Row]:
 
 def _friction(one: One, speed: F32) -> F32:
     """Peak friction on the mean film of the ego's lane; beside the road that of the nearest one."""
-    c, given, k = model_constants(), conditions(one.run), one.number
+    c, given, k = model_constants(), visibility_inputs(one.run), one.number
     lane = np.array(one.lane[0])
     nearest = np.where(lane == 255, 0, np.minimum(lane, one.num_lanes - 1))
     film = given["film"].reshape(-1, 8)[k, nearest]
@@ -211,7 +211,7 @@ def _friction(one: One, speed: F32) -> F32:
 
 def _sights(one: One, speed: F32) -> tuple[F32, F32]:
     """Distances at which a lit and an unlit vehicle are seen [m]."""
-    given, k = conditions(one.run), one.number
+    given, k = visibility_inputs(one.run), one.number
     rain = given["rain"][k] * (np.float32(1.0) + speed / model_constants().rain_speed)
     air = given["fog"][k] + rain
     unlit = minimum(

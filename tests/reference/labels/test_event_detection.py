@@ -9,7 +9,7 @@ from tests.reference.labels.readable_events import find_events
 from tests.reference.labels.readable_recordings import case, every_recording, readable, written
 from tests.reference.labels.readable_signals import One, signals
 
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.model.overtake_events import NEVER, OvertakeEvents
 
 pytestmark = pytest.mark.ci
@@ -31,7 +31,7 @@ def test_every_event_is_the_same(name):
 def test_events_of_overtakes_written_by_hand_are_the_same():
     for run in written():
         one = One(run, 0)
-        assert of(case_of(run).events, 0) == find_events(one, signals(one))
+        assert of(case_from_trajectories(run).events, 0) == find_events(one, signals(one))
 
 
 def test_what_they_agree_on_has_every_kind_of_event():

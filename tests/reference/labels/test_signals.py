@@ -21,8 +21,13 @@ from overtaking.core import arrays
 from overtaking.core.errors import ConfigError
 from overtaking.core.native import SIMD_VARIABLE
 from overtaking.labels import signals as compiled
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.snapshots import across_at, lateral_speed_at, left_lane_at, vehicle_at
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.snapshots import (
+    lateral_position_and_gap,
+    lateral_speed_at,
+    left_lane_occupancy,
+    vehicle_snapshot,
+)
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 
@@ -46,7 +51,7 @@ def differences(seen: EgoSignals, number: int, expected: dict[str, Row]) -> list
 @every_recording
 def test_every_signal_is_the_same(name, level, monkeypatch):
     monkeypatch.setenv(SIMD_VARIABLE, level)
-    seen = case_of(case(name).trajectories).signals
+    seen = case_from_trajectories(case(name).trajectories).signals
     for number, (_, expected) in enumerate(readable(name)):
         assert not differences(seen, number, expected), number
 
@@ -56,11 +61,11 @@ def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
     run, used = case("pinto2023").trajectories, set[int]()
     short = dataclasses.replace(run, num_frames=(run.num_frames + 1) // np.int32(2))
     for one in (run, short, run, short):
-        seen, frame = case_of(one).signals, np.arange(one.stage.shape[1])
+        seen, frame = case_from_trajectories(one).signals, np.arange(one.stage.shape[1])
         behind = frame >= -(-one.num_frames[:, None] // 16) * 16  # Sixteen are worked out together.
         narrow = [
             getattr(seen, name)[behind]
-            for name in (*compiled.SEEN, "accel")
+            for name in (*compiled.SIGNALS_FOR_ENGINE, "accel")
             if name != "neighbour_slot"
         ]
         assert not any(values.any() for values in narrow)
@@ -75,7 +80,7 @@ def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
 @pytest.mark.ci
 def test_signals_of_overtakes_written_by_hand_are_the_same():
     for run in written():
-        assert not differences(case_of(run).signals, 0, signals(One(run, 0)))
+        assert not differences(case_from_trajectories(run).signals, 0, signals(One(run, 0)))
 
 
 @pytest.mark.ci
@@ -103,7 +108,7 @@ def test_encounters_at_single_frames_are_the_same(name):
     rows = draw.integers(0, given.signals.num_simulations, 400)
     frames = (given.events.last[rows] * draw.random(400)).astype(np.intp)
     places = draw.integers(0, len(NeighbourRole), 400)
-    found = compiled.encounter(given, places, rows, frames)
+    found = compiled.encounters_at(given, places, rows, frames)
     assert found.valid.any()
     assert not found.valid.all()
     for k, (row, place, frame) in enumerate(zip(rows, places, frames, strict=True)):
@@ -122,16 +127,16 @@ def test_single_frames_are_what_they_are_among_all_frames(name):
     run, seen, count = given.trajectories, given.signals, len(given.events.last)
     rows, vehicle = np.arange(count), given.target.slot
     frames = (given.events.last * draw.random(count)).astype(np.int32)
-    lane = left_lane_at(run, frames)
+    lane = left_lane_occupancy(run, frames)
     assert same(lane.occupancy, seen.left_occupancy[rows, frames])
     assert same(lane.count, seen.left_count[rows, frames])
     there = given.target.valid[rows, frames]
     rows, frames, slot = rows[there], frames[there], vehicle[there].astype(np.intp)
-    along = vehicle_at(run, vehicle[there], rows, frames)
+    along = vehicle_snapshot(run, vehicle[there], rows, frames)
     assert along.valid.all()
-    lateral, lateral_gap = across_at(run, seen, rows, slot, frames)
+    lateral, lateral_gap = lateral_position_and_gap(run, seen, rows, slot, frames)
     found = {
-        "ego_lead": along.lead,
+        "ego_lead": along.ego_lead,
         "gap": along.gap,
         "speed": along.speed,
         "lateral_position": lateral,
@@ -144,9 +149,11 @@ def test_single_frames_are_what_they_are_among_all_frames(name):
 
 def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
     run = case("pinto2023").trajectories
-    last = case_of(run).signals.speed.copy()
+    last = case_from_trajectories(run).signals.speed.copy()
     assert last.any()
-    again = case_of(dataclasses.replace(run, num_frames=np.full_like(run.num_frames, 40))).signals
+    again = case_from_trajectories(
+        dataclasses.replace(run, num_frames=np.full_like(run.num_frames, 40))
+    ).signals
     # Sixteen frames are worked out at a time, so only what lies beyond them is cleared.
     assert not again.speed[:, 48:].any()
     assert not again.gap[..., 48:].any()
@@ -155,7 +162,7 @@ def test_what_is_not_recorded_is_zero_although_memory_is_used_again():
 def test_an_unknown_level_is_refused(monkeypatch):
     monkeypatch.setenv(SIMD_VARIABLE, "abacus")
     with pytest.raises(ConfigError, match=r"SIMD level: .* got abacus"):
-        case_of(case("pinto2023").trajectories)
+        case_from_trajectories(case("pinto2023").trajectories)
 
 
 def test_frames_that_do_not_exist_are_refused():
@@ -163,7 +170,7 @@ def test_frames_that_do_not_exist_are_refused():
     rows = np.zeros(3, np.intp)
     for frames in (rows + given.signals.num_frames, rows - 1):
         with pytest.raises(ValueError, match="expected recorded frames"):
-            compiled.encounter(given, NeighbourRole.LEADER, rows, frames)
+            compiled.encounters_at(given, NeighbourRole.LEADER, rows, frames)
 
 
 def test_a_vehicle_that_does_not_exist_is_refused():

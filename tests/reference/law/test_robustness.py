@@ -16,10 +16,10 @@ from tests.support.cases import Track, case, with_events
 
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.law.judging import judge
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.safe_distance import lawful_gap, sure_decel
+from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
 from overtaking.model.verdicts import Case, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
@@ -63,12 +63,12 @@ def recorded(present: np.ndarray | None = None, **changes: np.ndarray) -> Case:
     one = blank()
     states = one.trajectories.states.replace(**changes)
     run = one.trajectories.replace(states=states, is_recorded=present)
-    return with_events(case_of(run), one.events)
+    return with_events(case_from_trajectories(run), one.events)
 
 
 def assert_same(code: str, one: Case, name: str) -> None:
     """The margin is the robustness, wherever any frame counts."""
-    found, expected = judge(RULES[code], one), robustness(name)
+    found, expected = judge_rule(RULES[code], one), robustness(name)
     counts = np.abs(expected) < SURE
     assert counts.any()
     assert (expected[counts] < 0).any()
@@ -107,7 +107,7 @@ def test_the_lowest_speed_with_its_exception_is_a_robustness():
     speed[:, 1:] = np.where(signal("jam"), 1000, 25_000)[:, None]
     trajectories = one.trajectories.replace(states=states.replace(speed=speed))
     found, expected = (
-        judge(RULES["L13"], one.replace(trajectories=trajectories)),
+        judge_rule(RULES["L13"], one.replace(trajectories=trajectories)),
         robustness("minimum"),
     )
     broken = expected < 0
@@ -131,7 +131,7 @@ def test_the_distance_to_the_side_is_a_robustness():
 
 def test_the_safe_distance_with_time_to_regain_it_is_a_robustness():
     one = following()
-    found, expected = judge(RULES["L3"], one), robustness("follow")
+    found, expected = judge_rule(RULES["L3"], one), robustness("follow")
     counts = np.abs(expected) < SURE
     assert (expected[counts] < 0).any()
     assert (expected[counts] > 0).any()
@@ -159,7 +159,7 @@ def following() -> Case:
 
 def decel() -> np.ndarray:
     """What both are thought capable of."""
-    return sure_decel(blank().signals.friction)
+    return decel_for_safe_distance(blank().signals.friction)
 
 
 def test_a_duty_ignored_for_eight_seconds_is_the_past_operator():
@@ -170,6 +170,6 @@ def test_a_duty_ignored_for_eight_seconds_is_the_past_operator():
     s[:, 1] = s[:, 0] - 300_000
     one, zero = recorded(lane=lane, s=s), np.zeros(len(due), np.int32)
     events = one.events.replace(attempt=zero, overlap_end=zero, original_lane=np.uint8(zero))
-    found = judge(RULES["L9"], with_events(one, events))
+    found = judge_rule(RULES["L9"], with_events(one, events))
     assert ((found.verdict == Verdict.ILLEGAL) == (robustness("duty") < 0)).all()
     assert 0 < (robustness("duty") < 0).sum() < len(due)

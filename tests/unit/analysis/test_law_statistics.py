@@ -12,10 +12,9 @@ import overtaking as ot
 from overtaking.analysis.law_statistics import STEPS, compared, curve, tolerances
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.verdicts import OvertakeClass, Verdict
@@ -23,7 +22,7 @@ from overtaking.model.verdicts import OvertakeClass, Verdict
 pytestmark = pytest.mark.ci
 
 COUNT = 150
-POLICY = {one.name: one for one in policies_for("pt")}
+POLICY = {one.name: one for one in policies_of_law("pt")}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(run):
     for name in ("paper", "default", "enforced"):
         chosen = POLICY[name]
         said = said_by(run, PORTUGAL, [chosen])
-        found = curve([(said, case_of(said))], PORTUGAL, chosen)
+        found = curve([(said, said.case())], PORTUGAL, chosen)
         assert found.overtakes == (said.labels.outcome == Outcome.COMPLETED).sum() > 0
         legal = (said.labels.classes[:, 0] == OvertakeClass.SUCCESS_L).sum()
         assert found.legal == legal
@@ -51,7 +50,7 @@ def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(run):
 def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
     chosen = POLICY["paper"]
     said = said_by(run, PORTUGAL, [chosen])
-    found = curve([(said, case_of(said))], PORTUGAL, chosen)
+    found = curve([(said, said.case())], PORTUGAL, chosen)
     done = said.labels.outcome == Outcome.COMPLETED
     for k, metres in enumerate(tolerances("distance")):
         broken = np.zeros(done.sum(), bool)
@@ -66,7 +65,7 @@ def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
 def test_the_rule_that_alone_decides_is_the_only_one_that_is_broken(run):
     chosen = POLICY["paper"]
     said = said_by(run, PORTUGAL, [chosen])
-    found = curve([(said, case_of(said))], PORTUGAL, chosen)
+    found = curve([(said, said.case())], PORTUGAL, chosen)
     done = said.labels.outcome == Outcome.COMPLETED
     assert sum(found.alone.values()) == (said.labels.num_broken[done, 0] == 1).sum() > 0
     assert sum(found.broken.values()) == said.labels.num_broken[done, 0].sum()
@@ -76,15 +75,15 @@ def test_batches_add_up(run):
     chosen = POLICY["paper"]
     parts = [run.select(np.arange(0, 60)), run.select(np.arange(60, COUNT))]
     said = [said_by(one, PORTUGAL, [chosen]) for one in (run, *parts)]
-    whole = curve([(said[0], case_of(said[0]))], PORTUGAL, chosen)
-    sum_of = curve([(one, case_of(one)) for one in said[1:]], PORTUGAL, chosen)
+    whole = curve([(said[0], said[0].case())], PORTUGAL, chosen)
+    sum_of = curve([(one, one.case()) for one in said[1:]], PORTUGAL, chosen)
     assert whole == sum_of
 
 
 def test_two_laws_part_where_their_classes_do(run):
-    packs, chosen = (PORTUGAL, GERMANY), [policies_for(name) for name in ("pt", "de")]
+    packs, chosen = (PORTUGAL, GERMANY), [policies_of_law(name) for name in ("pt", "de")]
     said = [said_by(run, pack, of) for pack, of in zip(packs, chosen, strict=True)]
-    values = compared([(np.arange(COUNT), case_of(said[0]), said)], packs, chosen)
+    values = compared([(np.arange(COUNT), said[0].case(), said)], packs, chosen)
     for one in values["parted"]:
         place = [each.name for each in chosen[0]].index(one["policy"])
         pt, de = (each.labels.classes[:, place] for each in said)

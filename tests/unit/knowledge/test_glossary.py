@@ -6,14 +6,14 @@ from overtaking.analysis.stats.columns import FEATURES
 from overtaking.data.tables.names import READINGS
 from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.glossary import TERM_GROUPS, terms
-from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.judging import policies_of_law
 from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import OvertakeClass
 
 
 def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
     assert tuple(terms("classes")) == tuple(one.title for one in OvertakeClass)
-    assert tuple(terms("policies")) == tuple(one.name for one in policies_for("pt"))
+    assert tuple(terms("policies")) == tuple(one.name for one in policies_of_law("pt"))
     assert tuple(terms("readings")) == READINGS
     assert tuple(terms("vehicles")) == tuple(kind.code for kind in VehicleKind)
     assert [(one.name, one.unit, one.title) for one in FEATURES] == [

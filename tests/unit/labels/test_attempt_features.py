@@ -13,7 +13,7 @@ from tests.support.worlds import wide_road
 import overtaking as ot
 from overtaking.data.tables.encode_labels import attempts as attempts_table
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.labelling import label
 from overtaking.model.batch import Batch
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
@@ -65,12 +65,14 @@ def known_until(one: Case, frame: np.ndarray) -> Case:
     cut = run.replace(
         states=states, percepts=percepts, num_frames=(frame + 1).astype(run.num_frames.dtype)
     )
-    return with_events(case_of(cut), one.events)
+    return with_events(case_from_trajectories(cut), one.events)
 
 
 @pytest.fixture(scope="module")
 def simulated() -> Case:
-    return case_of(ot.simulate(ot.sample("pinto2023-physical", num_simulations=96, seed=3)))
+    return case_from_trajectories(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=96, seed=3))
+    )
 
 
 def test_nothing_in_them_is_later_than_the_decision(simulated):

@@ -11,7 +11,7 @@ import pytest
 from tests.support.cases import Track, case, ramp, seen_case, two_way_road
 from tests.support.worlds import wide_road
 
-from overtaking.labels.event_detection import detail, outcome
+from overtaking.labels.event_detection import outcome_details, outcomes
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.trajectories import NO_VEHICLE, Stage
 
@@ -33,7 +33,7 @@ def found(ego_lane, *others: Track, speed=28.0, **given):
 
 
 def said(events) -> tuple[Outcome, OutcomeDetail]:
-    return Outcome(int(outcome(events)[0])), OutcomeDetail(int(detail(events, 50)[0]))
+    return Outcome(int(outcomes(events)[0])), OutcomeDetail(int(outcome_details(events, 50)[0]))
 
 
 OUT_AND_BACK = way((3, 0), (6, 1), (14, 1), (17, 0))
@@ -366,7 +366,7 @@ def test_who_leaves_the_road_and_spins_afterwards_has_departed():
     off = int(events.road_departure[0])
     for spin, way_out in ((off - 1, OutcomeDetail.SPUN), (off + 1, OutcomeDetail.DEPARTED)):
         both = events.replace(spin=np.array([spin], np.int32))
-        assert OutcomeDetail(int(detail(both, 50)[0])) is way_out
+        assert OutcomeDetail(int(outcome_details(both, 50)[0])) is way_out
 
 
 def test_with_a_contact_a_departure_is_a_collision():

@@ -10,7 +10,7 @@ from tests.support.cases import with_events
 from tests.support.recordings import OVERTAKE, commonroad
 
 from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.labelling import label
 from overtaking.labels.paper_features import matched_features
 from overtaking.model.overtake_events import NEVER
@@ -84,9 +84,9 @@ def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(judged):
     run = judged(*OVERTAKE).trajectories
     present = run.state_mask.copy()
     present[0, 1:, 20:] = False
-    assert case_of(run.replace(is_recorded=present)).events.attempt[0] == NEVER
+    assert case_from_trajectories(run.replace(is_recorded=present)).events.attempt[0] == NEVER
 
 
 def features_of(found, events, run=None):
     """The matched features if these were the events."""
-    return matched_features(with_events(case_of(run or found.trajectories), events))
+    return matched_features(with_events(case_from_trajectories(run or found.trajectories), events))

@@ -115,7 +115,7 @@ def test_the_stand_in_for_an_attempt_lies_within_the_time_of_following():
 )
 def test_the_stand_in_comes_as_late_as_the_attempts_of_the_profile(profile: str, seconds: float):
     found = label(simulate(sample(profile, num_simulations=400, seed=3)))
-    attempted, waited = found.events.has_attempt, found.matched.waiting_time
+    attempted, waited = found.events.has_attempt, found.matched_features.waiting_time
     early, late = np.quantile(waited[attempted], [0.25, 0.75])
     followed = found.events.last - found.events.following_begin >= seconds / 0.05
     could_wait = ~attempted & (found.events.following_begin != NEVER) & followed

@@ -11,11 +11,11 @@ from tests.support.worlds import wide_road
 
 import overtaking as ot
 from overtaking.data.tables.encode_labels import safety as safety_table
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.labelling import label
-from overtaking.labels.law.case import conduct
-from overtaking.labels.safety_features import safety_measures
-from overtaking.labels.signals import encounter
+from overtaking.labels.law.case import judged_span
+from overtaking.labels.safety_features import safety_features
+from overtaking.labels.signals import encounters_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.safety_measures import MEASURED_MOMENTS
@@ -48,7 +48,7 @@ def gap_at(one: Case, event: str) -> float:
 
 def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
     one = overtake()
-    found, gap = safety_measures(one), gap_at(one, "attempt")
+    found, gap = safety_features(one), gap_at(one, "attempt")
     assert at(found.leader.gap, "attempt") == pytest.approx(gap, abs=2e-3)
     assert at(found.leader.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
     assert at(found.time_headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
@@ -64,7 +64,7 @@ def test_accelerations_count_in_the_time_to_collision_that_has_them():
     ahead = Track(s=60.0, speed=20.0, accel=-0.5, body=BODY)
     behind = Track(s=-40.0, speed=30.0, accel=1.5, body=BODY)
     one = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
-    found = safety_measures(one)
+    found = safety_features(one)
     # The first t with a t^2 / 2 + v t = gap, for 1.5 and for 0.5 m/s^2.
     assert at(found.leader.mttc, "attempt") == pytest.approx(
         (np.sqrt(8.0**2 + 2 * 1.5 * 56.0) - 8.0) / 1.5, rel=1e-3
@@ -76,7 +76,7 @@ def test_accelerations_count_in_the_time_to_collision_that_has_them():
 
 def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
     one = overtake()
-    found, gap = safety_measures(one), gap_at(one, "return_begin")
+    found, gap = safety_features(one), gap_at(one, "return_begin")
     assert at(found.new_follower.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
     assert at(found.new_follower.time_gap, "return_begin") == pytest.approx(gap / 20.0, rel=1e-3)
     assert np.isinf(at(found.new_follower.ttc, "return_begin"))
@@ -86,7 +86,7 @@ def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
 
 def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
     one = overtake(Track(s=-30.0, lane=1, speed=31.0, body=BODY))
-    found = safety_measures(one)
+    found = safety_features(one)
     time = int(one.events.line_crossed[0]) * 0.05
     gap = 30.0 - 3.0 * time - 4.0
     assert at(found.new_follower.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
@@ -98,7 +98,7 @@ def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
 def test_critical_times_add_up_to_their_integrals():
     # 56 m at 8 m/s: the time to collision is 7 s minus the time, and 3 s after 4 s.
     ego, target = Track(speed=28.0, body=BODY), Track(s=60.0, speed=20.0, body=BODY)
-    found = safety_measures(case(ego, target, frames=120, road=ROAD))
+    found = safety_features(case(ego, target, frames=120, road=ROAD))
     assert found.tet[0] == pytest.approx(1.95, abs=0.051)
     assert found.tit[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
     assert at(found.leader.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
@@ -108,7 +108,7 @@ def test_too_close_is_a_share_of_the_frames():
     # 30 m at 28 m/s behind another: lawful is 28 m. Then the gap closes at 1 m/s.
     ego, target = Track(speed=28.0, body=BODY), Track(s=44.0, speed=27.0, body=BODY)
     one = case(ego, target, frames=401, road=ROAD)
-    found = safety_measures(one)
+    found = safety_features(one)
     margin = one.signals.gap[0, NeighbourRole.LEADER]
     assert 0.0 < found.share_below_safe_distance[0] < 1.0
     # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
@@ -117,7 +117,7 @@ def test_too_close_is_a_share_of_the_frames():
 
 def test_the_overtaken_vehicle_arrives_where_the_ego_returned():
     one = overtake()
-    found = safety_measures(one)
+    found = safety_features(one)
     gap = gap_at(one, "return_end")
     assert found.return_pet[0] == pytest.approx(gap / 20.0, rel=1e-3)
     assert np.isinf(found.entry_pet[0])
@@ -131,7 +131,7 @@ def test_the_vehicle_behind_arrives_where_the_ego_entered_if_it_stays(leaves: bo
     one = overtake(Track(s=-60.0, lane=lane, speed=30.0, body=BODY))
     gap = 60.0 - 2.0 * time - 4.0
     expected = np.inf if leaves else gap / 30.0
-    assert safety_measures(one).entry_pet[0] == pytest.approx(expected, rel=1e-3)
+    assert safety_features(one).entry_pet[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_looming_is_the_growth_of_the_angle():
@@ -147,13 +147,13 @@ def simulated():
 
 
 def test_the_worst_is_the_worst_of_every_frame(simulated):
-    one = case_of(simulated.trajectories)
-    span = conduct(one)
+    one = case_from_trajectories(simulated.trajectories)
+    span = judged_span(one)
     for k in range(0, 64, 5):
-        frames = np.arange(span.start[k], span.stop[k] + 1)
+        frames = np.arange(span.first[k], span.last[k] + 1)
         rows = np.full(len(frames), k)
         for name, place in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
-            each = encounter(one, place, rows, frames)
+            each = encounters_at(one, place, rows, frames)
             worst = getattr(simulated.safety, name)
             assert worst.valid[k, 0] == each.valid.any()
             if not each.valid.any():

@@ -9,10 +9,10 @@ from tests.support import german_fixtures, law_fixtures
 import overtaking as ot
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Text
-from overtaking.labels.law.texts import words_of
+from overtaking.labels.law.rule import TextSource
+from overtaking.labels.law.texts import texts_by_code
 from overtaking.model.verdicts import Verdict
 from overtaking.show.paragraphs import paragraphs
 
@@ -28,14 +28,14 @@ def runs():
 
 @pytest.mark.parametrize("law", PACKS)
 def test_every_rule_has_a_border_and_every_entry_a_rule(law):
-    borders = {rule.code: rule.border for rule in PACKS[law].rules}
-    assert {*words_of(law)} == {*borders}
+    borders = {rule.code: rule.limit_phrase for rule in PACKS[law].rules}
+    assert {*texts_by_code(law)} == {*borders}
     assert all(borders.values())
 
 
 @pytest.mark.parametrize("law", PACKS)
 def test_a_paragraph_has_article_margin_and_verdict_of_the_findings(runs, law):
-    pack, policies = PACKS[law], policies_for(law)
+    pack, policies = PACKS[law], policies_of_law(law)
     all_of = label(runs, pack=pack, policies=policies)
     kinds = set()
     for simulation in range(len(runs.num_frames)):
@@ -48,9 +48,11 @@ def test_a_paragraph_has_article_margin_and_verdict_of_the_findings(runs, law):
             kinds.add(verdict)
             text = each["paragraph"]
             assert each["verdict"] == verdict.name.lower()
-            assert rule.law in text
+            assert rule.article in text
             assert f"simulation {simulation} " in text
-            assert ("text of the law was not read" in text) == (rule.text is not Text.READ)
+            assert ("text of the law was not read" in text) == (
+                rule.text_source is not TextSource.READ
+            )
             assert ("was broken" in text) == (verdict is Verdict.ILLEGAL)
             assert ("was kept" in text) == (verdict is Verdict.LEGAL)
             assert ("cannot be decided" in text) == (verdict is Verdict.UNDECIDABLE)
@@ -67,21 +69,21 @@ def test_every_breach_written_by_hand_says_what_would_have_been_lawful(law):
     for code, verdict, what, make in fixtures:
         if verdict is not Verdict.ILLEGAL:
             continue
-        one = label(make().trajectories, pack=PACKS[law], policies=policies_for(law))
+        one = label(make().trajectories, pack=PACKS[law], policies=policies_of_law(law))
         place = one.findings.rule_codes.index(code)
         if one.findings.verdict[0, place] != Verdict.ILLEGAL:
             continue  # Its events were stated, and are found otherwise in its tracks.
-        told = paragraphs(one, 0, PACKS[law], policies_for(law))
+        told = paragraphs(one, 0, PACKS[law], policies_of_law(law))
         (text,) = (each["paragraph"] for each in told if each["rule"] == code)
         assert "would have been lawful with" in text, (code, what, text)
 
 
 def test_a_german_remedy_names_the_lawful_value(runs):
-    all_of = label(runs, pack=GERMANY, policies=policies_for("de"))
+    all_of = label(runs, pack=GERMANY, policies=policies_of_law("de"))
     seen = 0
     for simulation in range(len(runs.num_frames)):
         one = all_of.select(np.array([simulation]))
-        for each in paragraphs(one, simulation, GERMANY, policies_for("de")):
+        for each in paragraphs(one, simulation, GERMANY, policies_of_law("de")):
             if each["rule"] == "V2" and each["verdict"] == "illegal":
                 speed = 120.0 if "120 km/h instead" in each["paragraph"] else 80.0
                 assert f"{speed:.0f} km/h instead of" in each["paragraph"]

@@ -95,11 +95,11 @@ def test_nobody_is_noticed_beyond_the_sight():
     changes = {"weather.pushes.sight_m": 20.0, "traffic.vehicles": [2, 2]}
     said = ot.label(ot.simulate(drawn("ClearNight", 256, **changes)))
     begun = said.events.attempt != NEVER
-    gap = np.asarray(said.matched.distance)[begun]
+    gap = np.asarray(said.matched_features.distance)[begun]
     assert begun.sum() > 20
     assert gap.max() <= 20.5
     far = ot.label(ot.simulate(drawn("ClearNoon", 256, **changes)))
-    assert np.asarray(far.matched.distance)[far.events.attempt != NEVER].max() > 40.0
+    assert np.asarray(far.matched_features.distance)[far.events.attempt != NEVER].max() > 40.0
 
 
 def test_lamps_are_on_by_night_alone():

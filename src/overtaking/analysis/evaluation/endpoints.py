@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from overtaking.labels.law.judging import policy
+from overtaking.labels.law.judging import stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
 
 POLICY: Final = "default"
@@ -118,9 +118,9 @@ LAW: Final = (
     _event("legal_strict", "no breach under strict, per scene", is_good=True),
     _event("undecided", "a rule that applies is undecidable, per scene", is_good=None),
     *(
-        _event(f"{one.code}_broken", f"{one.law}: {one.title}, broken", f"{one.code}_applies")
+        _event(f"{one.code}_broken", f"{one.article}: {one.title}, broken", f"{one.code}_applies")
         for one in PORTUGAL.rules
-        if one.code in policy(POLICY).required
+        if one.code in stored_policy(POLICY).required
     ),
 )
 

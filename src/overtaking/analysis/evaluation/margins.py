@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from overtaking.analysis.evaluation.endpoints import POLICY
-from overtaking.labels.law.judging import policy
+from overtaking.labels.law.judging import stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Verdict
 
@@ -26,7 +26,7 @@ _SAFETY: Final = {
 _LAW: Final = {
     one.code: (f"{one.code}: {one.title}", one.unit)
     for one in PORTUGAL.rules
-    if one.code in policy(POLICY).required
+    if one.code in stored_policy(POLICY).required
 }
 
 MARGINS: Final = _SAFETY | _LAW

@@ -10,7 +10,7 @@ from overtaking.analysis.evaluation import lane_changes, origins
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.analysis.validation.conflicts import episodes, near_crashes, reactions
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.labels.law.judging import policy
+from overtaking.labels.law.judging import stored_policy
 from overtaking.model.overtake_events import NEVER, OutcomeDetail
 from overtaking.model.verdicts import Belief, OvertakeClass, Verdict
 
@@ -85,7 +85,7 @@ def _law(labelled: LabelledTrajectories) -> dict[str, Array]:
         f"legal_{name}": labels.is_legal[:, each] for each, name in enumerate(labels.policies)
     }
     found["undecided"] = labels.num_undecidable[:, place] > 0
-    for code in policy(POLICY).required:
+    for code in stored_policy(POLICY).required:
         column = findings.rule_codes.index(code)
         verdict, belief = findings.verdict[:, column], findings.belief[:, column]
         broken = verdict == Verdict.ILLEGAL

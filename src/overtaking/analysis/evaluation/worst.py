@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.analysis.evaluation.results import Worst
-from overtaking.labels.law.judging import policy
+from overtaking.labels.law.judging import stored_policy
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.measures import Columns
@@ -33,7 +33,7 @@ def of_batch(labelled: LabelledTrajectories, measured: Columns) -> list[Worst]:
     """
     hit = labelled.trajectories.contacts.closing_speed[:, 0].astype(np.float64)
     hit *= measured["collision"]
-    codes = policy(POLICY).required
+    codes = stored_policy(POLICY).required
     rows = {
         "own": measured["collision"] * (1.0 - measured["struck"]),
         "broken": sum(measured[f"{code}_broken"] for code in codes),

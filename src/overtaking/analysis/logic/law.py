@@ -107,4 +107,4 @@ def judged(reasoner: Reasoner, group: Group, pack: str = "pt") -> Verdicts:
 def title_of(rule: str) -> str:
     """Article and title of a rule by its name in the program."""
     rule_of_law = PORTUGAL.rule(CODES[RULE.names.index(rule)])
-    return f"{rule_of_law.code}, {rule_of_law.title} ({rule_of_law.law})"
+    return f"{rule_of_law.code}, {rule_of_law.title} ({rule_of_law.article})"

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.integers import beside, changes, down, nearest, runs, up
-from overtaking.labels.law.oncoming_traffic import over_its_edge
-from overtaking.labels.law.safe_distance import lawful_gap, sure_decel
-from overtaking.labels.law.zones import target_reach
-from overtaking.labels.snapshots import back_indicator, coming, oncoming, others_at, out_indicator
+from overtaking.labels.law.oncoming_traffic import distance_over_outer_edge
+from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
+from overtaking.labels.law.zones import target_left_edge
+from overtaking.labels.snapshots import (
+    indicator_to_kerb_side,
+    indicator_to_overtaking_side,
+    is_oncoming,
+    other_vehicles_at,
+)
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
@@ -222,7 +227,7 @@ class _Recorded:
         return self._numbers[row], slot
 
     def against(self) -> Columns:
-        row, slot = np.nonzero(oncoming(self._run))
+        row, slot = np.nonzero(is_oncoming(self._run))
         return self._numbers[row], slot
 
     def present(self) -> Columns:
@@ -237,7 +242,12 @@ class _Recorded:
 
     def indicator(self) -> Columns:
         parts: list[Columns] = []
-        for side, bit in enumerate((back_indicator(self._case), out_indicator(self._case))):
+        for side, bit in enumerate(
+            (
+                indicator_to_kerb_side(self._case.trajectories.road),
+                indicator_to_overtaking_side(self._case.trajectories.road),
+            )
+        ):
             on = self._run.state_mask & ((self._states.lights & np.uint8(bit)) != 0)
             row, slot, _, first, last = runs(np.zeros(on.shape, np.uint8), on)
             parts.append((self._numbers[row], slot, np.full(len(row), side), first, last))
@@ -297,7 +307,7 @@ class _Recorded:
         """Which vehicles are near the ego, shape (simulation, vehicle, time)."""
         s, reach = self._states.s, REACH_MM
         if self._run.road.is_two_way:
-            reach = np.where(oncoming(self._run), ONCOMING_REACH_MM, REACH_MM)[:, :, None]
+            reach = np.where(is_oncoming(self._run), ONCOMING_REACH_MM, REACH_MM)[:, :, None]
         return self._run.state_mask & (np.abs(s - s[:, [EGO_SLOT]]) <= reach)
 
     @cached_property
@@ -355,7 +365,7 @@ class _Recorded:
         else:
             closing = seen.closing_speed[here]
             rear = seen.speed[cells] if is_ahead else seen.speed[cells] + closing
-        lawful = lawful_gap(rear, closing, sure_decel(seen.friction[cells]))
+        lawful = lawful_gap(rear, closing, decel_for_safe_distance(seen.friction[cells]))
         other = target.slot[row] if is_target else seen.neighbour_slot[here]
         speed = self._states.speed
         own, others = speed[row, EGO_SLOT, frame], speed[row, other.astype(np.intp), frame]
@@ -416,8 +426,8 @@ class _Recorded:
             nothing = np.zeros(0, np.intp)
             return nothing, nothing, nothing, np.zeros(0, np.float32)
         row, frame = np.nonzero(self._seen.valid)
-        others = others_at(self._case, frame.astype(np.int32), row)
-        at = index, slot = np.nonzero(coming(others))
+        others = other_vehicles_at(self._case.trajectories, frame.astype(np.int32), row)
+        at = index, slot = np.nonzero(others.is_approaching)
         return row[index], frame[index], slot, others.gap[at]
 
     def oncomer(self) -> Columns:
@@ -434,14 +444,14 @@ class _Recorded:
         row, frame, slot, _ = self._coming
         if not row.size:
             return _none(4)
-        over = up(over_its_edge(self._case, row, frame, slot))
+        over = up(distance_over_outer_edge(self._case, row, frame, slot))
         leaves = over > 0
         return self._numbers[row[leaves]], frame[leaves], slot[leaves], over[leaves]
 
     def target_reach(self) -> Columns:
         events, target = self._case.events, self._case.target.slot
         row = np.flatnonzero((events.attempt != NEVER) & (target != NO_VEHICLE))
-        return self._numbers[row], up(target_reach(self._case)[row])
+        return self._numbers[row], up(target_left_edge(self._case)[row])
 
     def slow_vehicle(self) -> Columns:
         s, speed = self._states.s, self._states.speed

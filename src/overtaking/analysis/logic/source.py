@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +70,7 @@ def groups(data: Dataset, chosen: I64 | None = None, size: int = GROUP_SIZE) -> 
             some = np.arange(begin, min(begin + size, len(numbers)))
             yield Group(
                 numbers=numbers[some],
-                case=case_of(trajectories.select(some)),
+                case=case_from_trajectories(trajectories.select(some)),
                 classes=classes[some],
                 outcome=outcome[some],
                 done=int(numbers[some[-1]]) + 1,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import RoadMark
@@ -99,7 +99,7 @@ SIDE = _constants("side", "left is where one overtakes", *SIDES)
 MARK = _constants("mark", "line as seen from one side", *(one.name for one in RoadMark))
 PLACE_KIND = _constants("place_kind", "what a stretch of road is", *(one.name for one in ZoneKind))
 ROAD = _constants("road", "kind of road", "motorway", "other", "town")
-POLICY = _constants("policy", "which rules count", *(one.name for one in POLICIES))
+POLICY = _constants("policy", "which rules count", *(one.name for one in STORED_POLICIES))
 CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
 OUTCOME = _constants("outcome", "how it ended, legality aside", *(one.name for one in Outcome))
 UNKNOWN = _constants("unknown", "what a recording does not tell", *UNKNOWNS)

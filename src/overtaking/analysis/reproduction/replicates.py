@@ -12,7 +12,7 @@ from overtaking.analysis.validation.overtakes import flying
 from overtaking.core.process_limits import ordered_map
 from overtaking.data.plan import CHUNK_SIZE, runs
 from overtaking.labels.labelling import LabelledTrajectories, label
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.scenarios.sampler import ScenarioSource
 
@@ -101,13 +101,13 @@ def replicates(
             step(len(part["SE"]))
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     shaped = {name: values.reshape(number, SIZE) for name, values in whole.items()}
-    classes = {one.name: shaped.pop(one.name) for one in POLICIES}
+    classes = {one.name: shaped.pop(one.name) for one in STORED_POLICIES}
     return Replicates(classes=classes, columns=shaped)
 
 
 def _kept(labelled: LabelledTrajectories) -> dict[str, Array]:
     """The columns that are kept of a chunk: features, and classes by policy."""
-    found = labelled.paper
+    found = labelled.paper_features
     kept: dict[str, Array] = {
         name: np.asarray(getattr(found, field), np.float64) for name, field in FEATURES.items()
     }

@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.labelling import LabelledTrajectories, label
 from overtaking.labels.law.judging import choose_policy
-from overtaking.labels.law.judging import policy as policy_named
+from overtaking.labels.law.judging import stored_policy as policy_named
 from overtaking.model.batch import concatenate
 from overtaking.model.scenario import ForcedDecision, Intervention, Scenario
 from overtaking.model.vehicles import EGO_SLOT, TRAIT_RANGES

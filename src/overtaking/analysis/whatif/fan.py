@@ -16,7 +16,7 @@ from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import check_choice
 from overtaking.labels.labelling import label
 from overtaking.labels.law.judging import choose_policy
-from overtaking.labels.law.judging import policy as policy_named
+from overtaking.labels.law.judging import stored_policy as policy_named
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.verdicts import OvertakeClass

@@ -16,7 +16,7 @@ from overtaking.data.tables.encode import Numbers, encode
 from overtaking.data.tables.schemas import COLUMNS, LABEL_TABLES
 from overtaking.labels.labelling import LabelledTrajectories, label
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.snapshots import slot_of
+from overtaking.labels.snapshots import slot_or_ego
 from overtaking.model.batch import concatenate
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
@@ -125,7 +125,7 @@ def findings(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     labelled = _kept_findings(labelled)
     found = labelled.findings
     count, rules = found.verdict.shape
-    laws = {rule.code: names.ARTICLES.index(rule.law) for rule in PORTUGAL.rules}
+    laws = {rule.code: names.ARTICLES.index(rule.article) for rule in PORTUGAL.rules}
     codes = [names.RULES.index(rule) for rule in found.rule_codes]
     verdict = found.verdict.reshape(-1)
     judged = (verdict == Verdict.LEGAL) | (verdict == Verdict.ILLEGAL)
@@ -142,7 +142,10 @@ def _kept_findings(labelled: LabelledTrajectories) -> LabelledTrajectories:
     """The batch with the findings that its table keeps."""
     if labelled.trajectories.road.is_two_way:
         return labelled
-    found, two_way = labelled.findings, {one.code for one in PORTUGAL.rules if one.two_way}
+    found, two_way = (
+        labelled.findings,
+        {one.code for one in PORTUGAL.rules if one.only_two_way_roads},
+    )
     kept = [column for column, code in enumerate(found.rule_codes) if code not in two_way]
     columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Finding)}
     rules = tuple(found.rule_codes[column] for column in kept)
@@ -156,7 +159,7 @@ def _per_simulation(count: int) -> Rows:
 
 def features(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and way of measuring."""
-    paper, matched = labelled.features
+    paper, matched = labelled.paper_features, labelled.matched_features
     both = concatenate([paper, matched.replace(reading=paper.reading)])
     order = np.arange(2 * len(numbers)).reshape(2, -1).T.reshape(-1)
     codes = [names.READINGS.index(one.reading) for one in (paper, matched)]
@@ -190,7 +193,7 @@ def _of_known_kinds(labelled: LabelledTrajectories) -> dict[str, Given]:
     is_known = {
         "ego": run.known_kinds[:, EGO_SLOT],
         "law": run.known_kinds[:, EGO_SLOT],
-        "leader": run.known_kinds[rows, slot_of(leader)],
+        "leader": run.known_kinds[rows, slot_or_ego(leader)],
         "oncoming": np.asarray(run.known_kinds.all(axis=1)),
     }
     columns = [one for one in COLUMNS["attempts"] if "kinds" in one.spec.needs]

@@ -1,6 +1,6 @@
 """The names that enumeration columns can hold, in the order of their codes in memory."""
 
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.driver_interface import Move
 from overtaking.model.overtake_events import Outcome, OutcomeDetail
@@ -37,8 +37,8 @@ EVENTS = (
 """Attributes of `OvertakeEvents`, each of which has a row if it happened."""
 
 RULES = PORTUGAL.codes
-ARTICLES = tuple(dict.fromkeys(rule.law for rule in PORTUGAL.rules))
-POLICY_NAMES = tuple(policy.name for policy in POLICIES)
+ARTICLES = tuple(dict.fromkeys(rule.article for rule in PORTUGAL.rules))
+POLICY_NAMES = tuple(policy.name for policy in STORED_POLICIES)
 READINGS = ("paper", "matched")
 VERDICTS = tuple(one.name.lower() for one in Verdict)
 BELIEFS = tuple(one.name.lower() for one in Belief)

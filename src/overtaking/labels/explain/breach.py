@@ -13,8 +13,8 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case
 
 
-class Quantity(StrEnum):
-    """What would have had to be different, with the unit of its values."""
+class RemedyQuantity(StrEnum):
+    """Quantities that a remedy changes, with the unit of their values."""
 
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
@@ -41,28 +41,28 @@ class Quantity(StrEnum):
 
     def __new__(cls, value: str, unit: str) -> Self:
         """A quantity and its unit."""
-        one = str.__new__(cls, value)
-        one._value_, one.unit = value, unit
-        return one
+        member = str.__new__(cls, value)
+        member._value_, member.unit = value, unit
+        return member
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class RequiredChange:
     """One quantity as it was, and as it would have been lawful.
 
     Attributes:
-        quantity: What it is.
+        quantity: The quantity.
         actual: As it was.
         needed: The nearest lawful value.
         frame: Where it was farthest from lawful; None for a sum over the breach.
-        vehicle: Slot of the other vehicle that it is about, None if it is about none.
+        slot: Slot of the other vehicle that it is about, None if it is about none.
     """
 
-    quantity: Quantity
+    quantity: RemedyQuantity
     actual: float
     needed: float
     frame: int | None = None
-    vehicle: int | None = None
+    slot: int | None = None
 
     @property
     def unit(self) -> str:
@@ -75,74 +75,76 @@ class Change:
         return self.needed - self.actual
 
 
-Remedy = tuple[Change, ...]
+Remedy = tuple[RequiredChange, ...]
 """Changes that together would have kept a rule, everything else being as it was."""
 
 
-def sole(
-    quantity: Quantity,
+def single_change(
+    quantity: RemedyQuantity,
     actual: float | np.floating,
     needed: float | np.floating,
     frame: int | np.integer | None = None,
     vehicle: int | None = None,
 ) -> tuple[Remedy]:
-    """One remedy of one change; the arguments are the fields of `Change`."""
-    change = Change(
+    """One remedy of one change; the arguments are the fields of `RequiredChange`."""
+    change = RequiredChange(
         quantity=quantity,
         actual=float(actual),
         needed=float(needed),
         frame=None if frame is None else int(frame),
-        vehicle=vehicle,
+        slot=vehicle,
     )
     return ((change,),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BreachFacts:
-    """What remedies of a breach are found from.
+class BreachContext:
+    """One breach, from which its remedies are computed.
 
     Attributes:
         case: One simulation.
         margin: Of the finding.
-        first: First frame of the breach.
-        last: Last frame of the breach.
+        first_frame: First frame of the breach.
+        last_frame: Last frame of the breach.
     """
 
     case: Case
     margin: float
-    first: int
-    last: int
+    first_frame: int
+    last_frame: int
 
     @property
     def frames(self) -> IndexArray:
         """All frames from the first to the last one of the breach, shape (frame,)."""
-        return np.arange(self.first, self.last + 1)
+        return np.arange(self.first_frame, self.last_frame + 1)
 
-    def beside(self, neighbour: NeighbourRole) -> IndexArray:
+    def frames_with_neighbour(self, neighbour: NeighbourRole) -> IndexArray:
         """Frames of the breach in which the ego has this neighbour, shape (frame,)."""
         vehicle = self.case.signals.neighbour_slot[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
-    def keep_within(self, frames: IndexArray) -> IndexArray:
+    def frames_within_breach(self, frames: IndexArray) -> IndexArray:
         """Keep the frames that lie within the breach."""
-        return frames[(frames >= self.first) & (frames <= self.last)]
+        return frames[(frames >= self.first_frame) & (frames <= self.last_frame)]
 
-    def worst(self, margins: NDArray[np.floating]) -> int:
-        """The frame of the breach whose margin is that of the finding."""
+    def frame_of_margin(self, margins: NDArray[np.floating]) -> int:
+        """The frame of the breach at which the margin has the value of the finding."""
         return int(self.frames[np.abs(margins - self.margin).argmin()])
 
-    def speed(self, frame: int | np.integer, needed: float | np.floating) -> tuple[Remedy]:
+    def remedy_ego_speed(
+        self, frame: int | np.integer, needed: float | np.floating
+    ) -> tuple[Remedy]:
         """The ego at another speed."""
-        return sole(Quantity.SPEED, self.case.signals.speed[0, frame], needed, frame)
+        return single_change(RemedyQuantity.SPEED, self.case.signals.speed[0, frame], needed, frame)
 
-    def slower(self, frames: IndexArray, allowed: F32) -> tuple[Remedy, ...]:
+    def remedy_slower_ego(self, frames: IndexArray, allowed: F32) -> tuple[Remedy, ...]:
         """So much slower that every frame is lawful; no remedy where one of them never is."""
         if (allowed < 0).any():
             return ()
         worst = int((self.case.signals.speed[0, frames] - allowed).argmax())
-        return self.speed(frames[worst], allowed[worst])
+        return self.remedy_ego_speed(frames[worst], allowed[worst])
 
     @property
-    def target(self) -> int:
+    def target_slot(self) -> int:
         """Slot of the vehicle that is overtaken."""
         return int(self.case.target.slot[0])

@@ -5,24 +5,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.breach import BreachFacts, Remedy
+from overtaking.labels.explain.breach import BreachContext, Remedy
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.labelling import LabelledTrajectories
-from overtaking.labels.law.beliefs import belief, decision_at, margins_of
+from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believed_margin
 from overtaking.labels.law.following import L3
-from overtaking.labels.law.judging import POLICIES, Policy
+from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.returning import L8
-from overtaking.labels.law.rule import Pack, Rule, Text
+from overtaking.labels.law.rule import Pack, Rule, TextSource
 from overtaking.labels.law.safe_distance import (
     GapMargin,
-    margin_ahead,
-    margin_behind,
-    margin_of_gap,
+    entry_margin_ahead,
+    entry_margin_behind,
+    margin_to_leader,
 )
 from overtaking.labels.law.starting import L4, L5
-from overtaking.labels.signals import target_signals
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Belief, Case, Finding, Severity, Verdict
 
@@ -35,8 +34,8 @@ class Breach:
         rule: The rule.
         policies: Names of the policies that require it.
         margin: How far beyond the border of the law, negative, in the unit of the rule.
-        first: First frame of the breach.
-        last: Last frame of the breach.
+        first_frame: First frame of the breach.
+        last_frame: Last frame of the breach.
         severity: Severity by the law to which the rule belongs.
         belief: Whether the driver could know.
         remedies: Each of them alone would have kept the rule; none where nothing would.
@@ -45,8 +44,8 @@ class Breach:
     rule: Rule
     policies: tuple[str, ...]
     margin: float
-    first: int
-    last: int
+    first_frame: int
+    last_frame: int
     severity: Severity
     belief: Belief
     remedies: tuple[Remedy, ...]
@@ -55,37 +54,37 @@ class Breach:
 _MARGINS: dict[
     tuple[ManoeuvreKind, PerceivedVehicle], tuple[Callable[[Case], Finding], GapMargin]
 ] = {
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): (L3.check, margin_of_gap),
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, margin_ahead),
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, margin_behind),
-    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_of_gap),
-    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): (L8.check, margin_behind),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): (L3.check, margin_to_leader),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, entry_margin_ahead),
+    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, entry_margin_behind),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_to_leader),
+    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): (L8.check, entry_margin_behind),
 }
 """By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Thought:
-    """What the law says of one neighbour at one decision, in truth and as believed.
+class BelievedFinding:
+    """Margins to one neighbour at one decision by true and by believed values.
 
     Attributes:
-        decision: Row of the percepts.
-        whom: The neighbour.
-        code: Of the rule.
+        percept: Row of the percepts.
+        perceived: The neighbour.
+        rule_code: Of the rule.
         margin: By the true gap and closing speed [m].
         believed_margin: By those believed; None for a vehicle that was not noticed [m].
-        belief: What that makes of the driver.
+        belief: Result of the comparison.
     """
 
-    decision: int
-    whom: PerceivedVehicle
-    code: str
+    percept: int
+    perceived: PerceivedVehicle
+    rule_code: str
     margin: float
     believed_margin: float | None
     belief: Belief
 
 
-def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
+def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
     """Compare the law with what the driver believed of each vehicle at its decisions.
 
     Args:
@@ -99,30 +98,40 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:
         return ()
-    comparisons = list[Thought]()
+    comparisons = list[BelievedFinding]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = ManoeuvreKind(int(percepts.kind[0, row]))
-        for whom in PerceivedVehicle:
-            has_neighbour = percepts.slot[0, row, whom] != NO_VEHICLE
-            if has_neighbour and (kind, whom) in _MARGINS:
-                check, margin = _MARGINS[kind, whom]
+        for perceived in PerceivedVehicle:
+            has_neighbour = percepts.slot[0, row, perceived] != NO_VEHICLE
+            if has_neighbour and (kind, perceived) in _MARGINS:
+                check, margin = _MARGINS[kind, perceived]
                 codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
                 # One comparison is enough: rules with the same check have the same margin.
-                comparisons += [_thought(case, row, whom, code, margin) for code in codes[:1]]
+                comparisons += [
+                    _believed_finding(case, row, perceived, code, margin) for code in codes[:1]
+                ]
     return tuple(comparisons)
 
 
-def _thought(case: Case, row: int, whom: PerceivedVehicle, code: str, margin: GapMargin) -> Thought:
-    percepts, at = case.trajectories.percepts, (slice(0, 1), row, whom)
-    decision = decision_at(case, np.array([row]), np.array([True]), percepts.time[:1, row])
-    true, believed = (float(one[0]) for one in margins_of(percepts, at, decision, margin))
-    return Thought(
-        decision=row,
-        whom=whom,
-        code=code,
-        margin=true,
-        believed_margin=believed if percepts.is_detected[0, row, whom] else None,
-        belief=Belief(int(belief(case, decision, {whom: margin})[0])),
+def _believed_finding(
+    case: Case, percept_index: int, perceived: PerceivedVehicle, code: str, margin: GapMargin
+) -> BelievedFinding:
+    percepts, entry = case.trajectories.percepts, (slice(0, 1), percept_index, perceived)
+    percept = percept_at(
+        case, np.array([percept_index]), np.array([True]), percepts.time[:1, percept_index]
+    )
+    true_margin, believed_margin = (
+        float(values[0]) for values in true_and_believed_margin(percepts, entry, percept, margin)
+    )
+    return BelievedFinding(
+        percept=percept_index,
+        perceived=perceived,
+        rule_code=code,
+        margin=true_margin,
+        believed_margin=believed_margin
+        if percepts.is_detected[0, percept_index, perceived]
+        else None,
+        belief=Belief(int(belief_at(case, percept, {perceived: margin})[0])),
     )
 
 
@@ -131,20 +140,20 @@ ALL_REMEDIES = REMEDIES | GERMAN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
+class UndecidedRule:
     """A rule that cannot be decided.
 
     Attributes:
         rule: The rule.
         policies: Names of the policies that require it.
-        missing: Names of what the recording does not tell and the rule needs.
-        unread: Whether its text was not read, and the pack decides by texts that were.
+        missing_inputs: Names of what the recording does not tell and the rule needs.
+        is_text_unread: Whether its text was not read, and the pack decides by texts that were.
     """
 
     rule: Rule
     policies: tuple[str, ...]
-    missing: tuple[str, ...]
-    unread: bool = False
+    missing_inputs: tuple[str, ...]
+    is_text_unread: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,17 +162,17 @@ class Explanation:
 
     Attributes:
         breaches: The rules that are broken.
-        doubts: The rules that apply and cannot be decided.
+        undecided: The rules that apply and cannot be decided.
         kept: The rules that apply and are kept.
         inapplicable: The rules that say nothing of it.
-        thoughts: What the driver believed at each decision, held against the law.
+        believed: Margins by the beliefs of the driver at each decision, beside the true ones.
     """
 
     breaches: tuple[Breach, ...]
-    doubts: tuple[Doubt, ...]
+    undecided: tuple[UndecidedRule, ...]
     kept: tuple[Rule, ...]
     inapplicable: tuple[Rule, ...]
-    thoughts: tuple[Thought, ...]
+    believed: tuple[BelievedFinding, ...]
 
     @property
     def decided(self) -> tuple[Rule, ...]:
@@ -176,7 +185,7 @@ def explain(
     simulation: int = 0,
     *,
     pack: Pack = PORTUGAL,
-    policies: Sequence[Policy] = POLICIES,
+    policies: Sequence[Policy] = STORED_POLICIES,
 ) -> Explanation:
     """Why one simulation is judged as it is, and what would have kept each broken rule.
 
@@ -186,63 +195,70 @@ def explain(
         pack: The rules that the findings are of.
         policies: Which of the rules count for which reading.
     """
-    one = labelled.select(np.array([simulation]))
-    case = case_of(one)
-    verdicts = one.findings.verdict[0]
+    labelled_one = labelled.select(np.array([simulation]))
+    case = labelled_one.case()
+    verdicts = labelled_one.findings.verdict[0]
     by_verdict = {
-        verdict: [rule for rule, of in zip(pack.rules, verdicts, strict=True) if of == verdict]
+        verdict: [
+            rule
+            for rule, rule_verdict in zip(pack.rules, verdicts, strict=True)
+            if rule_verdict == verdict
+        ]
         for verdict in Verdict
     }
     return Explanation(
-        breaches=tuple(_breach(one, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]),
-        doubts=tuple(_doubt(one, rule, policies, pack) for rule in by_verdict[Verdict.UNDECIDABLE]),
+        breaches=tuple(
+            _breach(labelled_one, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]
+        ),
+        undecided=tuple(
+            _undecided_rule(labelled_one, rule, policies, pack)
+            for rule in by_verdict[Verdict.UNDECIDABLE]
+        ),
         kept=tuple(by_verdict[Verdict.LEGAL]),
         inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
-        thoughts=thoughts(case, pack),
+        believed=believed_findings(case, pack),
     )
 
 
-def case_of(labelled: LabelledTrajectories) -> Case:
-    """What rules look at."""
-    runs, seen, events = labelled.trajectories, labelled.signals, labelled.events
-    target = target_signals(runs, seen, events.target_slot)
-    return Case(trajectories=runs, signals=seen, events=events, target=target)
-
-
 def _breach(
-    one: LabelledTrajectories, case: Case, rule: Rule, policies: Sequence[Policy]
+    labelled: LabelledTrajectories, case: Case, rule: Rule, policies: Sequence[Policy]
 ) -> Breach:
-    findings = one.findings
-    at = (0, findings.rule_codes.index(rule.code))
-    margin = float(findings.margin[at])
-    first, last = int(findings.first_frame[at]), int(findings.last_frame[at])
-    facts = BreachFacts(case=case, margin=margin, first=first, last=last)
+    findings = labelled.findings
+    column = (0, findings.rule_codes.index(rule.code))
+    margin = float(findings.margin[column])
+    first, last = int(findings.first_frame[column]), int(findings.last_frame[column])
+    facts = BreachContext(case=case, margin=margin, first_frame=first, last_frame=last)
     return Breach(
         rule=rule,
-        policies=_asking(rule, policies),
+        policies=_policies_that_require(rule, policies),
         margin=margin,
-        first=first,
-        last=last,
-        severity=Severity(int(findings.severity[at])),
-        belief=Belief(int(findings.belief[at])),
+        first_frame=first,
+        last_frame=last,
+        severity=Severity(int(findings.severity[column])),
+        belief=Belief(int(findings.belief[column])),
         remedies=remedies_of(rule, facts, ALL_REMEDIES),
     )
 
 
-def _doubt(one: LabelledTrajectories, rule: Rule, policies: Sequence[Policy], pack: Pack) -> Doubt:
-    unknown = one.trajectories.unknown
-    if one.trajectories.is_kind_known is not None and not one.trajectories.is_kind_known.all():
+def _undecided_rule(
+    labelled: LabelledTrajectories, rule: Rule, policies: Sequence[Policy], pack: Pack
+) -> UndecidedRule:
+    unknown = labelled.trajectories.unknown
+    if (
+        labelled.trajectories.is_kind_known is not None
+        and not labelled.trajectories.is_kind_known.all()
+    ):
         unknown = unknown | {"kinds"}
-    missing = (rule.needs | rule.partly) & unknown
-    unread = not pack.trusts_hearsay and rule.text is not Text.READ
-    return Doubt(
+    missing_inputs = (rule.required_inputs | rule.conditional_inputs) & unknown
+    is_text_unread = not pack.accepts_unread_articles and rule.text_source is not TextSource.READ
+    return UndecidedRule(
         rule=rule,
-        policies=_asking(rule, policies),
-        missing=tuple(sorted(missing)),
-        unread=unread,
+        policies=_policies_that_require(rule, policies),
+        missing_inputs=tuple(sorted(missing_inputs)),
+        is_text_unread=is_text_unread,
     )
 
 
-def _asking(rule: Rule, policies: Sequence[Policy]) -> tuple[str, ...]:
+def _policies_that_require(rule: Rule, policies: Sequence[Policy]) -> tuple[str, ...]:
     """Names of the policies that require a rule."""
     return tuple(policy.name for policy in policies if rule.code in policy.required)

@@ -1,4 +1,4 @@
-"""What would have kept each German rule that has a remedy."""
+"""Remedies of the German rules with checks of their own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
-from overtaking.labels.explain.breach import Quantity, sole
+from overtaking.labels.explain.breach import RemedyQuantity, single_change
 from overtaking.labels.explain.remedies import (
     REMEDIES,
     at_limit,
@@ -17,7 +17,7 @@ from overtaking.labels.explain.remedies import (
     pass_on_the_left,
     see_oncoming_traffic,
 )
-from overtaking.labels.law.case import after_cut_ins
+from overtaking.labels.law.case import is_regaining_gap
 from overtaking.labels.law.germany.distances import (
     A1,
     A2,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from overtaking.core.arrays import F32
-    from overtaking.labels.explain.breach import BreachFacts, Remedy
+    from overtaking.labels.explain.breach import BreachContext, Remedy
     from overtaking.labels.explain.remedies import Find
     from overtaking.model.verdicts import Case, Finding
 
@@ -56,59 +56,61 @@ if TYPE_CHECKING:
 def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:
     """A1, A3 and A4: more distance to the leader, in the frame with the smallest margin."""
 
-    def find(facts: BreachFacts) -> tuple[Remedy, ...]:
-        frames = facts.beside(NeighbourRole.LEADER)
-        frames = frames[~after_cut_ins(facts.case)[0, frames]]
-        seen = facts.case.signals
-        margins = seen.gap[0, NeighbourRole.LEADER, frames] - required(seen.speed[0, frames])
+    def find(facts: BreachContext) -> tuple[Remedy, ...]:
+        frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
+        frames = frames[~is_regaining_gap(facts.case)[0, frames]]
+        signals = facts.case.signals
+        margins = signals.gap[0, NeighbourRole.LEADER, frames] - required(signals.speed[0, frames])
         worst = frames[int(np.abs(margins - facts.margin).argmin())]
-        return gaps.more_distance(facts, NeighbourRole.LEADER, worst, facts.margin)
+        return gaps.more_gap(facts, NeighbourRole.LEADER, worst, facts.margin)
 
     return find
 
 
-def _at_limit(facts: BreachFacts) -> tuple[Remedy, ...]:
+def _at_limit(facts: BreachContext) -> tuple[Remedy, ...]:
     """V2: no faster than the limit."""
     return at_limit(facts, limits(facts.case)[1])
 
 
-def _slower(facts: BreachFacts) -> tuple[Remedy, ...]:
+def _slower(facts: BreachContext) -> tuple[Remedy, ...]:
     """V3: slower, down to the speed allowed in fog."""
     fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
-    return facts.speed(fastest, constant("law_de.fog.speed"))
+    return facts.remedy_ego_speed(fastest, constant("law_de.fog.speed"))
 
 
-def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
+def _faster(facts: BreachContext) -> tuple[Remedy, ...]:
     """O2: faster by the missing difference in speed."""
-    speed = facts.case.signals.speed[0, facts.first]
-    return facts.speed(facts.first, speed - np.float32(facts.margin))
+    speed = facts.case.signals.speed[0, facts.first_frame]
+    return facts.remedy_ego_speed(facts.first_frame, speed - np.float32(facts.margin))
 
 
-def _more_optical_range(facts: BreachFacts) -> tuple[Remedy, ...]:
+def _more_optical_range(facts: BreachContext) -> tuple[Remedy, ...]:
     """O5: the meteorological optical range that trucks need to overtake."""
     needed = constant("law_de.pass.truck_sight")
-    return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
+    return single_change(
+        RemedyQuantity.SIGHT, float(needed) + facts.margin, needed, facts.first_frame
+    )
 
 
-def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
+def _fined_gap(facts: BreachContext) -> tuple[Remedy, ...]:
     """A2: a gap that is not fined, in the frame in which most of it is missing.
 
     The margin of the rule is a time, so the missing distance is computed here.
     """
-    frames = facts.beside(NeighbourRole.LEADER)
+    frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
     signals = facts.case.signals
     # Between two parts of a breach there may be frames that the rule exempts.
     is_fast = signals.speed[0, frames] > constant("law_de.distance.fined_above")
-    frames = frames[is_fast & ~after_cut_ins(facts.case)[0, frames]]
+    frames = frames[is_fast & ~is_regaining_gap(facts.case)[0, frames]]
     gaps_ahead, speed = signals.gap[0, NeighbourRole.LEADER, frames], signals.speed[0, frames]
     lacking = fined_distance(speed) - gaps_ahead
     worst = int(lacking.argmax())
-    return gaps.more_distance(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
+    return gaps.more_gap(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
 
 
-def _behind(neighbour: NeighbourRole) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
+def _behind(neighbour: NeighbourRole) -> Callable[[BreachContext], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the vehicle behind."""
-    return lambda facts: gaps.more_distance(facts, neighbour, facts.first, facts.margin)
+    return lambda facts: gaps.more_gap(facts, neighbour, facts.first_frame, facts.margin)
 
 
 GERMAN: dict[Callable[[Case], Finding], Find] = {

@@ -6,24 +6,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64
-from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.labels.law.alongside import L10, LateralDistance, motor_vehicle_distance
-from overtaking.labels.law.case import after_cut_ins, alongside, conduct, settled
+from overtaking.labels.law.case import (
+    alongside,
+    is_regaining_gap,
+    judged_span,
+    span_after_gap_recovery,
+)
 from overtaking.labels.law.following import L3
 from overtaking.labels.law.germany import distances, driving, overtaking
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack
-from overtaking.labels.law.safe_distance import margin_of_gap, stop_distance, sure_decel
+from overtaking.labels.law.safe_distance import (
+    decel_for_safe_distance,
+    margin_to_leader,
+    stopping_distance_for_sight,
+)
 from overtaking.labels.law.sight import L14, L14s
-from overtaking.labels.law.speed import L12, Limits, rounded, speed_limits
-from overtaking.labels.snapshots import Span
+from overtaking.labels.law.speed import L12, Limits, speed_limits, to_recorded_resolution
+from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case, Finding, Verdict
 
 
-def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:
+def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:
     """Margins of one simulation, frame by frame; the smallest is the margin of the finding.
 
     Args:
@@ -36,7 +44,7 @@ def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, 
         stopping within sight. Shape (time,), in the unit of the rule, negative in a breach, NaN in
         frames that the rule does not judge. Other rules judge single instants or durations.
     """
-    case, findings = case_of(labelled), labelled.findings
+    case, findings = labelled.case(), labelled.findings
     verdicts = dict(zip(findings.rule_codes, findings.verdict[0].tolist(), strict=True))
     return {
         rule.code: _MARGINS[rule.check](case)
@@ -48,7 +56,9 @@ def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, 
 def _safe_distance(case: Case) -> F64:
     signals, neighbour = case.signals, NeighbourRole.LEADER
     gap, closing = signals.gap[:, neighbour], signals.closing_speed[:, neighbour]
-    margin = margin_of_gap(gap, signals.speed, closing, sure_decel(signals.friction))
+    margin = margin_to_leader(
+        gap, signals.speed, closing, decel_for_safe_distance(signals.friction)
+    )
     return _behind_leader(case, margin)
 
 
@@ -65,8 +75,8 @@ def _leader_distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
 def _behind_leader(case: Case, margin: F32) -> F64:
     """Keep margins [m] in frames with a leader, except shortly after it cut in."""
     has_leader = case.signals.neighbour_slot[0, NeighbourRole.LEADER] != NO_VEHICLE
-    is_judged = has_leader & ~after_cut_ins(case)[0]
-    return np.where(is_judged, _within(settled(case), margin), np.nan)
+    is_judged = has_leader & ~is_regaining_gap(case)[0]
+    return np.where(is_judged, _margins_within(span_after_gap_recovery(case), margin), np.nan)
 
 
 def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
@@ -74,7 +84,7 @@ def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
 
     def margins_of(case: Case) -> F64:
         beside, margin = alongside(case), np.full(case.signals.num_frames, np.nan)
-        margin[beside.frames] = beside.lateral_gap - distance(case)
+        margin[beside.frame] = beside.lateral_gap - distance(case)
         return margin
 
     return margins_of
@@ -82,7 +92,9 @@ def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
 
 def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
     """Margins of a law's speed limits [m/s]."""
-    return lambda case: _within(conduct(case), rounded(limits(case)[1]) - case.signals.speed)
+    return lambda case: _margins_within(
+        judged_span(case), to_recorded_resolution(limits(case)[1]) - case.signals.speed
+    )
 
 
 def _stop_within(sight: str) -> Callable[[Case], F64]:
@@ -90,8 +102,8 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
 
     def margins_of(case: Case) -> F64:
         signals = case.signals
-        stop = stop_distance(signals.speed, signals.friction)
-        return _within(conduct(case), getattr(signals, sight) - stop)
+        stop = stopping_distance_for_sight(signals.speed, signals.friction)
+        return _margins_within(judged_span(case), getattr(signals, sight) - stop)
 
     return margins_of
 
@@ -110,8 +122,8 @@ _MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
 """Margins by the check of a rule; both read the same numbers of the law."""
 
 
-def _within(span: Span, values: NDArray[np.floating]) -> F64:
+def _margins_within(span: FrameSpan, values: NDArray[np.floating]) -> F64:
     """Values (simulation, time) of the first simulation, shape (time,); NaN outside the span."""
     frame = np.arange(values.shape[1])
-    inside = (frame >= span.start[0]) & (frame <= span.stop[0])
+    inside = (frame >= span.first[0]) & (frame <= span.last[0])
     return np.where(inside, values[0], np.nan).astype(np.float64)

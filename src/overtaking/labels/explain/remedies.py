@@ -1,4 +1,4 @@
-"""What would have kept each rule but those about gaps, which are in `gaps`."""
+"""Remedies of the Portuguese rules; those about gaps are in `gaps`."""
 
 from collections.abc import Callable, Mapping
 
@@ -8,7 +8,7 @@ from overtaking.core.arrays import F32, IndexArray, Mask
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
-from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
+from overtaking.labels.explain.breach import BreachContext, Remedy, RemedyQuantity, single_change
 from overtaking.labels.law.alongside import (
     L1,
     L10,
@@ -19,54 +19,73 @@ from overtaking.labels.law.alongside import (
     in_queue,
     motor_vehicle_distance,
 )
-from overtaking.labels.law.case import alongside, lane_index
+from overtaking.labels.law.case import alongside, signed_lane
 from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lamps_and_indicators import L18, L19
-from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_widths
+from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
 from overtaking.labels.law.margins import SAME_MARGIN_M
-from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27, nearest_coming, over_its_edge
+from overtaking.labels.law.oncoming_traffic import (
+    L24,
+    L25,
+    L26,
+    L27,
+    distance_over_outer_edge,
+    near_oncoming_vehicles,
+)
 from overtaking.labels.law.returning import L8, L9, L21, L23
 from overtaking.labels.law.rule import Rule
-from overtaking.labels.law.safe_distance import full_decel
-from overtaking.labels.law.sight import L14, L15, L14s, L15s, passing_margin, passing_sight
+from overtaking.labels.law.safe_distance import decel_with_all_grip
+from overtaking.labels.law.sight import (
+    L14,
+    L15,
+    L14s,
+    L15s,
+    passing_sight_margin,
+    required_passing_sight,
+)
 from overtaking.labels.law.speed import L12, L13, speed_limits
 from overtaking.labels.law.starting import L4, L5, L6, L7
 from overtaking.labels.law.zones import L17, L29, target_keeps_its_side
 from overtaking.model.verdicts import Case, Finding
 from overtaking.world.road_surface import stoppable_speed
 
-Find = Callable[[BreachFacts], tuple[Remedy, ...]]
+Find = Callable[[BreachContext], tuple[Remedy, ...]]
 """A function that finds the remedies for a breach."""
 
 
-def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L1: in the lane next to that of the target, on its left."""
+def pass_in_next_lane(facts: BreachContext) -> tuple[Remedy, ...]:
+    """L1: in the next lane to the left of the lane of the target."""
     frames = _alongside(facts)
-    own, other = (
-        lane_index(of.lane)[0, frames].astype(int) for of in (facts.case.signals, facts.case.target)
+    ego_lane, target_lane = (
+        signed_lane(signals.lane)[0, frames].astype(int)
+        for signals in (facts.case.signals, facts.case.target)
     )
-    entered = np.maximum(other, lane_index(facts.case.events.original_lane)[0])
-    too_far = own - entered > 1
-    lanes = np.where(too_far, own - entered, own - other)
+    reference_lane = np.maximum(target_lane, signed_lane(facts.case.events.original_lane)[0])
+    too_far = ego_lane - reference_lane > 1
+    lanes = np.where(too_far, ego_lane - reference_lane, ego_lane - target_lane)
     lacking = np.where(too_far, lanes - 1, 1 - lanes)
     # A frame in queues lacks nothing, however the lanes lie.
     worst = int(np.where(_is_queue(facts, frames), 0, lacking).argmax())
-    return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
+    return single_change(
+        RemedyQuantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target_slot
+    )
 
 
-def pass_on_the_left(facts: BreachFacts) -> tuple[Remedy, ...]:
+def pass_on_the_left(facts: BreachContext) -> tuple[Remedy, ...]:
     """O1: in a lane to the left of the target's lane."""
     frames = _alongside(facts)
     ego_lane, target_lane = (
-        lane_index(signals.lane)[0, frames].astype(int)
+        signed_lane(signals.lane)[0, frames].astype(int)
         for signals in (facts.case.signals, facts.case.target)
     )
     lanes = np.where(_is_queue(facts, frames), 1, ego_lane - target_lane)
     worst = int(lanes.argmin())
-    return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
+    return single_change(
+        RemedyQuantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target_slot
+    )
 
 
-def _is_queue(facts: BreachFacts, frames: IndexArray) -> Mask:
+def _is_queue(facts: BreachContext, frames: IndexArray) -> Mask:
     """Whether ego and target drive in queues, which exempts the frame; shape (frame,)."""
     return in_queue(facts.case, np.zeros_like(frames), frames)
 
@@ -78,164 +97,172 @@ def more_lateral_distance(distance: LateralDistance) -> Find:
         distance: The lateral distance that the check of the rule requires [m].
     """
 
-    def find(facts: BreachFacts) -> tuple[Remedy, ...]:
+    def find(facts: BreachContext) -> tuple[Remedy, ...]:
         return _farther_aside(facts, distance)
 
     return find
 
 
-def _farther_aside(facts: BreachFacts, distance: LateralDistance) -> tuple[Remedy]:
+def _farther_aside(facts: BreachContext, distance: LateralDistance) -> tuple[Remedy]:
     frames, needed = _alongside(facts), distance(facts.case)
     gaps = facts.case.target.lateral_gap[0, frames]
     nearest = int(gaps.argmin())
-    return sole(Quantity.LATERAL_GAP, gaps[nearest], needed, frames[nearest], facts.target)
+    return single_change(
+        RemedyQuantity.LATERAL_GAP, gaps[nearest], needed, frames[nearest], facts.target_slot
+    )
 
 
-def apart_from_bicycle(facts: BreachFacts) -> tuple[Remedy, ...]:
+def apart_from_bicycle(facts: BreachContext) -> tuple[Remedy, ...]:
     """L11: farther to the side, and no faster than at the start, whichever was broken."""
     frames, speed = _alongside(facts), facts.case.signals.speed[0]
     ((room,),) = _farther_aside(facts, bicycle_distance)
     at_start = speed[facts.case.events.attempt[0]]
-    ((slower,),) = facts.speed(frames[int(speed[frames].argmax())], at_start)
+    ((slower,),) = facts.remedy_ego_speed(frames[int(speed[frames].argmax())], at_start)
     lacking = ((room, room.by > 0), (slower, slower.by < 0))
     return (tuple(change for change, lacks in lacking if lacks),)
 
 
-def _alongside(facts: BreachFacts) -> IndexArray:
+def _alongside(facts: BreachContext) -> IndexArray:
     """Frames of the breach in which ego and target overlap along the road."""
-    return facts.keep_within(alongside(facts.case).frames)
+    return facts.frames_within_breach(alongside(facts.case).frame)
 
 
-def not_too_fast(facts: BreachFacts) -> tuple[Remedy, ...]:
+def not_too_fast(facts: BreachContext) -> tuple[Remedy, ...]:
     """L12: at the limit."""
     return at_limit(facts, speed_limits(facts.case)[1])
 
 
-def at_limit(facts: BreachFacts, limits: F32) -> tuple[Remedy, ...]:
+def at_limit(facts: BreachContext, limits: F32) -> tuple[Remedy, ...]:
     """At the limit where it was exceeded most, of limits of shape (simulation, time) [m/s]."""
-    return facts.slower(facts.frames, limits[0, facts.frames])
+    return facts.remedy_slower_ego(facts.frames, limits[0, facts.frames])
 
 
-def not_too_slow(facts: BreachFacts) -> tuple[Remedy, ...]:
+def not_too_slow(facts: BreachContext) -> tuple[Remedy, ...]:
     """L13: at the lowest speed of motorways."""
     lowest = constant("law.minimum.speed")
     margins = facts.case.signals.speed[0, facts.frames] - lowest
-    return facts.speed(facts.worst(margins), lowest)
+    return facts.remedy_ego_speed(facts.frame_of_margin(margins), lowest)
 
 
-def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
+def _stop(facts: BreachContext, sight: F32) -> tuple[Remedy, ...]:
     """L14 and L14s: at the speed from which one stops where something is seen.
 
     The friction is that at the actual speed; a slower vehicle has no less.
     """
     frames = facts.frames
-    decel = full_decel(facts.case.signals.friction[0, frames])
+    decel = decel_with_all_grip(facts.case.signals.friction[0, frames])
     reaction = as_f32(constant("law.sight.reaction_time"))
-    return facts.slower(frames, stoppable_speed(sight[0, frames], reaction, decel))
+    return facts.remedy_slower_ego(frames, stoppable_speed(sight[0, frames], reaction, decel))
 
 
-def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
+def see_farther(facts: BreachContext) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
     if facts.case.trajectories.road.is_two_way:
-        clear = float(passing_margin(facts.case)[0])
+        clear = float(passing_sight_margin(facts.case)[0])
         if abs(clear - facts.margin) < SAME_MARGIN_M:
             return see_oncoming_traffic(facts)
     return _more_sight(facts, constant("law.sight.least"))
 
 
-def see_oncoming_traffic(facts: BreachFacts) -> tuple[Remedy, ...]:
+def see_oncoming_traffic(facts: BreachContext) -> tuple[Remedy, ...]:
     """O16: sight over the whole length of road that the overtake needs."""
-    return _more_sight(facts, passing_sight(facts.case)[0])
+    return _more_sight(facts, required_passing_sight(facts.case)[0])
 
 
-def _more_sight(facts: BreachFacts, needed: np.float32) -> tuple[Remedy, ...]:
-    return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
+def _more_sight(facts: BreachContext, needed: np.float32) -> tuple[Remedy, ...]:
+    return single_change(
+        RemedyQuantity.SIGHT, float(needed) + facts.margin, needed, facts.first_frame
+    )
 
 
-def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
+def wider(facts: BreachContext) -> tuple[Remedy, ...]:
     """L16: a lane on the left that is wide enough, or, of course, no overtake here."""
-    widths = left_widths(facts.case.trajectories.road)
+    widths = left_lane_widths(facts.case.trajectories.road)
     width = float(widths[min(int(facts.case.events.original_lane[0]), len(widths) - 1)])
-    return sole(Quantity.WIDTH, width, width - facts.margin, facts.first)
+    return single_change(RemedyQuantity.WIDTH, width, width - facts.margin, facts.first_frame)
 
 
-def return_in_time(facts: BreachFacts) -> tuple[Remedy, ...]:
+def return_in_time(facts: BreachContext) -> tuple[Remedy, ...]:
     """L9: back in the original lane within the time that the rule allows."""
-    return _excess(facts, Quantity.TIME_OUT, float(constant("law.return.within")))
+    return _excess(facts, RemedyQuantity.TIME_OUT, float(constant("law.return.within")))
 
 
-def slow_lanes(facts: BreachFacts) -> tuple[Remedy, ...]:
+def slow_lanes(facts: BreachContext) -> tuple[Remedy, ...]:
     """L20: in the faster of the two slowest lanes."""
-    lanes = lane_index(facts.case.signals.lane)[0, facts.frames]
+    lanes = signed_lane(facts.case.signals.lane)[0, facts.frames]
     worst, needed = int(lanes.argmax()), int(constant("law.trucks.lanes")) - 1
-    return sole(Quantity.LANE, lanes[worst], needed, facts.frames[worst])
+    return single_change(RemedyQuantity.LANE, lanes[worst], needed, facts.frames[worst])
 
 
-def next_slower_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
+def next_slower_lane(facts: BreachContext) -> tuple[Remedy, ...]:
     """L21: one lane to the right, where there was room."""
-    lane = int(facts.case.signals.lane[0, facts.first])
-    return sole(Quantity.LANE, lane, lane - 1, facts.first)
+    lane = int(facts.case.signals.lane[0, facts.first_frame])
+    return single_change(RemedyQuantity.LANE, lane, lane - 1, facts.first_frame)
 
 
-def target_keeps_speed(facts: BreachFacts) -> tuple[Remedy, ...]:
+def target_keeps_speed(facts: BreachContext) -> tuple[Remedy, ...]:
     """L22: a target that accelerates less."""
     limit = float(constant("law.overtaken.accel"))
     margins = np.float32(limit) - facts.case.target.accel[0, facts.frames]
-    frame = facts.worst(margins)
-    return _excess(facts, Quantity.TARGET_ACCEL, limit, frame, facts.target)
+    frame = facts.frame_of_margin(margins)
+    return _excess(facts, RemedyQuantity.TARGET_ACCEL, limit, frame, facts.target_slot)
 
 
 def _excess(
-    facts: BreachFacts,
-    quantity: Quantity,
-    most: float,
+    facts: BreachContext,
+    quantity: RemedyQuantity,
+    limit: float,
     frame: int | None = None,
-    of: int | None = None,
+    slot: int | None = None,
 ) -> tuple[Remedy, ...]:
     """A quantity that exceeded its limit by the margin."""
-    return sole(quantity, most - facts.margin, most, frame, of)
+    return single_change(quantity, limit - facts.margin, limit, frame, slot)
 
 
-def target_keeps_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
+def target_keeps_lane(facts: BreachContext) -> tuple[Remedy, ...]:
     """L7: a target that does not move to the left."""
-    most = float(constant("law.others.lateral_speed"))
-    return _excess(facts, Quantity.TARGET_DRIFT, most, facts.first, facts.target)
+    limit = float(constant("law.others.lateral_speed"))
+    return _excess(facts, RemedyQuantity.TARGET_DRIFT, limit, facts.first_frame, facts.target_slot)
 
 
-def off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
+def off_the_line(facts: BreachContext) -> tuple[Remedy, ...]:
     """L2: so much farther from the line."""
-    return sole(Quantity.CLEARANCE, facts.margin, 0.0)
+    return single_change(RemedyQuantity.CLEARANCE, facts.margin, 0.0)
 
 
-def elsewhere(facts: BreachFacts) -> tuple[Remedy, ...]:
+def elsewhere(facts: BreachContext) -> tuple[Remedy, ...]:
     """L29, O9 and O17: overtake this much before or after the place."""
-    return sole(Quantity.PLACE, -facts.margin, 0.0)
+    return single_change(RemedyQuantity.PLACE, -facts.margin, 0.0)
 
 
-def elsewhere_or_target_in_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
+def elsewhere_or_target_in_lane(facts: BreachContext) -> tuple[Remedy, ...]:
     """L17: before or after the place, or with the target on its own side of the road."""
     alone = target_keeps_its_side(facts.case)
     if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < SAME_MARGIN_M:
-        return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
+        return single_change(
+            RemedyQuantity.CLEARANCE, facts.margin, 0.0, facts.first_frame, facts.target_slot
+        )
     return elsewhere(facts)
 
 
-def oncoming_drives_on(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L26: less braking of who comes, or no way out of its lane, whichever is the breach."""
+def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
+    """L26: the oncoming vehicle brakes less or stays in its lane, whichever it did not."""
     limit = float(constant("law.obstruction.braking"))
-    rows, frames, slot = nearest_coming(facts.case)
+    rows, frames, slot = near_oncoming_vehicles(facts.case)
     accel = facts.case.trajectories.states.accel_lon[rows, slot, frames] * 1e-3
-    over = over_its_edge(facts.case, rows, frames, slot)
+    over = distance_over_outer_edge(facts.case, rows, frames, slot)
     braked, left = int(accel.argmin()), int(over.argmax())
     if over[left] > constant("law.line.tolerance") and limit + accel[braked] >= -limit:
-        return sole(Quantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
-    return sole(Quantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked]))
+        return single_change(RemedyQuantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
+    return single_change(
+        RemedyQuantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked])
+    )
 
 
-def let_them_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
+def let_them_pass(facts: BreachContext) -> tuple[Remedy, ...]:
     """L6: the next one on the left farther away in time; 0 for one that has begun."""
     least = float(constant("law.others.arrival"))
-    return sole(Quantity.ARRIVAL, least + facts.margin, least, facts.first)
+    return single_change(RemedyQuantity.ARRIVAL, least + facts.margin, least, facts.first_frame)
 
 
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
@@ -260,8 +287,8 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L15s, see_farther),
         (L16, wider),
         (L17, elsewhere_or_target_in_lane),
-        (L18, lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0)),
-        (L19, lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0)),
+        (L18, lambda facts: _excess(facts, RemedyQuantity.UNSIGNALLED, 0.0)),
+        (L19, lambda facts: _excess(facts, RemedyQuantity.WRONG_LAMPS, 0.0)),
         (L20, slow_lanes),
         (L21, next_slower_lane),
         (L22, target_keeps_speed),
@@ -280,7 +307,7 @@ laws with the same check have the same remedy."""
 
 def remedies_of(
     rule: Rule,
-    facts: BreachFacts,
+    facts: BreachContext,
     remedies: Mapping[Callable[[Case], Finding], Find] = REMEDIES,
 ) -> tuple[Remedy, ...]:
     """Find the changes that would have kept a broken rule, all else unchanged.

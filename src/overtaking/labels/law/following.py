@@ -4,44 +4,54 @@ import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.beliefs import belief, pull_out
-from overtaking.labels.law.case import beside, conduct, driving_end, settled, stretches
+from overtaking.labels.law.beliefs import belief_at, pull_out_percept
+from overtaking.labels.law.case import (
+    judged_span,
+    last_driven_frame,
+    neighbour_at,
+    scans,
+    span_after_gap_recovery,
+)
 from overtaking.labels.law.margins import (
-    ENDLESS,
     MIN_RATE_OF_CHANGE,
-    always_at,
-    inapplicable,
-    never_negative,
+    UNCONSTRAINED,
+    finding_at_instants,
+    finding_not_applicable,
+    finding_of_minimum,
 )
 from overtaking.labels.law.measurement_errors import (
     GAP_ERROR_FORMULA,
     MeasurementErrors,
-    deciding,
+    deciding_frame,
     gap_error,
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
-from overtaking.labels.law.safe_distance import REACTION_AND_DECEL, margin_of_gap, sure_decel
-from overtaking.labels.signals import encounter
-from overtaking.labels.snapshots import Span, at
+from overtaking.labels.law.safe_distance import (
+    REACTION_AND_DECEL,
+    decel_for_safe_distance,
+    margin_to_leader,
+)
+from overtaking.labels.signals import encounters_at
+from overtaking.labels.snapshots import FrameSpan, at_frame
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE, PerceivedVehicle
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Finding
 
 
-def _following(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _following(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap to the leader, in the frame in which it lacks most."""
 
     def margin(rows: IndexArray, frames: IndexArray) -> F32:
-        ahead = encounter(case, NeighbourRole.LEADER, rows, frames)
-        decel = sure_decel(case.signals.friction[rows, frames])
+        ahead = encounters_at(case, NeighbourRole.LEADER, rows, frames)
+        decel = decel_for_safe_distance(case.signals.friction[rows, frames])
         speed = case.signals.speed[rows, frames]
-        value = margin_of_gap(ahead.gap, speed, ahead.closing_speed, decel)
-        return np.where(ahead.valid, value, ENDLESS)
+        value = margin_to_leader(ahead.gap, speed, ahead.closing_speed, decel)
+        return np.where(ahead.valid, value, UNCONSTRAINED)
 
-    frame = deciding(settled(case), margin, found)
-    error = gap_error(case, NeighbourRole.LEADER, frame, margin_of_gap, errors)
+    frame = deciding_frame(span_after_gap_recovery(case), margin, finding)
+    error = gap_error(case, NeighbourRole.LEADER, frame, margin_to_leader, errors)
     leaving = _leaving(case, frame, errors)
     return np.sqrt(error * error + leaving * leaving)
 
@@ -51,30 +61,30 @@ def _leaving(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
 
     Where a gap closes until the ego has left the lane, the last frame in the lane decides.
     """
-    seen, next_one = case.signals, np.minimum(frame + 1, case.events.last)
-    leaves = at(seen.lane, next_one) != at(seen.lane, frame)
-    closing = beside(case, NeighbourRole.LEADER, frame).closing_speed
-    across = np.maximum(np.abs(at(seen.lateral_speed, frame)), MIN_RATE_OF_CHANGE)
+    signals, next_one = case.signals, np.minimum(frame + 1, case.events.last)
+    leaves = at_frame(signals.lane, next_one) != at_frame(signals.lane, frame)
+    closing = neighbour_at(case, NeighbourRole.LEADER, frame).closing_speed
+    across = np.maximum(np.abs(at_frame(signals.lateral_speed, frame)), MIN_RATE_OF_CHANGE)
     return np.where(leaves, closing * np.float32(errors.position_std) / across, np.float32(0.0))
 
 
 FOLLOWING = Spread(
     formula=f"{GAP_ERROR_FORMULA}, in the frame of the smallest margin; where that is the last one "
     "in the lane, the square of sp (v - u) / (speed across the road) is added to the variance",
-    of=_following,
+    standard_error=_following,
 )
 
 
 def _follows_safely(case: Case) -> Finding:
     """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
-    believed = belief(case, pull_out(case), {PerceivedVehicle.LEADER: margin_of_gap})
-    return never_negative(stretches(case).follow, settled(case), belief=believed)
+    believed = belief_at(case, pull_out_percept(case), {PerceivedVehicle.LEADER: margin_to_leader})
+    return finding_of_minimum(scans(case).following, span_after_gap_recovery(case), belief=believed)
 
 
 L3 = Rule(
     id="pt.ce.18-1@2013",
     code="L3",
-    law="Article 18(1)",
+    article="Article 18(1)",
     title="Safe distance",
     gloss="Keep a distance to the vehicle ahead that avoids a collision if it stops or slows "
     "suddenly.",
@@ -85,8 +95,8 @@ L3 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather"]),
-    without_attempt=True,
+    required_inputs=frozenset(["weather"]),
+    applies_without_attempt=True,
     check=_follows_safely,
     spread=FOLLOWING,
 )
@@ -94,27 +104,29 @@ L3 = Rule(
 
 def _leaves_room(case: Case) -> Finding:
     """A slow heavy vehicle that does not overtake keeps 50 m to the one ahead."""
-    run, seen, events = case.trajectories, case.signals, case.events
-    in_town = run.road.kind == "town" and "road_kind" not in run.unknown
-    if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
-        return inapplicable(seen.num_simulations)
-    heavy = run.scenario.vehicles.kind[:, EGO_SLOT] == VehicleKind.TRUCK
-    heavy |= "kinds" in run.unknown
-    # Who is about to overtake may close up (paragraph 2).
-    span, end = conduct(case), driving_end(case)
-    stop = np.where(heavy & ~events.has_attempt, np.minimum(span.stop, end), span.start - 1)
-    rows, frames = Span(start=span.start, stop=stop).frames()
-    slow = seen.speed[rows, frames] <= constant("law.slow.speed")
-    slow &= seen.neighbour_slot[rows, NeighbourRole.LEADER, frames] != NO_VEHICLE
+    trajectories, signals, events = case.trajectories, case.signals, case.events
+    in_town = trajectories.road.kind == "town" and "road_kind" not in trajectories.unknown
+    if not trajectories.road.is_two_way or trajectories.road.num_lanes > 1 or in_town:
+        return finding_not_applicable(signals.num_simulations)
+    heavy = trajectories.scenario.vehicles.kind[:, EGO_SLOT] == VehicleKind.TRUCK
+    heavy |= "kinds" in trajectories.unknown
+    # A driver who is about to overtake may close up (paragraph 2).
+    span, end = judged_span(case), last_driven_frame(case)
+    stop = np.where(heavy & ~events.has_attempt, np.minimum(span.last, end), span.first - 1)
+    rows, frames = FrameSpan(first=span.first, last=stop).instants()
+    slow = signals.speed[rows, frames] <= constant("law.slow.speed")
+    slow &= signals.neighbour_slot[rows, NeighbourRole.LEADER, frames] != NO_VEHICLE
     rows, frames = rows[slow], frames[slow]
-    gap = encounter(case, NeighbourRole.LEADER, rows, frames).gap
-    return always_at(gap - constant("law.slow.distance"), rows, frames, seen.num_simulations)
+    gap = encounters_at(case, NeighbourRole.LEADER, rows, frames).gap
+    return finding_at_instants(
+        gap - constant("law.slow.distance"), rows, frames, signals.num_simulations
+    )
 
 
 L28 = Rule(
     id="pt.ce.40@2013",
     code="L28",
-    law="Article 40",
+    article="Article 40",
     title="Slow vehicles leave room",
     gloss="Outside localities, on roads with one lane in each direction, heavy and other vehicles "
     f"that drive slowly keep at least {amount('law.slow.distance')} to the vehicle ahead, so that "
@@ -126,14 +138,14 @@ L28 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["kinds", "road_kind"]),
-    without_attempt=True,
+    required_inputs=frozenset(["kinds", "road_kind"]),
+    applies_without_attempt=True,
     check=_leaves_room,
     spread=Spread(
         formula="sqrt(2) sp",
-        of=lambda _, found, errors: np.full_like(
+        standard_error=lambda _, found, errors: np.full_like(
             found.margin, np.sqrt(2.0) * errors.position_std, np.float32
         ),
     ),
-    two_way=True,
+    only_two_way_roads=True,
 )

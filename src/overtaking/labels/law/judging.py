@@ -15,57 +15,61 @@ from overtaking.core.errors import ConfigError, check_choice
 from overtaking.knowledge import toml_reader
 from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.margins import decided
+from overtaking.labels.law.margins import finding_from_margins
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Grade, Pack, Rule, Tolerance
-from overtaking.labels.law.texts import words_of
+from overtaking.labels.law.texts import texts_by_code
 from overtaking.model.batch import Batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind, may_be_kind
 from overtaking.model.verdicts import Case, Finding, Findings, Severity, Verdict
 
 
-def judge(rule: Rule, case: Case, errors: MeasurementErrors | None = None) -> Finding:
-    """What a rule says of a batch, with severity, and undecidable where it lacks what it needs.
+def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) -> Finding:
+    """Judge each simulation of a batch by one rule.
+
+    The finding has a severity, and is undecidable where an input of the rule is unknown.
 
     Args:
         rule: The rule.
         case: The batch.
         errors: Of its measurement; a margin within its own is undecidable.
     """
-    found = _judged(rule, case)
+    finding = _without_errors(rule, case)
     if errors is None or rule.spread is None:
-        return found
-    is_decided = (found.verdict == Verdict.LEGAL) | (found.verdict == Verdict.ILLEGAL)
+        return finding
+    is_decided = (finding.verdict == Verdict.LEGAL) | (finding.verdict == Verdict.ILLEGAL)
     if not is_decided.any():
-        return found
-    error = toml_reader.constant("law.errors.coverage") * rule.spread.of(case, found, errors)
-    return _doubted(found, is_decided & (np.abs(found.margin) < error))
+        return finding
+    error = toml_reader.constant("law.errors.coverage") * rule.spread.standard_error(
+        case, finding, errors
+    )
+    return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < error))
 
 
-def _doubted(found: Finding, inside: Mask) -> Finding:
-    """The same check, undecidable in the simulations of a mask."""
-    return found.replace(
-        verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), found.verdict),
-        margin=np.where(inside, np.float32(0.0), found.margin),
-        first_frame=np.where(inside, NEVER, found.first_frame),
-        last_frame=np.where(inside, NEVER, found.last_frame),
-        longest_run=np.where(inside, np.int32(0), found.longest_run),
-        severity=np.where(inside, np.uint8(Severity.NONE), found.severity),
+def _with_undecidable(finding: Finding, inside: Mask) -> Finding:
+    """Make a finding undecidable in the simulations of a mask."""
+    return finding.replace(
+        verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), finding.verdict),
+        margin=np.where(inside, np.float32(0.0), finding.margin),
+        first_frame=np.where(inside, NEVER, finding.first_frame),
+        last_frame=np.where(inside, NEVER, finding.last_frame),
+        longest_run=np.where(inside, np.int32(0), finding.longest_run),
+        severity=np.where(inside, np.uint8(Severity.NONE), finding.severity),
     )
 
 
-def _judged(rule: Rule, case: Case) -> Finding:
+def _without_errors(rule: Rule, case: Case) -> Finding:
     """Check a rule on a batch without errors of measurement.
 
     If some kinds of vehicles are unknown and the rule depends on them, it is undecidable where the
     possible kinds lead to different verdicts.
     """
     is_known = case.trajectories.is_kind_known
-    if is_known is None or "kinds" not in rule.needs | rule.partly:
+    if is_known is None or "kinds" not in rule.required_inputs | rule.conditional_inputs:
         return _judged_as_stated(rule, case)
-    return _agreed_check(
+    return _agreed_finding(
         [_judged_as_stated(rule, possible_case) for possible_case in _possible_kinds(case)]
     )
 
@@ -76,8 +80,8 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
     A vehicle whose length does not fit is a car. Every vehicle is a truck once, whatever its
     length: where kind and length of a recording contradict each other, the length may be wrong.
     """
-    run = case.trajectories
-    vehicles = run.scenario.vehicles
+    trajectories = case.trajectories
+    vehicles = trajectories.scenario.vehicles
     car = np.uint8(VehicleKind.MEDIUM_CAR)
     for kind in (
         car,
@@ -88,12 +92,12 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
     ):
         may_be = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.TRUCK)
         possible = np.where(may_be, np.uint8(kind), car)
-        kinds = np.where(run.known_kinds, vehicles.kind, possible)
-        scenario = run.scenario.replace(vehicles=vehicles.replace(kind=kinds))
-        yield case.replace(trajectories=run.replace(scenario=scenario))
+        kinds = np.where(trajectories.known_kinds, vehicles.kind, possible)
+        scenario = trajectories.scenario.replace(vehicles=vehicles.replace(kind=kinds))
+        yield case.replace(trajectories=trajectories.replace(scenario=scenario))
 
 
-def _agreed_check(checks: Sequence[Finding]) -> Finding:
+def _agreed_finding(checks: Sequence[Finding]) -> Finding:
     """Combine checks of the same batch: undecidable in simulations in which the verdicts differ.
 
     Where they agree, the check with the smallest absolute margin counts.
@@ -104,22 +108,22 @@ def _agreed_check(checks: Sequence[Finding]) -> Finding:
     stacked = {name: np.stack([getattr(check, name) for check in checks]) for name in names}
     columns = np.arange(len(choice))
     nearest = Finding(**{name: values[choice, columns] for name, values in stacked.items()})
-    return _doubted(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
+    return _with_undecidable(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
 def _judged_as_stated(rule: Rule, case: Case) -> Finding:
     """Check a rule with every vehicle of the kind that the batch states."""
-    found = rule.check(case)
-    if rule.needs & case.trajectories.unknown:
-        return _undecided(found)
+    finding = rule.check(case)
+    if rule.required_inputs & case.trajectories.unknown:
+        return _as_undecidable(finding)
     if rule.grade is Grade.BY_BREACH:
-        return found
-    broken = found.verdict == Verdict.ILLEGAL
-    severity = broken.view(np.uint8) * np.uint8(_severity(rule.grade, case))
-    return found.replace(severity=severity)
+        return finding
+    is_broken = finding.verdict == Verdict.ILLEGAL
+    severity = is_broken.view(np.uint8) * np.uint8(severity_of(rule.grade, case))
+    return finding.replace(severity=severity)
 
 
-def _severity(grade: Grade, case: Case) -> Severity:
+def severity_of(grade: Grade, case: Case) -> Severity:
     """Severity of any breach of a rule with this grade."""
     if grade is Grade.LIGHT:
         return Severity.LIGHT
@@ -128,52 +132,58 @@ def _severity(grade: Grade, case: Case) -> Severity:
     return Severity.VERY_SERIOUS if grade is Grade.BY_ROAD and motorway else Severity.SERIOUS
 
 
-def _undecided(found: Finding) -> Finding:
-    """The same check where nothing can be said of simulations that the rule is about."""
-    about = found.verdict != Verdict.NOT_APPLICABLE
-    n = len(about)
-    nothing = np.zeros(n, np.float32)
-    never = np.full(n, NEVER)
-    return decided(about, nothing, never, never, doubtful=np.ones(n, np.bool_))
+def _as_undecidable(finding: Finding) -> Finding:
+    """Make a finding undecidable in all simulations to which the rule applies."""
+    applies = finding.verdict != Verdict.NOT_APPLICABLE
+    num_simulations = len(applies)
+    margin = np.zeros(num_simulations, np.float32)
+    never = np.full(num_simulations, NEVER)
+    return finding_from_margins(
+        applies, margin, never, never, doubtful=np.ones(num_simulations, np.bool_)
+    )
 
 
-def lacking(pack: "Pack", unknown: Iterable[str]) -> dict[str, list[str]]:
+def undecidable_rules(pack: "Pack", unknown: Iterable[str]) -> dict[str, list[str]]:
     """The rules that a recording cannot decide.
 
     Args:
         pack: The rules.
-        unknown: What the recording does not tell, names of `UNKNOWNS`.
+        unknown: Names of the unknown inputs of the recording, of `UNKNOWNS`.
 
     Returns:
         Codes of the rules that are undecidable wherever they apply, under `always`, and of those
         that are in some simulations, under `sometimes`.
     """
     missing = frozenset(unknown)
-    always = [rule.code for rule in pack.rules if rule.needs & missing]
+    always = [rule.code for rule in pack.rules if rule.required_inputs & missing]
     partly = [
-        rule.code for rule in pack.rules if rule.partly & missing and not rule.needs & missing
+        rule.code
+        for rule in pack.rules
+        if rule.conditional_inputs & missing and not rule.required_inputs & missing
     ]
     return {"always": always, "sometimes": partly}
 
 
-def check(pack: Pack, case: Case, errors: MeasurementErrors | None = None) -> Findings:
-    """What each rule of a pack says of each simulation.
+def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) -> Findings:
+    """Judge each simulation of a batch by each rule of a pack.
 
     Args:
         pack: The rules.
         case: Recordings of any source, with their signals and events.
-        errors: Of their measurement; None if there are none.
+        errors: Errors of measured positions and speeds; None for exact values.
 
     Returns:
         Arrays of shape (simulation, rule).
     """
     deciding = frozenset(rule.code for rule in pack.deciding_rules)
-    found = [
-        judge(rule, case, errors) if rule.code in deciding else _undecided(rule.check(case))
+    finding_of_rules = [
+        judge_rule(rule, case, errors)
+        if rule.code in deciding
+        else _as_undecidable(rule.check(case))
         for rule in pack.rules
     ]
     columns = {
-        field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
+        field.name: np.stack([getattr(finding, field.name) for finding in finding_of_rules], axis=1)
         for field in dataclasses.fields(Finding)
     }
     version = pack.version
@@ -200,7 +210,7 @@ class Policy:
             as not completed.
         names_departures: Whether an ego that leaves the road or spins without a contact is
             `UNSUCCESS_DEP`; else it counts as not completed, or as no attempt if it began none.
-        least: Severity from which a breach counts.
+        min_severity: Severity from which a breach counts.
         tolerances: By code of the rule; with one, a breach beyond it counts at any severity.
     """
 
@@ -209,13 +219,13 @@ class Policy:
     allows_undecided: bool = False
     censors_open: bool = True
     names_departures: bool = True
-    least: Severity = Severity.LIGHT
+    min_severity: Severity = Severity.LIGHT
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict[str, Tolerance])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Legality(Batch):
-    """What a policy makes of findings; every array has shape (simulation,).
+    """Findings read under a policy; every array has shape (simulation,).
 
     Attributes:
         num_broken: Number of required rules that are broken, as far as the policy counts it.
@@ -239,13 +249,15 @@ class _Reading:
 
 
 @cache
-def policies_for(pack: str) -> tuple[Policy, ...]:
+def policies_of_law(pack: str) -> tuple[Policy, ...]:
     """All policies of a pack of this package, by its name; none for a pack that is not here."""
-    asked_by = {code: words.policies.split() for code, words in words_of(pack).items()}
+    policies_of_rule = {code: words.policies.split() for code, words in texts_by_code(pack).items()}
     return tuple(
-        _policy(name, pack, tuple(code for code, names in asked_by.items() if name in names))
+        _policy(
+            name, pack, tuple(code for code, names in policies_of_rule.items() if name in names)
+        )
         for name in load_toml(_FILE)["policies"]
-        if asked_by
+        if policies_of_rule
     )
 
 
@@ -257,7 +269,7 @@ def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
         allows_undecided=reading.allows_undecided,
         censors_open=reading.censors_open,
         names_departures=reading.names_departures,
-        least=Severity[reading.least.upper()],
+        min_severity=Severity[reading.least.upper()],
         tolerances={
             code: read_record(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
             for code in load_toml(_TOLERANCES).get(name, {}).get(pack, {})
@@ -265,10 +277,12 @@ def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
     )
 
 
-STORED: tuple[str, ...] = tuple(load_toml(_FILE)["stored"].split())
+STORED_POLICY_NAMES: tuple[str, ...] = tuple(load_toml(_FILE)["stored"].split())
 """Names of the policies that data sets keep, in the order of every table."""
 
-POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
+STORED_POLICIES = tuple(
+    stored for stored in policies_of_law("pt") if stored.name in STORED_POLICY_NAMES
+)
 """The policies that data sets keep, of the Portuguese pack."""
 
 
@@ -292,27 +306,27 @@ def choose_policy(name: str | None, profile: str) -> str:
     return default_policy(profile) if name is None else name
 
 
-def policy(name: str) -> Policy:
+def stored_policy(name: str) -> Policy:
     """The stored policy of a name.
 
     Raises:
-        ConfigError: There is none of that name.
+        ConfigError: No stored policy has that name.
     """
-    known = {one.name: one for one in POLICIES}
-    check_choice(name, known, what="policy", where="rules")
-    return known[name]
+    policies_by_name = {known_policy.name: known_policy for known_policy in STORED_POLICIES}
+    check_choice(name, policies_by_name, what="policy", where="rules")
+    return policies_by_name[name]
 
 
-def legality(
+def assess_legality(
     findings: Findings, policy: Policy, pack: Pack | None = None, case: Case | None = None
 ) -> Legality:
     """Findings under a policy.
 
     Args:
-        findings: What each rule says of each simulation.
+        findings: Findings of each rule for each simulation.
         policy: Which of the rules count.
         pack: The rules; read for a policy with tolerances.
-        case: What the findings are about; read for a policy with tolerances.
+        case: The judged batch; read for a policy with tolerances.
 
     Raises:
         ConfigError: The findings lack a rule that the policy requires.
@@ -326,53 +340,55 @@ def legality(
             got=f"none called {', '.join(missing)}",
             next_step="check a pack that has them",
         )
-    place = [findings.rule_codes.index(code) for code in policy.required]
-    counted = breaches(findings, policy, pack, case)[:, place]
-    broken = counted.sum(axis=1, dtype=np.uint8)
-    doubtful = findings.verdict[:, place] == Verdict.UNDECIDABLE
+    columns = [findings.rule_codes.index(code) for code in policy.required]
+    counted = counted_breaches(findings, policy, pack, case)[:, columns]
+    num_broken = counted.sum(axis=1, dtype=np.uint8)
+    is_undecidable = findings.verdict[:, columns] == Verdict.UNDECIDABLE
     return Legality(
-        num_broken=broken,
-        num_undecidable=doubtful.sum(axis=1, dtype=np.uint8),
-        is_legal=broken == 0,
+        num_broken=num_broken,
+        num_undecidable=is_undecidable.sum(axis=1, dtype=np.uint8),
+        is_legal=num_broken == 0,
     )
 
 
-def breaches(
+def counted_breaches(
     findings: Findings, policy: Policy, pack: Pack | None = None, case: Case | None = None
 ) -> Mask:
-    """Which rules are broken as far as a policy counts it, shape (simulation, rule).
+    """Whether a breach of each rule counts under a policy, shape (simulation, rule).
 
-    The arguments are those of `legality`. Rules that the policy does not require are judged like
-    the others.
+    `assess_legality` describes the arguments. Breaches of rules that the policy does not require
+    count by the same severity and tolerances.
     """
     counted = findings.verdict == Verdict.ILLEGAL
-    if policy.least > Severity.LIGHT:
-        counted = counted & (findings.severity >= policy.least)
+    if policy.min_severity > Severity.LIGHT:
+        counted = counted & (findings.severity >= policy.min_severity)
     for code, tolerance in policy.tolerances.items():
         if pack is not None and case is not None and code in findings.rule_codes:
             place = findings.rule_codes.index(code)
-            counted[:, place] = beyond(findings, code, tolerance, pack, case)
+            counted[:, place] = exceeds_tolerance(findings, code, tolerance, pack, case)
     return counted
 
 
-def beyond(findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case: Case) -> Mask:
+def exceeds_tolerance(
+    findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case: Case
+) -> Mask:
     """Where a breach of one rule exceeds a tolerance, shape (simulation,)."""
-    place, rule = findings.rule_codes.index(code), pack.rule(code)
-    excess = -findings.margin[:, place]
-    broken = (findings.verdict[:, place] == Verdict.ILLEGAL) & (excess > tolerance.margin)
+    column, rule = findings.rule_codes.index(code), pack.rule(code)
+    excess = -findings.margin[:, column]
+    is_exceeded = (findings.verdict[:, column] == Verdict.ILLEGAL) & (excess > tolerance.margin)
     if tolerance.share and rule.limit is not None:
-        broken &= excess > np.float32(tolerance.share) * (rule.limit(case) + excess)
+        is_exceeded &= excess > np.float32(tolerance.share) * (rule.limit(case) + excess)
     if tolerance.lasting:
-        broken &= duration(findings, place, case) > tolerance.lasting
-    return broken
+        is_exceeded &= breach_duration(findings, column, case) > tolerance.lasting
+    return is_exceeded
 
 
-def duration(findings: Findings, place: int, case: Case) -> F32:
+def breach_duration(findings: Findings, column: int, case: Case) -> F32:
     """Time of the longest unbroken part of a breach of one rule, 0 without, (simulation,) [s]."""
-    return findings.longest_run[:, place].astype(np.float32) * np.float32(
+    return findings.longest_run[:, column].astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
 
 
-PACKS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
+LAWS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
 """The packs of this package, by name."""

@@ -10,23 +10,28 @@ from overtaking import _core
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
 from overtaking.core.native import simd_level
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.signals import Arrays, adjacent, pack_seen, packed
-from overtaking.labels.snapshots import Span
+from overtaking.labels.signals import (
+    ArraysByName,
+    pack_signals,
+    packed_recording,
+    with_adjacent_frames,
+)
+from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Belief, Case, Finding, Verdict
 
 MIN_RATE_OF_CHANGE = np.float32(0.1)
 """A slower change of a gap or a lateral position counts as this fast in errors [m/s].
 
-The error of an instant is that of a position over this rate: without a bound it would be infinite
-for a vehicle that hardly moves.
+The error of an instant is the error of a position over this rate: without a bound it would be
+infinite for a vehicle that hardly moves.
 """
 
 SAME_MARGIN_M = np.float32(1e-3)
 """Margins that differ by less are equal [m]."""
 
 
-def decided(
+def finding_from_margins(
     applies: Mask,
     margin: F32,
     first: NDArray[np.integer],
@@ -47,20 +52,20 @@ def decided(
         doubtful: Whether what is unknown could still break the rule.
         belief: `Belief`, read where the rule applies.
     """
-    broken, known = applies & (margin < 0), applies
-    decision = broken.view(np.uint8)  # Legal is 0, illegal 1.
+    is_broken, is_decided = applies & (margin < 0), applies
+    verdict = is_broken.view(np.uint8)  # Legal is 0, illegal 1.
     if longest is None:
         longest = last - first + 1
     if doubtful is not None:
-        known = applies & (broken | ~doubtful)
-        decision = np.where(known, decision, np.uint8(Verdict.UNDECIDABLE))
+        is_decided = applies & (is_broken | ~doubtful)
+        verdict = np.where(is_decided, verdict, np.uint8(Verdict.UNDECIDABLE))
     return Finding(
-        verdict=np.where(applies, decision, np.uint8(Verdict.NOT_APPLICABLE)),
+        verdict=np.where(applies, verdict, np.uint8(Verdict.NOT_APPLICABLE)),
         # The sum makes a negative zero positive.
-        margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
-        first_frame=np.where(broken, first, NEVER).astype(np.int32, copy=False),
-        last_frame=np.where(broken, last, NEVER).astype(np.int32, copy=False),
-        longest_run=np.where(broken, longest, 0).astype(np.int32, copy=False),
+        margin=np.where(is_decided, margin, np.float32(0.0)) + np.float32(0.0),
+        first_frame=np.where(is_broken, first, NEVER).astype(np.int32, copy=False),
+        last_frame=np.where(is_broken, last, NEVER).astype(np.int32, copy=False),
+        longest_run=np.where(is_broken, longest, 0).astype(np.int32, copy=False),
         severity=np.zeros(len(applies), np.uint8),
         belief=np.zeros(len(applies), np.uint8)
         if belief is None
@@ -68,135 +73,141 @@ def decided(
     )
 
 
-def inapplicable(num_simulations: int) -> Finding:
+def finding_not_applicable(num_simulations: int) -> Finding:
     """The check of a rule that says nothing of any simulation."""
     never = np.full(num_simulations, NEVER)
     nothing = np.zeros(num_simulations, np.float32)
-    return decided(np.zeros(num_simulations, np.bool_), nothing, never, never)
+    return finding_from_margins(np.zeros(num_simulations, np.bool_), nothing, never, never)
 
 
-ENDLESS = np.float32(3.0e38)
+UNCONSTRAINED = np.float32(3.0e38)
 """Larger than any margin."""
 
 
-def frames_of(case: Case, seconds: float | np.floating) -> int:
-    """Number of frames in a duration, the nearest."""
+def num_frames_in(case: Case, seconds: float | np.floating) -> int:
+    """Number of frames in a duration, rounded to the nearest."""
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
 
 
-def time_to_regain(case: Case) -> int:
-    """Number of frames in which a distance that another has taken may be regained."""
-    return frames_of(case, constant("law.safe_distance.recapture"))
+def num_frames_to_regain_gap(case: Case) -> int:
+    """Number of frames in which a driver may restore a gap that another vehicle has taken."""
+    return num_frames_in(case, constant("law.safe_distance.recapture"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stretch:
-    """A margin over a span; every array has shape (simulation,).
+class MarginMinimum:
+    """The minimum of a margin over a span; every array has shape (simulation,).
 
     Attributes:
-        low: Its smallest value, `ENDLESS` where it does not count in any frame; means nothing where
+        min_margin: Smallest margin, `UNCONSTRAINED` if no frame of the span counts. Undefined where
             the span is empty.
-        first: First frame in which it is negative, `NEVER` without one.
-        last: Last such frame.
-        longest: Number of frames of the longest unbroken run of them, 0 without one.
+        first_frame: First frame with a negative margin, `NEVER` without one.
+        last_frame: Last frame with a negative margin, `NEVER` without one.
+        longest_run: Number of frames of the longest unbroken run with a negative margin.
     """
 
-    low: F32
-    first: I32
-    last: I32
-    longest: I32
+    min_margin: F32
+    first_frame: I32
+    last_frame: I32
+    longest_run: I32
 
-    def with_rows(self, rows: IndexArray, replacement: "Stretch") -> "Stretch":
-        """The same with other margins in some simulations."""
-        changed = {one.name: getattr(self, one.name).copy() for one in fields(self)}
-        for name, values in changed.items():
+    def with_simulations(self, rows: IndexArray, replacement: "MarginMinimum") -> "MarginMinimum":
+        """Replace the values of some simulations by the values of `replacement`."""
+        arrays = {field.name: getattr(self, field.name).copy() for field in fields(self)}
+        for name, values in arrays.items():
             values[rows] = getattr(replacement, name)
-        return Stretch(**changed)
+        return MarginMinimum(**arrays)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stretches:
-    """What the compiled engine answers about stretches of frames; arrays have shape (simulation,).
+class ScanResults:
+    """Results of the compiled scan over spans; arrays have shape (simulation,).
 
     Attributes:
-        stop_lit: Distance at which something lit is seen minus the stopping distance, over
-            `conduct` [m].
-        stop_unlit: The same for something unlit [m].
-        follow: Gap to the leader minus the lawful gap, over `settled`, but for the time after a
-            cut-in [m].
-        braking: Braking that is allowed minus what is forced on the follower in the time after each
-            change of lane, over `manoeuvre` [m/s^2].
-        due: Over `passed`, the longest run of frames in which the ego could have returned: its
-            first frame, `NEVER` without one, and its number of frames.
-        entry_arrival: When the vehicle behind on the left came where the ego's rear was as the ego
-            crossed the line, `NEVER` if it did not.
-        return_arrival: When the target came where the ego's rear was at the end of the return.
-        worst: Worst measures over `conduct`, by name: `leader` and `follower` with the fields of
-            `Encounter`; time_headway, picud, rss_margin and lawful_margin to the vehicle ahead;
-            num_close, num_critical and shortfall, the frames under the lawful distance, those with
-            a critical time to collision, and the sum of what these lack [s]. 0 without a vehicle.
-        sums: Sums of recorded integers up to a collision, by name, of simulations without an
-            attempt: frames; led, those with a leader; ego_speed [mm/s] and left_count over all;
-            target_speed, speed_difference [mm/s] and distance [mm] to the leader over those with
-            one, the latter two without sign.
+        stop_lit: Distance at which the driver sees a lit vehicle minus the stopping distance, over
+            `judged_span` [m].
+        stop_unlit: Distance at which the driver sees an unlit obstacle minus the stopping distance,
+            over `judged_span` [m].
+        following: Gap to the leader minus the lawful gap, over `span_after_gap_recovery` without
+            the time after a cut-in [m].
+        forced_braking: Allowed braking minus the braking forced on the follower in the time after
+            each change of lane, over `manoeuvre` [m/s^2].
+        return_opportunity: First frame, `NEVER` without one, and number of frames of the longest
+            run in `span_after_passing` in which the ego could have returned.
+        entry_arrival: Frame in which the vehicle behind on the left reaches the place of the ego's
+            rear at the line crossing, `NEVER` if it does not.
+        return_arrival: Frame in which the target reaches the place of the ego's rear at the end of
+            the return, `NEVER` if it does not.
+        worst_measures: Worst measures over `judged_span` by name, 0 without a vehicle. `leader` and
+            `follower` with the fields of `Encounter`; `time_headway`, `picud`, `rss_margin` and
+            `lawful_margin` to the leader; `num_close`, the frames below the lawful gap;
+            `num_critical`, the frames with a critical time to collision; `shortfall`, the sum of
+            the time to collision that the latter lack [s].
+        recorded_sums: Sums of recorded integers up to a collision by name, for simulations without
+            an attempt. `frames`; `led`, the frames with a leader; `ego_speed` [mm/s] and
+            `left_count` over all frames; `target_speed`, and the absolute `speed_difference`
+            [mm/s] and `distance` [mm] to the leader over the frames with a leader.
     """
 
-    stop_lit: Stretch
-    stop_unlit: Stretch
-    follow: Stretch
-    braking: Stretch
-    due: tuple[I32, I32]
+    stop_lit: MarginMinimum
+    stop_unlit: MarginMinimum
+    following: MarginMinimum
+    forced_braking: MarginMinimum
+    return_opportunity: tuple[I32, I32]
     entry_arrival: I32
     return_arrival: I32
-    worst: dict[str, F32]
-    sums: dict[str, NDArray[np.int64]]
+    worst_measures: dict[str, F32]
+    recorded_sums: dict[str, NDArray[np.int64]]
 
 
-def answers(case: Case, spans: dict[str, Span]) -> Stretches:
-    """The answers of the compiled engine, whatever the spans.
+def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
+    """Scan spans of frames with the compiled engine.
 
     Args:
         case: The batch.
-        spans: Where to look, by the names that `stretches` gives them.
+        spans: The spans to scan, by the names that `case.scans` gives them.
     """
     count, names = case.signals.num_simulations, _core.FIELD_NAMES
-    ends = [end for name in names["spans"] for end in (spans[name].start, spans[name].stop)]
+    ends = [end for name in names["spans"] for end in (spans[name].first, spans[name].last)]
     moments = [getattr(case.events, name) for name in names["moments"]]
     kinds = {"measures": np.float32, "frames": np.int32, "sums": np.int64}
-    out = {name: np.empty((len(names[name]), count), kind) for name, kind in kinds.items()}
+    outputs = {name: np.empty((len(names[name]), count), kind) for name, kind in kinds.items()}
     _core.scan_spans(
-        recording=packed(case),
-        signals=pack_seen(case.signals),
+        recording=packed_recording(case),
+        signals=pack_signals(case.signals),
         spans=np.concatenate(ends, dtype=np.int32),
         moments=np.concatenate(moments, dtype=np.int32),
-        law=_numbers(case),
-        outputs=out,
+        law=_law_numbers(case),
+        outputs=outputs,
         level=simd_level(),
     )
-    said: dict[str, Arrays] = {
-        name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()
+    results: dict[str, ArraysByName] = {
+        name: dict(zip(names[name], rows, strict=True)) for name, rows in outputs.items()
     }
-    frames, measures = said["frames"], said["measures"]
-    margins = {
-        name: Stretch(
-            low=measures[name],
-            first=frames[f"{name}.first"],
-            last=frames[f"{name}.last"],
-            longest=frames[f"{name}.longest"],
+    frames, measures = results["frames"], results["measures"]
+    minima = {
+        name: MarginMinimum(
+            min_margin=measures[name],
+            first_frame=frames[f"{name}.first"],
+            last_frame=frames[f"{name}.last"],
+            longest_run=frames[f"{name}.longest"],
         )
         for name in ("stop_lit", "stop_unlit", "follow", "braking")
     }
-    return Stretches(
-        **margins,
-        due=(frames["due.first"], frames["due.length"]),
+    return ScanResults(
+        stop_lit=minima["stop_lit"],
+        stop_unlit=minima["stop_unlit"],
+        following=minima["follow"],
+        forced_braking=minima["braking"],
+        return_opportunity=(frames["due.first"], frames["due.length"]),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],
-        worst=measures,
-        sums=said["sums"],
+        worst_measures=measures,
+        recorded_sums=results["sums"],
     )
 
 
-_NUMBERS = {
+_LAW_NUMBERS = {
     "friction_floor": "friction.table.floor",
     "decel_limit": "law.safe_distance.decel_limit",
     "reaction_time": "law.safe_distance.reaction_time",
@@ -216,34 +227,36 @@ _NUMBERS = {
 }
 
 
-def _numbers(case: Case) -> dict[str, Any]:
+def _law_numbers(case: Case) -> dict[str, Any]:
     usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
     return {
-        **{name: float(constant(path)) for name, path in _NUMBERS.items()},
+        **{name: float(constant(path)) for name, path in _LAW_NUMBERS.items()},
         "decel_per_friction": float(usable),
-        "regain_frames": time_to_regain(case),
-        "obstruction_frames": frames_of(case, constant("law.obstruction.duration")),
+        "regain_frames": num_frames_to_regain_gap(case),
+        "obstruction_frames": num_frames_in(case, constant("law.obstruction.duration")),
     }
 
 
-def reduced(by: np.ufunc, values: NDArray[Any], span: Span) -> NDArray[Any]:
+def reduce_span(reduction: np.ufunc, values: NDArray[Any], span: FrameSpan) -> NDArray[Any]:
     """`values` (simulation, time) of a span, reduced by a ufunc; any value where it is empty."""
-    first, some = np.arange(len(values)) * values.shape[1], span.exists
+    first, is_nonempty = np.arange(len(values)) * values.shape[1], span.is_nonempty
     index = np.empty(2 * len(values), np.intp)
-    index[::2] = first + np.where(some, span.start, 0)
-    index[1::2] = first + np.where(some, span.stop + 1, 1)
+    index[::2] = first + np.where(is_nonempty, span.first, 0)
+    index[1::2] = first + np.where(is_nonempty, span.last + 1, 1)
     flat = values.reshape(-1)
     # `reduceat` takes no end beyond the array, and needs none after the last start.
-    return by.reduceat(flat, index[index < flat.size])[::2]
+    return reduction.reduceat(flat, index[index < flat.size])[::2]
 
 
-def ends_in(span: Span, rows: IndexArray, broken: Mask) -> tuple[I32, I32, I32]:
-    """`ends_of` the frames of a mask (row, time) of some simulations within a span."""
+def breach_frames_in(span: FrameSpan, rows: IndexArray, broken: Mask) -> tuple[I32, I32, I32]:
+    """`breach_frames` the frames of a mask (row, time) of some simulations within a span."""
     row, frame = np.nonzero(span.mask(rows, broken.shape[1]) & broken)
-    return ends_of(rows[row], frame, len(span.start))
+    return breach_frames(rows[row], frame, len(span.first))
 
 
-def ends_of(rows: IndexArray, frames: IndexArray, num_simulations: int) -> tuple[I32, I32, I32]:
+def breach_frames(
+    rows: IndexArray, frames: IndexArray, num_simulations: int
+) -> tuple[I32, I32, I32]:
     """First and last of some frames of each simulation, and how many of them follow each other.
 
     Args:
@@ -264,16 +277,18 @@ def ends_of(rows: IndexArray, frames: IndexArray, num_simulations: int) -> tuple
     return first, last, longest
 
 
-def stretch(margin: F32, span: Span) -> Stretch:
-    """A margin (simulation, time) over a span; `ENDLESS` where it does not count."""
-    low = reduced(np.minimum, margin, span)
-    rows = np.flatnonzero(span.exists & (low < 0))
-    first, last, longest = ends_in(span, rows, margin[rows] < 0)
-    return Stretch(low=low, first=first, last=last, longest=longest)
+def minimum_over(margin: F32, span: FrameSpan) -> MarginMinimum:
+    """A margin (simulation, time) over a span; `UNCONSTRAINED` where it does not count."""
+    low = reduce_span(np.minimum, margin, span)
+    rows = np.flatnonzero(span.is_nonempty & (low < 0))
+    first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
+    return MarginMinimum(min_margin=low, first_frame=first, last_frame=last, longest_run=longest)
 
 
-def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) -> Stretch:
-    """`stretch` of a signal minus the least that is allowed, or of the most minus the signal.
+def minimum_to_limit(
+    signal: F32, limit: F32 | np.float32, span: FrameSpan, *, is_most: bool
+) -> MarginMinimum:
+    """`minimum_over` of a signal minus the least that is allowed, or of the most minus the signal.
 
     Args:
         signal: Shape (simulation, time).
@@ -287,8 +302,8 @@ def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) 
     count = len(signal)
     low, frames = np.empty(count, np.float32), np.empty((3, count), np.int32)
     _core.limit_margins(
-        signal=adjacent(signal),
-        span=span.ends,
+        signal=with_adjacent_frames(signal),
+        span=span.packed_ends,
         limit=np.full(count, limit, np.float32),
         is_maximum=is_most,
         min_margin=low,
@@ -296,10 +311,10 @@ def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) 
         level=simd_level(),
     )
     first, last, longest = frames
-    return Stretch(low=low, first=first, last=last, longest=longest)
+    return MarginMinimum(min_margin=low, first_frame=first, last_frame=last, longest_run=longest)
 
 
-def bits_within(values: U8, span: Span) -> tuple[U8, U8]:
+def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:
     """Bits that are set in any frame of a span, and in all: none and all where it is empty.
 
     Args:
@@ -307,28 +322,39 @@ def bits_within(values: U8, span: Span) -> tuple[U8, U8]:
         span: Where to look.
     """
     out = np.empty((2, len(values)), np.uint8)
-    _core.flag_bits(values=adjacent(values), span=span.ends, out=out)
+    _core.flag_bits(values=with_adjacent_frames(values), span=span.packed_ends, out=out)
     return out[0], out[1]
 
 
-def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Finding:
+def finding_of_minimum(
+    minimum: MarginMinimum, span: FrameSpan, *, belief: U8 | None = None
+) -> Finding:
     """A margin that may never be negative: its smallest value, and the frames in which it is.
 
     Args:
-        found: The margin over the span.
+        minimum: The margin over the span.
         span: Where it counts; the rule applies where it counts in any frame.
         belief: `Belief` of each simulation, where the rule is about one.
     """
-    about = span.exists & (found.low < ENDLESS)
-    return decided(about, found.low, found.first, found.last, longest=found.longest, belief=belief)
+    applies = span.is_nonempty & (minimum.min_margin < UNCONSTRAINED)
+    return finding_from_margins(
+        applies,
+        minimum.min_margin,
+        minimum.first_frame,
+        minimum.last_frame,
+        longest=minimum.longest_run,
+        belief=belief,
+    )
 
 
-def always(margin: F32, span: Span) -> Finding:
-    """`never_negative` of a margin of shape (simulation, time)."""
-    return never_negative(stretch(margin, span), span)
+def finding_over_span(margin: F32, span: FrameSpan) -> Finding:
+    """`finding_of_minimum` of a margin of shape (simulation, time)."""
+    return finding_of_minimum(minimum_over(margin, span), span)
 
 
-def always_at(margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int) -> Finding:
+def finding_at_instants(
+    margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int
+) -> Finding:
     """The same of a margin at single frames; the rule applies to simulations that have any.
 
     Args:
@@ -337,16 +363,16 @@ def always_at(margin: F32, rows: IndexArray, frames: IndexArray, num_simulations
         frames: Frame of each, in order within a simulation.
         num_simulations: Length of the results.
     """
-    low = np.full(num_simulations, ENDLESS)
+    low = np.full(num_simulations, UNCONSTRAINED)
     if rows.size:
         begins = np.append(0, np.flatnonzero(rows[1:] != rows[:-1]) + 1)
         low[rows[begins]] = np.minimum.reduceat(margin, begins)
     broken = margin < 0
-    first, last, longest = ends_of(rows[broken], frames[broken], num_simulations)
-    return decided(low < ENDLESS, low, first, last, longest=longest)
+    first, last, longest = breach_frames(rows[broken], frames[broken], num_simulations)
+    return finding_from_margins(low < UNCONSTRAINED, low, first, last, longest=longest)
 
 
-def instant(
+def finding_at_frame(
     frame: I32,
     margin: F32,
     applies: Mask,
@@ -354,6 +380,14 @@ def instant(
     doubtful: Mask | None = None,
     belief: U8 | None = None,
 ) -> Finding:
-    """A margin that counts at one frame; the other arguments are those of `decided`."""
-    there = applies & (frame != NEVER)
-    return decided(there, margin, frame, frame, doubtful=doubtful, belief=belief)
+    """Finding from a margin at one frame of each simulation.
+
+    Args:
+        frame: The frame, `NEVER` where the rule does not apply, shape (simulation,).
+        margin: Margin at that frame, same shape.
+        applies: Whether the rule applies, same shape.
+        doubtful: As in `finding_from_margins`.
+        belief: As in `finding_from_margins`.
+    """
+    applies = applies & (frame != NEVER)
+    return finding_from_margins(applies, margin, frame, frame, doubtful=doubtful, belief=belief)

@@ -14,11 +14,11 @@ from typing import Annotated
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray
-from overtaking.labels.law.case import beside, on_the_other_side
+from overtaking.labels.law.case import neighbour_at, opposing_lane_span
 from overtaking.labels.law.margins import MIN_RATE_OF_CHANGE
 from overtaking.labels.law.numbers import amount
-from overtaking.labels.law.safe_distance import GapMargin, sure_decel
-from overtaking.labels.snapshots import METRES, Span, at
+from overtaking.labels.law.safe_distance import GapMargin, decel_for_safe_distance
+from overtaking.labels.snapshots import METRES_PER_MM, FrameSpan, at_frame
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.neighbours import NeighbourRole
@@ -62,7 +62,7 @@ class MeasurementErrors:
         return f"+-{self.position_std:g}m+-{self.speed_std:g}mps"
 
 
-def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
+def propagated_error(margin: Callable[..., F32], *sizes: float) -> F32:
     """Standard deviation of a margin.
 
     Args:
@@ -72,86 +72,111 @@ def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
     Source:
         JCGM 100:2008, 5.1.2 and the note to 5.1.3.
     """
-    total = np.float32(0.0)
+    variance = np.float32(0.0)
     for k, size in enumerate(sizes):
-        moved = [np.float32(0.0)] * len(sizes)
-        moved[k] = np.float32(size)
-        up = margin(*moved)
-        moved[k] = -moved[k]
-        half = (up - margin(*moved)) * np.float32(0.5)
-        total = total + half * half
-    return np.sqrt(total)
+        errors = [np.float32(0.0)] * len(sizes)
+        errors[k] = np.float32(size)
+        margin_above = margin(*errors)
+        errors[k] = -errors[k]
+        half_change = (margin_above - margin(*errors)) * np.float32(0.5)
+        variance = variance + half_change * half_change
+    return np.sqrt(variance)
 
 
-def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding) -> I32:
+def deciding_frame(
+    span: FrameSpan, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding
+) -> I32:
     """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
-    rows, frames = span.frames()
-    decide = np.maximum(span.start, 0).astype(np.int32)
-    if not rows.size:
-        return decide
-    deviation = np.abs(margin(rows, frames) - checked.margin[rows])
-    order = np.lexsort((frames, deviation, rows))
-    first = order[np.append(True, np.diff(rows[order]) != 0)]
-    decide[rows[first]] = frames[first]
-    return decide
+    simulation, frames = span.instants()
+    deciding = np.maximum(span.first, 0).astype(np.int32)
+    if not simulation.size:
+        return deciding
+    deviation = np.abs(margin(simulation, frames) - checked.margin[simulation])
+    order = np.lexsort((frames, deviation, simulation))
+    first = order[np.append(True, np.diff(simulation[order]) != 0)]
+    deciding[simulation[first]] = frames[first]
+    return deciding
 
 
 def gap_error(
-    case: Case, place: NeighbourRole, frame: I32, margin: GapMargin, errors: MeasurementErrors
+    case: Case, role: NeighbourRole, frame: I32, margin: GapMargin, errors: MeasurementErrors
 ) -> F32:
     """Error of a margin of the gap to a neighbour, from positions and speeds of both."""
-    other, seen = beside(case, place, frame), case.signals
-    speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
-    is_ahead = place in (
+    neighbour, signals = neighbour_at(case, role, frame), case.signals
+    speed, decel = (
+        at_frame(signals.speed, frame),
+        decel_for_safe_distance(at_frame(signals.friction, frame)),
+    )
+    is_ahead = role in (
         NeighbourRole.LEADER,
         NeighbourRole.LEFT_LEADER,
         NeighbourRole.RIGHT_LEADER,
     )
 
-    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        near = moved_neighbour(other, own, its, faster, its_faster, is_ahead=is_ahead)
-        return margin(near.gap, speed + faster, near.closing_speed, decel)
+    def margin_with(
+        ego_position_error: F32,
+        other_position_error: F32,
+        ego_speed_error: F32,
+        other_speed_error: F32,
+    ) -> F32:
+        moved_neighbour = encounter_with_error(
+            neighbour,
+            ego_position_error,
+            other_position_error,
+            ego_speed_error,
+            other_speed_error,
+            is_ahead=is_ahead,
+        )
+        return margin(
+            moved_neighbour.gap, speed + ego_speed_error, moved_neighbour.closing_speed, decel
+        )
 
-    return standard_error(moved, *of_both(errors))
+    return propagated_error(margin_with, *errors_of_two_vehicles(errors))
 
 
-def moved_neighbour(
-    other: Encounter, own: F32, its: F32, faster: F32, its_faster: F32, *, is_ahead: bool
+def encounter_with_error(
+    encounter: Encounter,
+    ego_position_error: F32,
+    position_error: F32,
+    ego_speed_error: F32,
+    speed_error: F32,
+    *,
+    is_ahead: bool,
 ) -> Encounter:
     """A neighbour as it would have been seen with errors.
 
     Args:
-        other: As it was seen.
-        own: Error of the ego's position along the road [m].
-        its: Of the neighbour's [m].
-        faster: Of the ego's speed [m/s].
-        its_faster: Of the neighbour's [m/s].
+        encounter: As it was seen.
+        ego_position_error: Error of the ego's position along the road [m].
+        position_error: Of the neighbour's [m].
+        ego_speed_error: Of the ego's speed [m/s].
+        speed_error: Of the neighbour's [m/s].
         is_ahead: Whether it is ahead of the ego.
     """
     sign = np.float32(1.0 if is_ahead else -1.0)
-    return other.replace(
-        gap=other.gap + sign * (its - own),
-        closing_speed=other.closing_speed + sign * (faster - its_faster),
+    return encounter.replace(
+        gap=encounter.gap + sign * (position_error - ego_position_error),
+        closing_speed=encounter.closing_speed + sign * (ego_speed_error - speed_error),
     )
 
 
-def of_both(errors: MeasurementErrors) -> tuple[float, float, float, float]:
+def errors_of_two_vehicles(errors: MeasurementErrors) -> tuple[float, float, float, float]:
     """Errors of two positions and two speeds."""
     return errors.position_std, errors.position_std, errors.speed_std, errors.speed_std
 
 
-def lane_error(distance: F32, errors: MeasurementErrors) -> F32:
+def lane_margin_error(distance: F32, errors: MeasurementErrors) -> F32:
     """Error of a margin in lanes: half a lane where a centre is one error from the border [lanes].
 
     Args:
         distance: From the border that decides, either way [m].
         errors: Of the measurement.
     """
-    return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES)
+    return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES_PER_MM)
 
 
 def zero_if_infinite(error: F32) -> F32:
-    """An error where there is nobody whose position could be wrong: 0."""
+    """The error, 0 where it is infinite because no vehicle is near."""
     return np.where(np.isfinite(error), error, np.float32(0.0))
 
 
@@ -163,7 +188,7 @@ BRAKING_ERROR_FORMULA = (
 )
 
 
-def time_back_error(case: Case, errors: MeasurementErrors) -> F32:
+def return_time_error(case: Case, errors: MeasurementErrors) -> F32:
     """Error of when the ego is back on its side, by its position across the road [s]."""
-    across = at(case.signals.lateral_speed, on_the_other_side(case).stop)
+    across = at_frame(case.signals.lateral_speed, opposing_lane_span(case).last)
     return np.float32(errors.position_std) / np.maximum(np.abs(across), MIN_RATE_OF_CHANGE)

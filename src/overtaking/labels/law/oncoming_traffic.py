@@ -7,27 +7,31 @@ import numpy as np
 from overtaking.core.arrays import F32, I32, IndexArray, Mask
 from overtaking.core.float32_math import HALF, as_f32, maximum
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.case import on_the_other_side, seconds_of
-from overtaking.labels.law.margins import ENDLESS, always_at, inapplicable, instant
+from overtaking.labels.law.case import opposing_lane_span, seconds_of
+from overtaking.labels.law.margins import (
+    UNCONSTRAINED,
+    finding_at_frame,
+    finding_at_instants,
+    finding_not_applicable,
+)
 from overtaking.labels.law.measurement_errors import (
     MeasurementErrors,
-    of_both,
-    standard_error,
-    time_back_error,
+    errors_of_two_vehicles,
+    propagated_error,
+    return_time_error,
     zero_if_infinite,
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
-from overtaking.labels.law.safe_distance import lawful_gap, sure_decel
+from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
 from overtaking.labels.snapshots import (
-    METRES,
-    Others,
-    across_at,
-    at,
-    borders_of,
-    coming,
-    others_at,
-    slot_of,
+    METRES_PER_MM,
+    OtherVehicles,
+    at_frame,
+    lane_borders,
+    lateral_position_and_gap,
+    other_vehicles_at,
+    slot_or_ego,
 )
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import EGO_SLOT
@@ -40,7 +44,7 @@ def back_frame(case: Case) -> I32:
     return np.where(events.return_end != NEVER, events.return_end, events.abort_end)
 
 
-def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None) -> F32:
+def margins_at_return(case: Case, others: OtherVehicles, speed_error: F32 | None = None) -> F32:
     """Margin of the gap to each oncoming vehicle when the ego is back in its lane.
 
     Args:
@@ -50,26 +54,35 @@ def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None)
             shape (simulation,) [m/s].
 
     Returns:
-        Shape (simulation, vehicle) [m]; `ENDLESS` for vehicles that are not oncoming.
+        Shape (simulation, vehicle) [m]; `UNCONSTRAINED` for vehicles that are not oncoming.
     """
-    speed = at(case.signals.speed, back_frame(case))[:, None]
+    speed = at_frame(case.signals.speed, back_frame(case))[:, None]
     speed = speed if speed_error is None else speed + speed_error
     closing_distance = constant("law.oncoming.time") * (others.speed + speed)
     encroachment_distance = constant("law.oncoming.encroachment") * others.speed
     needed = maximum(closing_distance, encroachment_distance)
-    return np.where(coming(others), others.gap - needed, ENDLESS)
+    return np.where(others.is_approaching, others.gap - needed, UNCONSTRAINED)
 
 
-def _meeting(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _meeting(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap to the oncoming vehicle that lacks most, when the ego is back."""
-    del found
-    others = others_at(case, back_frame(case))
+    del finding
+    others = other_vehicles_at(case.trajectories, back_frame(case))
 
-    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        moved_others = replace(others, gap=others.gap + its - own, speed=others.speed + its_faster)
-        return oncoming_margins(case, moved_others, faster).min(axis=1)
+    def margin_with(
+        ego_position_error: F32,
+        other_position_error: F32,
+        ego_speed_error: F32,
+        other_speed_error: F32,
+    ) -> F32:
+        moved_others = replace(
+            others,
+            gap=others.gap + other_position_error - ego_position_error,
+            speed=others.speed + other_speed_error,
+        )
+        return margins_at_return(case, moved_others, ego_speed_error).min(axis=1)
 
-    return zero_if_infinite(standard_error(moved, *of_both(errors)))
+    return zero_if_infinite(propagated_error(margin_with, *errors_of_two_vehicles(errors)))
 
 
 _TIME = amount("law.oncoming.time")
@@ -79,7 +92,7 @@ _PET = amount("law.oncoming.encroachment")
 MEETING = Spread(
     formula=f"sqrt(2 sp^2 + 2 ({_TIME})^2 sv^2), or sqrt(2 sp^2 + ({_PET})^2 sv^2) where "
     f"{_PET} decide",
-    of=_meeting,
+    standard_error=_meeting,
 )
 
 BACK_BEFORE_ONCOMING = (
@@ -92,17 +105,17 @@ BACK_BEFORE_ONCOMING = (
 def _back_before_oncoming(case: Case) -> Finding:
     """When the ego is back, the first oncoming vehicle is 1 s of both speeds and 2 s away."""
     if not case.trajectories.road.is_two_way:
-        return inapplicable(case.signals.num_simulations)
-    back, others = back_frame(case), others_at(case, back_frame(case))
-    margin = oncoming_margins(case, others).min(axis=1)
+        return finding_not_applicable(case.signals.num_simulations)
+    back, others = back_frame(case), other_vehicles_at(case.trajectories, back_frame(case))
+    margin = margins_at_return(case, others).min(axis=1)
     was_out = case.events.line_crossed != NEVER
-    return instant(back, margin, was_out & coming(others).any(axis=1))
+    return finding_at_frame(back, margin, was_out & others.is_approaching.any(axis=1))
 
 
 L24 = Rule(
     id="pt.ce.38-1.oncoming@2013",
     code="L24",
-    law="Article 38(1)",
+    article="Article 38(1)",
     title="Oncoming traffic",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic from the "
     "opposite direction.",
@@ -130,7 +143,7 @@ NO_REACTION = (
 )
 
 
-def predicted_gaps(case: Case, others: Others) -> F32:
+def predicted_oncoming_gaps(case: Case, others: OtherVehicles) -> F32:
     """Gap to each oncoming vehicle when the ego is back, if they drive on as at the pull-out.
 
     Args:
@@ -140,62 +153,75 @@ def predicted_gaps(case: Case, others: Others) -> F32:
     Returns:
         Shape (simulation, vehicle), infinite for those that do not come [m].
     """
-    out, s = on_the_other_side(case), case.trajectories.states.s[:, EGO_SLOT]
-    way = as_f32(at(s, out.stop) - at(s, out.start)) * METRES
-    time = seconds_of(case, np.maximum(out.stop - out.start, 0))
-    left = others.gap - (way[:, None] + others.speed * time[:, None])
-    return np.where(coming(others), left, ENDLESS)
+    opposing_span, s = opposing_lane_span(case), case.trajectories.states.s[:, EGO_SLOT]
+    distance = (
+        as_f32(at_frame(s, opposing_span.last) - at_frame(s, opposing_span.first)) * METRES_PER_MM
+    )
+    time = seconds_of(case, np.maximum(opposing_span.last - opposing_span.first, 0))
+    gap = others.gap - (distance[:, None] + others.speed * time[:, None])
+    return np.where(others.is_approaching, gap, UNCONSTRAINED)
 
 
 def _time_to_pass(case: Case) -> Finding:
     """At the pull-out the oncoming traffic leaves room and time for all of the manoeuvre."""
     if not case.trajectories.road.is_two_way:
-        return inapplicable(case.signals.num_simulations)
-    out = on_the_other_side(case)
-    others = others_at(case, out.start)
-    applies = out.exists & coming(others).any(axis=1)
-    return instant(out.start, room_and_time(case, others).min(axis=1), applies)
+        return finding_not_applicable(case.signals.num_simulations)
+    out = opposing_lane_span(case)
+    others = other_vehicles_at(case.trajectories, out.first)
+    applies = out.is_nonempty & others.is_approaching.any(axis=1)
+    return finding_at_frame(out.first, oncoming_margins(case, others).min(axis=1), applies)
 
 
-def room_and_time(case: Case, others: Others, faster: F32 | None = None) -> F32:
+def oncoming_margins(case: Case, others: OtherVehicles, ego_speed_error: F32 | None = None) -> F32:
     """Gaps when the ego is back, minus 1 s of both speeds, shape (simulation, vehicle) [m].
 
     Args:
         case: The batch.
         others: All vehicles at the pull-out.
-        faster: Error of the ego's speed, (simulation,) or a number [m/s].
+        ego_speed_error: Error of the ego's speed, (simulation,) or a number [m/s].
 
     Returns:
-        `ENDLESS` for those that do not come.
+        `UNCONSTRAINED` for those that do not come.
     """
-    own = at(case.signals.speed, on_the_other_side(case).stop)[:, None]
-    own = own if faster is None else own + faster
-    needed = constant("law.oncoming.time") * (own + others.speed)
-    gaps = predicted_gaps(case, others)
-    return np.where(coming(others), gaps - needed, ENDLESS)
+    ego_speed = at_frame(case.signals.speed, opposing_lane_span(case).last)[:, None]
+    ego_speed = ego_speed if ego_speed_error is None else ego_speed + ego_speed_error
+    needed = constant("law.oncoming.time") * (ego_speed + others.speed)
+    gaps = predicted_oncoming_gaps(case, others)
+    return np.where(others.is_approaching, gaps - needed, UNCONSTRAINED)
 
 
-def _time_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _time_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Of the predicted gap, by positions at the pull-out and both speeds [m]."""
-    del found
-    others = others_at(case, on_the_other_side(case).start)
+    del finding
+    others = other_vehicles_at(case.trajectories, opposing_lane_span(case).first)
 
-    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        seen = replace(others, gap=others.gap + its - own, speed=others.speed + its_faster)
-        return room_and_time(case, seen, faster).min(axis=1)
+    def margin_with(
+        ego_position_error: F32,
+        other_position_error: F32,
+        ego_speed_error: F32,
+        other_speed_error: F32,
+    ) -> F32:
+        signals = replace(
+            others,
+            gap=others.gap + other_position_error - ego_position_error,
+            speed=others.speed + other_speed_error,
+        )
+        return oncoming_margins(case, signals, ego_speed_error).min(axis=1)
 
-    gaps = room_and_time(case, others)
+    gaps = oncoming_margins(case, others)
     row, slot = np.arange(len(gaps)), gaps.argmin(axis=1)
-    both = at(case.signals.speed, on_the_other_side(case).stop) + others.speed[row, slot]
-    late = both * time_back_error(case, errors)
-    along = standard_error(moved, *of_both(errors))
-    return np.sqrt(along * along + late * late)
+    closing_speed = (
+        at_frame(case.signals.speed, opposing_lane_span(case).last) + others.speed[row, slot]
+    )
+    lateness_error = closing_speed * return_time_error(case, errors)
+    gap_error = propagated_error(margin_with, *errors_of_two_vehicles(errors))
+    return np.sqrt(gap_error * gap_error + lateness_error * lateness_error)
 
 
 L25 = Rule(
     id="pt.ce.38-1.pull-out@2013",
     code="L25",
-    law="Articles 35 and 38(1)",
+    article="Articles 35 and 38(1)",
     title="Time to pass",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic that comes "
     "from the opposite direction.",
@@ -207,13 +233,13 @@ L25 = Rule(
         formula=f"sqrt(2 sp^2 + (time on the other side + {_CLEARANCE})^2 sv^2 + "
         f"({_CLEARANCE})^2 sv^2), and (v + v_oncoming) sp / (speed across the road as it is "
         "back), added in squares",
-        of=_time_error,
+        standard_error=_time_error,
     ),
-    two_way=True,
+    only_two_way_roads=True,
 )
 
 
-def nearest_coming(case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
+def near_oncoming_vehicles(case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
     """Each frame on the other side in which an oncoming vehicle is near, and the nearest.
 
     Near is who is met within 10 s at both speeds.
@@ -221,109 +247,137 @@ def nearest_coming(case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
     Returns:
         Simulations, frames and slots, shape (instant,).
     """
-    rows, frames = on_the_other_side(case).frames()
-    others = others_at(case, frames.astype(np.int32), rows)
-    both = others.speed + case.signals.speed[rows, frames][:, None]
-    near = coming(others) & (others.gap <= constant("law.oncoming.reach_time") * both)
-    slot = np.where(near, others.gap, np.inf).argmin(axis=1)
-    met = np.flatnonzero(near.any(axis=1))
-    return rows[met], frames[met], slot[met]
+    rows, frames = opposing_lane_span(case).instants()
+    others = other_vehicles_at(case.trajectories, frames.astype(np.int32), rows)
+    closing_speed = others.speed + case.signals.speed[rows, frames][:, None]
+    is_near = others.is_approaching & (
+        others.gap <= constant("law.oncoming.reach_time") * closing_speed
+    )
+    slot = np.where(is_near, others.gap, np.inf).argmin(axis=1)
+    instants = np.flatnonzero(is_near.any(axis=1))
+    return rows[instants], frames[instants], slot[instants]
 
 
-def over_its_edge(case: Case, rows: IndexArray, frames: IndexArray, slot: IndexArray) -> F32:
+def distance_over_outer_edge(
+    case: Case, rows: IndexArray, frames: IndexArray, slot: IndexArray
+) -> F32:
     """How far oncoming vehicles reach beyond the outer edge of their lane, (instant,) [m]."""
-    run = case.trajectories
-    reach = across_at(run, case.signals, rows, slot, frames)[0]
-    reach = reach + run.scenario.vehicles.width[rows, slot] * HALF
-    return reach - borders_of(run.road)[-1]
+    trajectories = case.trajectories
+    reach = lateral_position_and_gap(trajectories, case.signals, rows, slot, frames)[0]
+    reach = reach + trajectories.scenario.vehicles.width[rows, slot] * HALF
+    return reach - lane_borders(trajectories.road)[-1]
 
 
 def _nobody_evades(case: Case) -> Finding:
     """Oncoming drivers neither brake hard for the ego nor leave their lane."""
-    run = case.trajectories
-    if not run.road.is_two_way:
-        return inapplicable(case.signals.num_simulations)
-    rows, frames, slot = nearest_coming(case)
+    trajectories = case.trajectories
+    if not trajectories.road.is_two_way:
+        return finding_not_applicable(case.signals.num_simulations)
+    rows, frames, slot = near_oncoming_vehicles(case)
     limit = constant("law.obstruction.braking")
-    margin = limit + as_f32(run.states.accel_lon[rows, slot, frames]) * METRES
-    left = over_its_edge(case, rows, frames, slot) > constant("law.line.tolerance")
+    margin = limit + as_f32(trajectories.states.accel_lon[rows, slot, frames]) * METRES_PER_MM
+    left = distance_over_outer_edge(case, rows, frames, slot) > constant("law.line.tolerance")
     margin = np.where(left, np.minimum(margin, -limit), margin)
-    return always_at(margin, rows, frames, case.signals.num_simulations)
+    return finding_at_instants(margin, rows, frames, case.signals.num_simulations)
 
 
 L26 = Rule(
     id="pt.ce.35.oncoming@2013",
     code="L26",
-    law="Article 35",
+    article="Article 35",
     title="No reaction of oncoming traffic",
     gloss="Overtake only where no danger to or obstruction of traffic results.",
     predicate=NO_REACTION,
     unit="m/s^2",
     grade=Grade.BY_ROAD,
     check=_nobody_evades,
-    two_way=True,
+    only_two_way_roads=True,
 )
 
 
-def gap_to_return(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
+def return_gap(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     """The gap ahead of the last vehicle that the ego passes, or would, at the pull-out.
 
     Returns:
         Whether there is a vehicle ahead of it within 200 m, shape (simulation,); the gap between
         the two [m], their speeds, the one behind first [m/s], and the ego's length [m].
     """
-    out, run = on_the_other_side(case), case.trajectories
-    row, begin = np.arange(len(out.start)), np.maximum(out.start, 0)
-    others = others_at(case, begin)
-    same = others.valid & ~others.oncoming & (others.lane == at(case.signals.lane, begin)[:, None])
-    s, stop = run.states.s, np.maximum(out.stop, 0)
-    passed = same & (others.lead < 0) & (s[row, EGO_SLOT, stop, None] > s[row, :, stop])
+    opposing_span, trajectories = opposing_lane_span(case), case.trajectories
+    simulation, crossing = np.arange(len(opposing_span.first)), np.maximum(opposing_span.first, 0)
+    others = other_vehicles_at(case.trajectories, crossing)
+    is_in_ego_lane = (
+        others.valid
+        & ~others.is_oncoming
+        & (others.lane == at_frame(case.signals.lane, crossing)[:, None])
+    )
+    s, return_frame = trajectories.states.s, np.maximum(opposing_span.last, 0)
+    passed = (
+        is_in_ego_lane
+        & (others.ego_lead < 0)
+        & (s[simulation, EGO_SLOT, return_frame, None] > s[simulation, :, return_frame])
+    )
     # Of those that are passed the foremost, else the target.
-    foremost = np.where(passed, others.lead, np.inf).argmin(axis=1)
-    slot = np.where(passed.any(axis=1), foremost, slot_of(case.target.slot))
-    ahead = same & (others.lead < others.lead[row, slot][:, None])
-    following = np.where(ahead, others.lead, -np.inf).argmax(axis=1)
-    halves = run.scenario.vehicles.length[row, slot] + run.scenario.vehicles.length[row, following]
-    gap = others.lead[row, slot] - others.lead[row, following] - halves * HALF
-    there = out.exists & (slot != EGO_SLOT) & ahead.any(axis=1)
-    speeds = others.speed[row, slot], others.speed[row, following]
-    near = there & (gap <= constant("law.return.reach"))
-    return near, gap, *speeds, run.scenario.vehicles.length[:, EGO_SLOT]
+    foremost = np.where(passed, others.ego_lead, np.inf).argmin(axis=1)
+    slot = np.where(passed.any(axis=1), foremost, slot_or_ego(case.target.slot))
+    ahead = is_in_ego_lane & (others.ego_lead < others.ego_lead[simulation, slot][:, None])
+    leader_slot = np.where(ahead, others.ego_lead, -np.inf).argmax(axis=1)
+    lengths = (
+        trajectories.scenario.vehicles.length[simulation, slot]
+        + trajectories.scenario.vehicles.length[simulation, leader_slot]
+    )
+    gap = (
+        others.ego_lead[simulation, slot]
+        - others.ego_lead[simulation, leader_slot]
+        - lengths * HALF
+    )
+    has_gap = opposing_span.is_nonempty & (slot != EGO_SLOT) & ahead.any(axis=1)
+    speeds = others.speed[simulation, slot], others.speed[simulation, leader_slot]
+    is_near = has_gap & (gap <= constant("law.return.reach"))
+    return is_near, gap, *speeds, trajectories.scenario.vehicles.length[:, EGO_SLOT]
 
 
 def _gap_to_return(case: Case) -> Finding:
     """At the pull-out the gap to return into holds the ego and both safe distances."""
     if not case.trajectories.road.is_two_way:
-        return inapplicable(case.signals.num_simulations)
-    out = on_the_other_side(case)
-    applies, gap, behind, ahead, length = gap_to_return(case)
-    decel = sure_decel(at(case.signals.friction, out.start))
-    return instant(out.start, gap - _room_taken(behind, ahead, length, decel), applies)
+        return finding_not_applicable(case.signals.num_simulations)
+    out = opposing_lane_span(case)
+    applies, gap, behind, ahead, length = return_gap(case)
+    decel = decel_for_safe_distance(at_frame(case.signals.friction, out.first))
+    return finding_at_frame(
+        out.first, gap - _required_return_gap(behind, ahead, length, decel), applies
+    )
 
 
-def _room_taken(behind: F32, ahead: F32, length: F32, decel: F32) -> F32:
+def _required_return_gap(behind: F32, ahead: F32, length: F32, decel: F32) -> F32:
     """Room that the ego takes between two others, at the speed of the one ahead [m]."""
-    after = lawful_gap(behind, behind - ahead, decel)
-    return length + after + lawful_gap(ahead, np.float32(0.0), decel)
+    gap_behind = lawful_gap(behind, behind - ahead, decel)
+    return length + gap_behind + lawful_gap(ahead, np.float32(0.0), decel)
 
 
-def _return_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _return_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap between two others and of what their speeds ask [m]."""
-    del found
-    _, gap, behind, ahead, length = gap_to_return(case)
-    decel = sure_decel(at(case.signals.friction, on_the_other_side(case).start))
+    del finding
+    _, gap, behind, ahead, length = return_gap(case)
+    decel = decel_for_safe_distance(at_frame(case.signals.friction, opposing_lane_span(case).first))
 
-    def moved(rear: F32, front: F32, faster: F32, front_faster: F32) -> F32:
-        taken = _room_taken(behind + faster, ahead + front_faster, length, decel)
-        return gap + front - rear - taken
+    def margin_with(
+        rear_position_error: F32,
+        front_position_error: F32,
+        rear_speed_error: F32,
+        front_speed_error: F32,
+    ) -> F32:
+        required_gap = _required_return_gap(
+            behind + rear_speed_error, ahead + front_speed_error, length, decel
+        )
+        return gap + front_position_error - rear_position_error - required_gap
 
-    return standard_error(moved, *of_both(errors))
+    return propagated_error(margin_with, *errors_of_two_vehicles(errors))
 
 
 L27 = Rule(
     id="pt.ce.38-2-b.gap@2013",
     code="L27",
-    law="Article 38(2)(b)",
+    article="Article 38(2)(b)",
     title="A gap to return into",
     gloss="Do not begin to overtake unless one can return to the right without danger to those "
     "who drive there.",
@@ -335,8 +389,10 @@ L27 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather"]),
+    required_inputs=frozenset(["weather"]),
     check=_gap_to_return,
-    spread=Spread(formula="as L3 behind and ahead, between the two others", of=_return_error),
-    two_way=True,
+    spread=Spread(
+        formula="as L3 behind and ahead, between the two others", standard_error=_return_error
+    ),
+    only_two_way_roads=True,
 )

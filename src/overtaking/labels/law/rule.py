@@ -25,7 +25,7 @@ class Tolerance:
     lasting: float = 0.0
 
 
-class Text(StrEnum):
+class TextSource(StrEnum):
     """How the wording of a provision is known."""
 
     READ = "read", "the provision itself, officially published or reprinted in full"
@@ -36,9 +36,9 @@ class Text(StrEnum):
 
     def __new__(cls, value: str, meaning: str) -> Self:
         """A way of knowing and what it means."""
-        one = str.__new__(cls, value)
-        one._value_, one.meaning = value, meaning
-        return one
+        member = str.__new__(cls, value)
+        member._value_, member.meaning = value, meaning
+        return member
 
 
 class Grade(Enum):
@@ -55,12 +55,13 @@ class Spread:
     """How errors of measurement become one of a rule's margin.
 
     Attributes:
-        formula: What is computed; sp and sv are the standard deviations of `Errors`.
-        of: The standard deviation of the margins of a `Check`, shape (simulation,).
+        formula: The computation in words; sp and sv are the standard deviations of positions and
+            speeds, as in `MeasurementErrors`.
+        standard_error: The standard deviation of the margins of a `Check`, shape (simulation,).
     """
 
     formula: str
-    of: Callable[[Case, Finding, MeasurementErrors], F32]
+    standard_error: Callable[[Case, Finding, MeasurementErrors], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,49 +71,49 @@ class Rule:
     Attributes:
         id: Versioned id: jurisdiction, code of law, article, `@` and the year of the text.
         code: Short name, the column of every table.
-        law: Article and paragraph.
+        article: Article and paragraph.
         title: A few words.
-        gloss: What the law asks, in English, in our words.
-        predicate: What is checked; times in frames of `model.overtake_events`.
+        gloss: The duty in English, paraphrased.
+        predicate: The condition that the check tests, with events of `model.overtake_events`.
         unit: Of the margin.
         grade: How severe a breach is.
         source: Id of the source of the text.
-        needs: Names of `UNKNOWNS` without which the rule is undecidable.
-        partly: Names of `UNKNOWNS` without which it is undecidable in some simulations.
-        without_attempt: Whether it also judges a recording without an attempt, all of it.
-        of_ego: Whether the duty is the ego's; no policy requires the others' duties.
+        required_inputs: Names of `UNKNOWNS` without which the rule is undecidable.
+        conditional_inputs: Names of `UNKNOWNS` without which it is undecidable in some simulations.
+        applies_without_attempt: Whether it also judges a recording without an attempt, all of it.
+        is_duty_of_ego: Whether the duty is the ego's; no policy requires the others' duties.
         check: The rule itself, for recordings that know all that it needs.
         spread: The error of its margin; None if errors of positions and speeds that stay the same
             do not change it.
-        text: How the wording of the law is known.
-        where: Where it was read, and in which edition.
-        border: What a breach misses by its margin, for the sentence "missed ... by 2 m".
-        fine: What a breach costs, with where that is said; empty if no source was read.
-        two_way: Whether it is about roads with oncoming traffic alone.
-        limit: What the measured value is compared with, (simulation,), in the unit of the margin;
+        text_source: How the wording of the law is known.
+        consulted_source: Where it was read, and in which edition.
+        limit_phrase: The limit in words, for the sentence "missed ... by 2 m".
+        fine: Fine for a breach, with its source; empty without a source.
+        only_two_way_roads: Whether it is about roads with oncoming traffic alone.
+        limit: The limit of the measured value, (simulation,), in the unit of the margin;
             None for rules of which no policy tolerates a share.
     """
 
     id: str
     code: str
-    law: str
+    article: str
     title: str
     gloss: str
     predicate: str
     unit: str
     grade: Grade
     source: str = "pt-highway-code-2013"
-    needs: frozenset[str] = frozenset()
-    partly: frozenset[str] = frozenset()
-    without_attempt: bool = False
-    of_ego: bool = True
+    required_inputs: frozenset[str] = frozenset()
+    conditional_inputs: frozenset[str] = frozenset()
+    applies_without_attempt: bool = False
+    is_duty_of_ego: bool = True
     check: Callable[[Case], Finding]
     spread: Spread | None = None
-    text: Text = Text.READ
-    where: str = ""
-    border: str = "its border"
+    text_source: TextSource = TextSource.READ
+    consulted_source: str = ""
+    limit_phrase: str = "its border"
     fine: str = ""
-    two_way: bool = False
+    only_two_way_roads: bool = False
     limit: Callable[[Case], F32] | None = None
 
 
@@ -121,7 +122,7 @@ def adopt(
     *,
     id: str,  # noqa: A002 - The name of the field.
     code: str,
-    law: str,
+    article: str,
     title: str,
     gloss: str,
     predicate: str,
@@ -129,7 +130,7 @@ def adopt(
     source: str,
     fine: str = "",
     unit: str | None = None,
-    needs: frozenset[str] | None = None,
+    required_inputs: frozenset[str] | None = None,
     check: Callable[[Case], Finding] | None = None,
     spread: Spread | None = None,
     limit: Callable[[Case], F32] | None = None,
@@ -143,7 +144,7 @@ def adopt(
         rule: The existing rule.
         id: Id of the new rule, as in `Rule`.
         code: Code of the new rule.
-        law: Article of the other law.
+        article: Article of the other law.
         title: Title in a few words.
         gloss: The duty in plain words.
         predicate: Condition that the check tests, without codes and articles of the law of `rule`.
@@ -151,7 +152,7 @@ def adopt(
         source: Id of the source of the text.
         fine: Fine for a breach by the other law.
         unit: Unit of the margin; None for the unit of `rule`.
-        needs: Names of `UNKNOWNS` that the check needs; None for `rule.needs`.
+        required_inputs: Names of `UNKNOWNS` that the check needs; None for `rule.needs`.
         check: Check with the numbers of the other law; None for the check of `rule`. With a new
             check, `spread` and `limit` of `rule` are not taken over.
         spread: Error of the margin of `check`; ignored without a check.
@@ -161,21 +162,21 @@ def adopt(
     return Rule(
         id=id,
         code=code,
-        law=law,
+        article=article,
         title=title,
         gloss=gloss,
         predicate=predicate,
         unit=rule.unit if unit is None else unit,
         grade=grade,
         source=source,
-        needs=rule.needs if needs is None else needs,
-        partly=rule.partly,
-        without_attempt=rule.without_attempt,
-        of_ego=rule.of_ego,
+        required_inputs=rule.required_inputs if required_inputs is None else required_inputs,
+        conditional_inputs=rule.conditional_inputs,
+        applies_without_attempt=rule.applies_without_attempt,
+        is_duty_of_ego=rule.is_duty_of_ego,
         check=rule.check if check is None else check,
         spread=rule.spread if has_same_check else spread,
         fine=fine,
-        two_way=rule.two_way,
+        only_two_way_roads=rule.only_two_way_roads,
         limit=rule.limit if has_same_check else limit,
     )
 
@@ -191,7 +192,8 @@ class Pack:
         rules: The rules, in the order of every table.
         edition: Of the law, with the day on which it was read.
         severities: Provisions that make a breach light, serious or very serious.
-        trusts_hearsay: Whether a rule whose text was not read decides; else it is undecidable.
+        accepts_unread_articles: Whether a rule decides although its text was not read; otherwise
+            the rule is undecidable.
     """
 
     name: str
@@ -199,7 +201,7 @@ class Pack:
     rules: tuple[Rule, ...]
     edition: str = ""
     severities: str = ""
-    trusts_hearsay: bool = True
+    accepts_unread_articles: bool = True
     two_way_version: str = ""
 
     @property
@@ -210,14 +212,14 @@ class Pack:
     @property
     def deciding_rules(self) -> tuple[Rule, ...]:
         """The rules whose text is known well enough to decide; others are always undecidable."""
-        if self.trusts_hearsay:
+        if self.accepts_unread_articles:
             return self.rules
-        return tuple(rule for rule in self.rules if rule.text is Text.READ)
+        return tuple(rule for rule in self.rules if rule.text_source is TextSource.READ)
 
     def rule(self, code: str) -> Rule:
         """The rule of a code.
 
         Raises:
-            KeyError: There is none.
+            KeyError: No rule has this code.
         """
         return {rule.code: rule for rule in self.rules}[code]

@@ -7,9 +7,9 @@ import numpy as np
 from overtaking.core.arrays import F32, F32Like
 from overtaking.core.float32_math import as_f32, clamp, maximum, minimum
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.case import beside
+from overtaking.labels.law.case import neighbour_at
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.snapshots import Frames, at
+from overtaking.labels.snapshots import Frames, at_frame
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.safety_measures import Encounter
 from overtaking.model.verdicts import Case
@@ -25,7 +25,7 @@ REACTION_AND_DECEL = (
 )
 
 
-def sure_decel(friction: F32) -> F32:
+def decel_for_safe_distance(friction: F32) -> F32:
     """Deceleration that both vehicles are thought capable of on the ego's friction [m/s^2]."""
     # Beyond the end of a recording there is no friction, and none of this counts.
     return assumed_decel(
@@ -36,16 +36,16 @@ def sure_decel(friction: F32) -> F32:
     )
 
 
-def full_decel(friction: F32) -> F32:
+def decel_with_all_grip(friction: F32) -> F32:
     """Deceleration with all the grip that a driver may count on, for rules about sight [m/s^2]."""
     grip = np.maximum(friction, constant("friction.table.floor"))
     return constant("friction.table.usable_share") * constant("model.nature.gravity") * grip
 
 
-def stop_distance(speed: F32, friction: F32) -> F32:
+def stopping_distance_for_sight(speed: F32, friction: F32) -> F32:
     """Distance in which the ego stops, as L14 reckons it [m]."""
     return stopping_distance(
-        speed, as_f32(constant("law.sight.reaction_time")), full_decel(friction)
+        speed, as_f32(constant("law.sight.reaction_time")), decel_with_all_grip(friction)
     )
 
 
@@ -54,8 +54,8 @@ def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
 
     Args:
         rear_speed: Of the vehicle behind [m/s].
-        closing_speed: Its speed minus that of the one ahead [m/s].
-        decel: `sure_decel` [m/s^2].
+        closing_speed: Its speed minus the speed of the vehicle ahead [m/s].
+        decel: `decel_for_safe_distance` [m/s^2].
     """
     return safe_distance(
         rear_speed,
@@ -66,36 +66,38 @@ def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
     )
 
 
-def margin_of_gap(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+def margin_to_leader(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """Margin of the ego's gap to the vehicle ahead: lawful [m]."""
     return gap - lawful_gap(speed, closing_speed, decel)
 
 
-def margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+def entry_margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """Margin of a gap to the vehicle ahead: lawful, and no collision for 3 s [m].
 
     The time to collision is at least 3 s where the gap is at least 3 s of closing speed.
     """
-    soon = constant("law.entry.ttc") * closing_speed
-    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), soon)
+    distance_to_collision = constant("law.entry.ttc") * closing_speed
+    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), distance_to_collision)
 
 
-def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+def entry_margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """Margin of a gap to the vehicle behind: lawful for it, and no abrupt braking [m].
 
     Args:
         gap: [m].
         speed: Of the ego [m/s].
         closing_speed: Of the vehicle behind [m/s].
-        decel: `sure_decel` [m/s^2].
+        decel: `decel_for_safe_distance` [m/s^2].
     """
     approach = np.maximum(closing_speed, np.float32(0.0))
     # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
-    braked = approach * approach / (np.float32(2.0) * constant("law.entry.braking"))
-    return gap - np.maximum(lawful_gap(speed + closing_speed, closing_speed, decel), braked)
+    braking_distance = approach * approach / (np.float32(2.0) * constant("law.entry.braking"))
+    return gap - np.maximum(
+        lawful_gap(speed + closing_speed, closing_speed, decel), braking_distance
+    )
 
 
-def slow_lane_room(case: Case, frame: Frames) -> F32:
+def gap_in_right_lane(case: Case, frame: Frames) -> F32:
     """Room for the ego in the lane to its right, negative where it is taken, (simulation,) [m].
 
     The smallest of three margins: to the safe distance ahead and behind, and to the vehicle ahead
@@ -103,31 +105,34 @@ def slow_lane_room(case: Case, frame: Frames) -> F32:
 
     Args:
         case: The batch.
-        frame: A frame of each simulation; nobody is there where that is `NEVER`.
+        frame: A frame of each simulation; at `NEVER` the lane counts as empty.
     """
-    speed, decel = at(case.signals.speed, frame), sure_decel(at(case.signals.friction, frame))
-    ahead = beside(case, NeighbourRole.RIGHT_LEADER, frame)
-    behind = beside(case, NeighbourRole.RIGHT_FOLLOWER, frame)
-    return room_beside(speed, decel, ahead, behind)
+    speed, decel = (
+        at_frame(case.signals.speed, frame),
+        decel_for_safe_distance(at_frame(case.signals.friction, frame)),
+    )
+    ahead = neighbour_at(case, NeighbourRole.RIGHT_LEADER, frame)
+    behind = neighbour_at(case, NeighbourRole.RIGHT_FOLLOWER, frame)
+    return gap_between(speed, decel, ahead, behind)
 
 
-def room_beside(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> F32:
-    """Room between two neighbours, as in `slow_lane_room` [m].
+def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> F32:
+    """Room between two neighbours, as in `gap_in_right_lane` [m].
 
     Args:
         speed: Of the ego [m/s].
-        decel: `sure_decel` [m/s^2].
+        decel: `decel_for_safe_distance` [m/s^2].
         ahead: The neighbour ahead.
         behind: The neighbour behind.
     """
-    reach = constant("law.return.reach")
-    soon = constant("law.return.free_time") * ahead.closing_speed
-    before = maximum(lawful_gap(speed, ahead.closing_speed, decel), soon)
-    after = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
-    room = np.full(len(speed), reach, np.float32)
-    room = np.where(ahead.valid, minimum(room, ahead.gap - before), room)
-    room = np.where(behind.valid, minimum(room, behind.gap - after), room)
-    return clamp(room, -reach, reach)
+    max_margin = constant("law.return.reach")
+    distance_in_free_time = constant("law.return.free_time") * ahead.closing_speed
+    gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), distance_in_free_time)
+    gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
+    margin = np.full(len(speed), max_margin, np.float32)
+    margin = np.where(ahead.valid, minimum(margin, ahead.gap - gap_ahead), margin)
+    margin = np.where(behind.valid, minimum(margin, behind.gap - gap_behind), margin)
+    return clamp(margin, -max_margin, max_margin)
 
 
 def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
@@ -139,5 +144,5 @@ def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F
         lit: Distance at which a lit vehicle is seen, same shape [m].
         unlit: Distance at which an unlit one is seen, same shape [m].
     """
-    stop = stop_distance(speed, friction)
+    stop = stopping_distance_for_sight(speed, friction)
     return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}

@@ -7,13 +7,25 @@ import numpy as np
 from overtaking.core.arrays import F32, I32, IndexArray
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.case import conduct, manoeuvre, optical_range, seconds_of, stretches
-from overtaking.labels.law.margins import SAME_MARGIN_M, Stretch, always, limited, never_negative
-from overtaking.labels.law.measurement_errors import MeasurementErrors, deciding
+from overtaking.labels.law.case import (
+    judged_span,
+    manoeuvre,
+    meteorological_range,
+    scans,
+    seconds_of,
+)
+from overtaking.labels.law.margins import (
+    SAME_MARGIN_M,
+    MarginMinimum,
+    finding_of_minimum,
+    finding_over_span,
+    minimum_to_limit,
+)
+from overtaking.labels.law.measurement_errors import MeasurementErrors, deciding_frame
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.rule import Grade, Rule, Spread
-from overtaking.labels.law.safe_distance import full_decel, stop_distance
-from overtaking.labels.snapshots import Span, at
+from overtaking.labels.law.safe_distance import decel_with_all_grip, stopping_distance_for_sight
+from overtaking.labels.snapshots import FrameSpan, at_frame
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Case, Finding
 from overtaking.world.sight_distance import sight_at
@@ -22,35 +34,39 @@ from overtaking.world.sight_distance import sight_at
 def _stopping(sight: str) -> Callable[[Case, Finding, MeasurementErrors], F32]:
     """Of the stopping distance where it comes nearest to the sight."""
 
-    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
-        seen = case.signals
+    def standard_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        signals = case.signals
 
         def margin(rows: IndexArray, frames: IndexArray) -> F32:
-            stop = stop_distance(seen.speed[rows, frames], seen.friction[rows, frames])
-            return getattr(seen, sight)[rows, frames] - stop
+            stop = stopping_distance_for_sight(
+                signals.speed[rows, frames], signals.friction[rows, frames]
+            )
+            return getattr(signals, sight)[rows, frames] - stop
 
-        frame = deciding(conduct(case), margin, found)
-        speed = at(seen.speed, frame)
-        time = constant("law.sight.reaction_time") + speed / full_decel(at(seen.friction, frame))
+        frame = deciding_frame(judged_span(case), margin, finding)
+        speed = at_frame(signals.speed, frame)
+        time = constant("law.sight.reaction_time") + speed / decel_with_all_grip(
+            at_frame(signals.friction, frame)
+        )
         return time * np.float32(errors.speed_std)
 
-    return of
+    return standard_error
 
 
 STOPPING = Spread(formula="(t + v/b) sv, in the frame of the smallest margin",
-                  of=_stopping("sight_lit"))  # fmt: skip
+                  standard_error=_stopping("sight_lit"))  # fmt: skip
 
-STOPPING_UNLIT = Spread(formula=STOPPING.formula, of=_stopping("sight_unlit"))
+STOPPING_UNLIT = Spread(formula=STOPPING.formula, standard_error=_stopping("sight_unlit"))
 
 
 def _stops_for_lit(case: Case) -> Finding:
     """The stopping distance is at most the distance at which a lit vehicle is seen."""
-    return never_negative(stretches(case).stop_lit, conduct(case))
+    return finding_of_minimum(scans(case).stop_lit, judged_span(case))
 
 
 def _stops_for_unlit(case: Case) -> Finding:
     """The stopping distance is at most the distance at which an unlit obstacle is seen."""
-    return never_negative(stretches(case).stop_unlit, conduct(case))
+    return finding_of_minimum(scans(case).stop_unlit, judged_span(case))
 
 
 _STOP = (
@@ -74,7 +90,7 @@ STOPS_FOR_UNLIT = _stops_within("the distance at which an unlit obstacle is seen
 L14 = Rule(
     id="pt.ce.24-1@2013",
     code="L14",
-    law="Article 24(1)",
+    article="Article 24(1)",
     title="Stop in the visible space",
     gloss=_STOP,
     predicate=(
@@ -83,8 +99,8 @@ L14 = Rule(
     ),
     unit="m",
     grade=Grade.SERIOUS,
-    needs=frozenset(["weather"]),
-    without_attempt=True,
+    required_inputs=frozenset(["weather"]),
+    applies_without_attempt=True,
     check=_stops_for_lit,
     spread=STOPPING,
 )
@@ -92,7 +108,7 @@ L14 = Rule(
 L14s = Rule(
     id="pt.ce.24-1.unlit@2013",
     code="L14s",
-    law="Article 24(1), strictly",
+    article="Article 24(1), strictly",
     title="Stop in the visible space, for the unlit",
     gloss=_STOP,
     predicate=(
@@ -101,8 +117,8 @@ L14s = Rule(
     ),
     unit="m",
     grade=Grade.SERIOUS,
-    needs=frozenset(["weather", "lamps"]),
-    without_attempt=True,
+    required_inputs=frozenset(["weather", "lamps"]),
+    applies_without_attempt=True,
     check=_stops_for_unlit,
     spread=STOPPING_UNLIT,
 )
@@ -110,18 +126,20 @@ L14s = Rule(
 
 def _sees_through_air(case: Case) -> Finding:
     """From the start until the target is passed, air and road let one see the carriageway."""
-    sight, span, road = optical_range(case), _until_passed(case), case.trajectories.road
+    sight, span, road = meteorological_range(case), _until_passed(case), case.trajectories.road
     if road.is_two_way or road.course:
-        shown = as_f32(sight_at(road, case.signals.s))
-        return _sees(case, np.minimum(np.broadcast_to(sight[:, None], shown.shape), shown))
+        sight_of_road = as_f32(sight_at(road, case.signals.s))
+        return _sees(
+            case, np.minimum(np.broadcast_to(sight[:, None], sight_of_road.shape), sight_of_road)
+        )
     # The air is the same in all frames.
-    found = Stretch(
-        low=sight - constant("law.sight.least"),
-        first=span.start,
-        last=span.stop,
-        longest=span.stop - span.start + 1,
+    minimum = MarginMinimum(
+        min_margin=sight - constant("law.sight.least"),
+        first_frame=span.first,
+        last_frame=span.last,
+        longest_run=span.last - span.first + 1,
     )
-    return never_negative(found, span)
+    return finding_of_minimum(minimum, span)
 
 
 def _sees_unlit(case: Case) -> Finding:
@@ -129,97 +147,102 @@ def _sees_unlit(case: Case) -> Finding:
     return _sees(case, case.signals.sight_unlit)
 
 
-def _until_passed(case: Case) -> Span:
+def _until_passed(case: Case) -> FrameSpan:
     """From the attempt until the target is passed, or to the end; empty without an attempt."""
-    events, stop = case.events, manoeuvre(case).stop
+    events, stop = case.events, manoeuvre(case).last
     passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
-    return Span(start=np.where(events.has_attempt, events.attempt, passed + 1), stop=passed)
+    return FrameSpan(first=np.where(events.has_attempt, events.attempt, passed + 1), last=passed)
 
 
 def _sees(case: Case, sight: F32) -> Finding:
     """A sight (simulation, time) that is enough, at the pull-out also against oncoming traffic."""
     least, span = constant("law.sight.least"), _until_passed(case)
     if not case.trajectories.road.is_two_way:
-        return never_negative(limited(sight, least, span, is_most=False), span)
+        return finding_of_minimum(minimum_to_limit(sight, least, span, is_most=False), span)
     margin = sight - least
-    row, first = np.flatnonzero(case.events.has_attempt), pull_out_frame(case)
-    clear = passing_margin(case)[row]
+    row, first = np.flatnonzero(case.events.has_attempt), crossing_frame(case)
+    clear = passing_sight_margin(case)[row]
     margin[row, first[row]] = np.minimum(margin[row, first[row]], clear)
-    return always(margin, span)
+    return finding_over_span(margin, span)
 
 
-def pull_out_frame(case: Case) -> I32:
+def crossing_frame(case: Case) -> I32:
     """When the line is crossed, or the attempt where it never is, shape (simulation,)."""
     events = case.events
     return np.where(events.line_crossed != NEVER, events.line_crossed, events.attempt)
 
 
-def passing_margin(case: Case) -> F32:
-    """Sight that air and road give at the pull-out minus `passing_sight`, (simulation,) [m].
+def passing_sight_margin(case: Case) -> F32:
+    """Sight distance at the line crossing minus `required_passing_sight`, shape (simulation,) [m].
 
-    Vehicles that come are lit or seen by day; a driver looks as far as that takes.
+    Air and road limit this sight distance. The range of attention does not: oncoming vehicles are
+    lit, or visible by day, and a driver who overtakes looks as far as the overtake needs.
     """
-    return shown_sight(case, pull_out_frame(case)) - passing_sight(case)
+    return available_sight(case, crossing_frame(case)) - required_passing_sight(case)
 
 
-def shown_sight(case: Case, frame: I32) -> F32:
-    """Sight that air and road give at one frame of each simulation [m]."""
-    shown = as_f32(sight_at(case.trajectories.road, at(case.signals.s, frame)))
-    return np.minimum(optical_range(case), shown)
+def available_sight(case: Case, frame: I32) -> F32:
+    """Sight distance that air and road permit at one frame of each simulation [m]."""
+    sight_of_road = as_f32(sight_at(case.trajectories.road, at_frame(case.signals.s, frame)))
+    return np.minimum(meteorological_range(case), sight_of_road)
 
 
-def passing_sight(case: Case) -> F32:
-    """Sight that an overtake against oncoming traffic takes, shape (simulation,) [m].
+def required_passing_sight(case: Case) -> F32:
+    """Sight distance that an overtake against oncoming traffic needs, shape (simulation,) [m].
 
-    The ways of ego and an oncoming vehicle at `unseen_speed` in the time that the ego was on the
-    left, and 1 s more. Where it did not come back, that time is nil.
+    The distance that the ego and an oncoming vehicle at `assumed_oncoming_speed` drive in
+    `required_clear_time`.
 
     Source:
         AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
     """
-    frame = pull_out_frame(case)
-    own = at(case.signals.speed, frame)
-    return (own + unseen_speed(case, frame)) * time_needed(case)
+    frame = crossing_frame(case)
+    ego_speed = at_frame(case.signals.speed, frame)
+    return (ego_speed + assumed_oncoming_speed(case, frame)) * required_clear_time(case)
 
 
-def unseen_speed(case: Case, frame: I32) -> F32:
+def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
     """Speed that oncoming vehicles are given which the ego cannot see yet, (simulation,) [m/s].
 
     The highest limit of their direction from where the sight of the ego ends to the ego: they may
     drive at it somewhere on the way.
     """
     road = case.trajectories.road
-    near = at(case.signals.s, frame)
-    far = near + shown_sight(case, frame)
+    near = at_frame(case.signals.s, frame)
+    far = near + available_sight(case, frame)
     highest = road.speed_limit_at(near, -1)
-    stretches = road.course.speed_limits_for(-1) if road.course else ()
-    for station in {end for one in stretches for end in (one.start, one.stop)} - {road.length}:
+    sections = road.course.speed_limits_for(-1) if road.course else ()
+    for station in {end for section in sections for end in (section.start, section.stop)} - {
+        road.length
+    }:
         passes = (near < station) & (station <= far)
         highest = np.where(passes, np.maximum(highest, road.speed_limit_at(station, -1)), highest)
     return as_f32(highest)
 
 
-def time_needed(case: Case) -> F32:
+def required_clear_time(case: Case) -> F32:
     """Time for which the oncoming lane has to be clear, shape (simulation,) [s]."""
     events = case.events
-    back = np.where(events.return_end != NEVER, events.return_end, events.abort_end)
-    was_out = (events.line_crossed != NEVER) & (back != NEVER)
-    out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
-    return out + constant("law.sight.oncoming_margin")
+    return_frame = np.where(events.return_end != NEVER, events.return_end, events.abort_end)
+    has_returned = (events.line_crossed != NEVER) & (return_frame != NEVER)
+    time_on_left = seconds_of(case, np.where(has_returned, return_frame - events.line_crossed, 0))
+    return time_on_left + constant("law.sight.oncoming_margin")
 
 
-def sight_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def sight_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
     if not case.trajectories.road.is_two_way:
-        return np.zeros_like(found.margin)
-    decides = np.abs(passing_margin(case) - found.margin) < SAME_MARGIN_M
-    return np.where(decides, time_needed(case) * np.float32(errors.speed_std), np.float32(0.0))
+        return np.zeros_like(finding.margin)
+    decides = np.abs(passing_sight_margin(case) - finding.margin) < SAME_MARGIN_M
+    return np.where(
+        decides, required_clear_time(case) * np.float32(errors.speed_std), np.float32(0.0)
+    )
 
 
 _TIME_LEFT = f"(time on the left + {amount('law.sight.oncoming_margin')})"
 
 _ONCOMING = Spread(
-    formula=f"{_TIME_LEFT} sv where oncoming traffic decides, else 0", of=sight_error
+    formula=f"{_TIME_LEFT} sv where oncoming traffic decides, else 0", standard_error=sight_error
 )
 
 _SEE = (
@@ -249,7 +272,7 @@ def _sees_until_passed(sight: str) -> str:
 L15 = Rule(
     id="pt.ce.41-1-f@2013",
     code="L15",
-    law="Articles 41(1)(f) and 19",
+    article="Articles 41(1)(f) and 19",
     title="Sufficient visibility",
     gloss=_SEE,
     predicate=_sees_until_passed(
@@ -258,7 +281,7 @@ L15 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather"]),
+    required_inputs=frozenset(["weather"]),
     check=_sees_through_air,
     spread=_ONCOMING,
 )
@@ -266,7 +289,7 @@ L15 = Rule(
 L15s = Rule(
     id="pt.ce.41-1-f.unlit@2013",
     code="L15s",
-    law="Articles 41(1)(f) and 19, strictly",
+    article="Articles 41(1)(f) and 19, strictly",
     title="Sufficient visibility, for the unlit",
     gloss=_SEE,
     predicate=_sees_until_passed(
@@ -274,7 +297,7 @@ L15s = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather", "lamps"]),
+    required_inputs=frozenset(["weather", "lamps"]),
     check=_sees_unlit,
     spread=_ONCOMING,
 )

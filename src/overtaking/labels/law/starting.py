@@ -10,42 +10,47 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F32, IndexArray, Mask
 from overtaking.core.float32_math import maximum
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.beliefs import belief, pull_out
-from overtaking.labels.law.case import beside
-from overtaking.labels.law.margins import instant
+from overtaking.labels.law.beliefs import belief_at, pull_out_percept
+from overtaking.labels.law.case import neighbour_at
+from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import (
     BRAKING_ERROR_FORMULA,
     GAP_ERROR_FORMULA,
     MeasurementErrors,
+    errors_of_two_vehicles,
     gap_error,
-    of_both,
-    standard_error,
+    propagated_error,
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
-from overtaking.labels.law.safe_distance import GapMargin, margin_ahead, margin_behind, sure_decel
+from overtaking.labels.law.safe_distance import (
+    GapMargin,
+    decel_for_safe_distance,
+    entry_margin_ahead,
+    entry_margin_behind,
+)
 from overtaking.labels.snapshots import (
-    METRES,
+    METRES_PER_MM,
     Frames,
-    Others,
-    at,
-    half_window,
+    OtherVehicles,
+    at_frame,
+    indicator_to_overtaking_side,
     lateral_speed_at,
-    others_at,
-    out_indicator,
-    slot_of,
-    spread_over,
+    lateral_speed_half_window,
+    other_vehicles_at,
+    scatter,
+    slot_or_ego,
 )
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE, PerceivedVehicle, Trajectories
 from overtaking.model.verdicts import Case, Finding
 
-_THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+_THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 """A third difference: 0 for a parabola, with 20 times the variance of the noise."""
 
 
-def steady_speed_at(
-    run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, limit: float
+def denoised_lateral_speed_at(
+    trajectories: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, limit: float
 ) -> F32:
     """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
 
@@ -55,39 +60,50 @@ def steady_speed_at(
     noise times the root of 2, over 2 h. Simulations have no noise.
 
     Args:
-        run: The batch.
+        trajectories: The batch.
         rows: Simulations.
         slot: A vehicle of each.
         frames: A frame of each in which it is recorded.
         limit: The speed with which it is compared [m/s].
     """
-    if not run.unknown:
-        return lateral_speed_at(run, rows, slot, frames)
-    interval = run.scenario.frame_interval_ms
-    around = int(float(constant("law.others.noise_time")) * 1000.0 / interval)
-    accepted = float(constant("law.others.error_share")) * limit
-    wanted = np.sqrt(2.0) * _noise(run, rows, slot, frames, max(2, around)) / accepted
-    half = np.ceil(wanted / 2.0 * 1000.0 / interval)
-    narrow = half_window(interval)
-    half = np.clip(half, narrow, max(narrow, around)).astype(np.int32)
-    return lateral_speed_at(run, rows, slot, frames, half)
+    if not trajectories.unknown:
+        return lateral_speed_at(trajectories, rows, slot, frames)
+    interval = trajectories.scenario.frame_interval_ms
+    max_half_window = int(float(constant("law.others.noise_time")) * 1000.0 / interval)
+    max_error = float(constant("law.others.error_share")) * limit
+    required_duration = (
+        np.sqrt(2.0)
+        * _lateral_noise(trajectories, rows, slot, frames, max(2, max_half_window))
+        / max_error
+    )
+    half_window = np.ceil(required_duration / 2.0 * 1000.0 / interval)
+    min_half_window = lateral_speed_half_window(interval)
+    half_window = np.clip(
+        half_window, min_half_window, max(min_half_window, max_half_window)
+    ).astype(np.int32)
+    return lateral_speed_at(trajectories, rows, slot, frames, half_window)
 
 
-def _noise(
-    run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, around: int
+def _lateral_noise(
+    trajectories: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, around: int
 ) -> NDArray[np.float64]:
     """Standard deviation of the noise of a lateral position, from frames around it [m]."""
     frame = frames[:, None] + np.arange(-around, around + 1)
-    inside = (frame >= 0) & (frame < run.num_frames[rows, None])
-    place = (rows[:, None], slot[:, None], np.where(inside, frame, 0))
-    inside &= run.state_mask[place]
-    d = run.states.d[place] * float(METRES)
-    count = frame.shape[1] - len(_THIRD) + 1
-    pieces = [(d[:, k : k + count], inside[:, k : k + count]) for k in range(len(_THIRD))]
-    third = sum(weight * values for weight, (values, _) in zip(_THIRD, pieces, strict=True))
-    whole = np.logical_and.reduce([there for _, there in pieces])
-    squares = np.where(whole, third**2, 0.0).sum(axis=1)
-    return np.sqrt(squares / np.maximum(whole.sum(axis=1), 1) / (_THIRD**2).sum())
+    is_recorded = (frame >= 0) & (frame < trajectories.num_frames[rows, None])
+    instants = (rows[:, None], slot[:, None], np.where(is_recorded, frame, 0))
+    is_recorded &= trajectories.state_mask[instants]
+    d = trajectories.states.d[instants] * float(METRES_PER_MM)
+    num_differences = frame.shape[1] - len(_THIRD_DIFFERENCE) + 1
+    windows = [
+        (d[:, k : k + num_differences], is_recorded[:, k : k + num_differences])
+        for k in range(len(_THIRD_DIFFERENCE))
+    ]
+    third_difference = sum(
+        weight * values for weight, (values, _) in zip(_THIRD_DIFFERENCE, windows, strict=True)
+    )
+    is_complete = np.logical_and.reduce([is_inside for _, is_inside in windows])
+    squares = np.where(is_complete, third_difference**2, 0.0).sum(axis=1)
+    return np.sqrt(squares / np.maximum(is_complete.sum(axis=1), 1) / (_THIRD_DIFFERENCE**2).sum())
 
 
 def _entering(
@@ -95,41 +111,45 @@ def _entering(
 ) -> Callable[[Case, Finding, MeasurementErrors], F32]:
     """Of the gap to a neighbour in the entered lane as the line is crossed."""
 
-    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
-        del found
+    def standard_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        del finding
         return gap_error(case, place, case.events.line_crossed, margin, errors)
 
-    return of
+    return standard_error
 
 
 ENTERING_AHEAD = Spread(
     formula=f"{GAP_ERROR_FORMULA}, or sqrt(2 sp^2 + 2 ({amount('law.entry.ttc')})^2 sv^2) where "
     "the time to collision decides",
-    of=_entering(NeighbourRole.LEFT_LEADER, margin_ahead),
+    standard_error=_entering(NeighbourRole.LEFT_LEADER, entry_margin_ahead),
 )
 
 ENTERING_BEHIND = Spread(
     formula=f"{GAP_ERROR_FORMULA}, or {BRAKING_ERROR_FORMULA}",
-    of=_entering(NeighbourRole.LEFT_FOLLOWER, margin_behind),
+    standard_error=_entering(NeighbourRole.LEFT_FOLLOWER, entry_margin_behind),
 )
 
 
 def _room_ahead(case: Case) -> Finding:
     """When the line is crossed, the leader on the left is at a lawful gap, 3 s or more away."""
-    seen, frame = case.signals, case.events.line_crossed
-    other, decel = (
-        beside(case, NeighbourRole.LEFT_LEADER, frame),
-        sure_decel(at(seen.friction, frame)),
+    signals, frame = case.signals, case.events.line_crossed
+    leader, decel = (
+        neighbour_at(case, NeighbourRole.LEFT_LEADER, frame),
+        decel_for_safe_distance(at_frame(signals.friction, frame)),
     )
-    margin = margin_ahead(other.gap, at(seen.speed, frame), other.closing_speed, decel)
-    believed = belief(case, pull_out(case), {PerceivedVehicle.NEW_LEADER: margin_ahead})
-    return instant(frame, margin, other.valid, belief=believed)
+    margin = entry_margin_ahead(
+        leader.gap, at_frame(signals.speed, frame), leader.closing_speed, decel
+    )
+    believed = belief_at(
+        case, pull_out_percept(case), {PerceivedVehicle.NEW_LEADER: entry_margin_ahead}
+    )
+    return finding_at_frame(frame, margin, leader.valid, belief=believed)
 
 
 L4 = Rule(
     id="pt.ce.38-1.front@2013",
     code="L4",
-    law="Article 38(1) and (2)(a)",
+    article="Article 38(1) and (2)(a)",
     title="Room ahead in the lane entered",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic in the "
     "same direction; the carriageway must be free over the length that is needed.",
@@ -139,7 +159,7 @@ L4 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather"]),
+    required_inputs=frozenset(["weather"]),
     check=_room_ahead,
     spread=ENTERING_AHEAD,
 )
@@ -147,20 +167,24 @@ L4 = Rule(
 
 def _room_behind(case: Case) -> Finding:
     """When the line is crossed, the follower on the left has a lawful gap and need not brake."""
-    seen, frame = case.signals, case.events.line_crossed
-    other, decel = (
-        beside(case, NeighbourRole.LEFT_FOLLOWER, frame),
-        sure_decel(at(seen.friction, frame)),
+    signals, frame = case.signals, case.events.line_crossed
+    follower, decel = (
+        neighbour_at(case, NeighbourRole.LEFT_FOLLOWER, frame),
+        decel_for_safe_distance(at_frame(signals.friction, frame)),
     )
-    margin = margin_behind(other.gap, at(seen.speed, frame), other.closing_speed, decel)
-    believed = belief(case, pull_out(case), {PerceivedVehicle.NEW_FOLLOWER: margin_behind})
-    return instant(frame, margin, other.valid, belief=believed)
+    margin = entry_margin_behind(
+        follower.gap, at_frame(signals.speed, frame), follower.closing_speed, decel
+    )
+    believed = belief_at(
+        case, pull_out_percept(case), {PerceivedVehicle.NEW_FOLLOWER: entry_margin_behind}
+    )
+    return finding_at_frame(frame, margin, follower.valid, belief=believed)
 
 
 L5 = Rule(
     id="pt.ce.35@2013",
     code="L5",
-    law="Articles 35 and 38(2)(c)",
+    article="Articles 35 and 38(2)(c)",
     title="Room behind in the lane entered",
     gloss="Change lane only where no danger to or obstruction of traffic results.",
     predicate=(
@@ -170,7 +194,7 @@ L5 = Rule(
     ),
     unit="m",
     grade=Grade.BY_ROAD,
-    needs=frozenset(["weather"]),
+    required_inputs=frozenset(["weather"]),
     check=_room_behind,
     spread=ENTERING_BEHIND,
 )
@@ -186,61 +210,81 @@ def _nobody_overtakes(case: Case) -> Finding:
     """At the start no vehicle arrives on the left within 4 s, and no follower is pulling out."""
     frame, attempted = case.events.attempt, case.events.has_attempt
     rows = np.flatnonzero(attempted)
-    others, own_lane = others_at(case, frame[rows], rows), case.signals.lane[rows, frame[rows]]
-    behind = others.valid & ~others.oncoming & (others.lead > 0)
-    left = behind & (others.lane == own_lane[:, None] + 1)
+    others, own_lane = (
+        other_vehicles_at(case.trajectories, frame[rows], rows),
+        case.signals.lane[rows, frame[rows]],
+    )
+    behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
+    is_behind_on_left = behind & (others.lane == own_lane[:, None] + 1)
     near = others.gap <= constant("law.others.reach")
-    same = behind & (others.lane == own_lane[:, None]) & near
-    moving, limit = same.copy(), constant("law.others.lateral_speed")
-    place, slot = np.nonzero(same)
+    is_behind_in_lane = behind & (others.lane == own_lane[:, None]) & near
+    moving, limit = is_behind_in_lane.copy(), constant("law.others.lateral_speed")
+    place, slot = np.nonzero(is_behind_in_lane)
     start = (rows[place], slot, frame[rows[place]])
-    moving[same] = steady_speed_at(case.trajectories, *start, float(limit)) > limit
+    moving[is_behind_in_lane] = (
+        denoised_lateral_speed_at(case.trajectories, *start, float(limit)) > limit
+    )
     hidden = "indicators" in case.trajectories.unknown
-    shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
-    begun = (moving | shown).any(axis=1)
-    arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left, rows))
-    spread = partial(spread_over, simulations=attempted, count=len(attempted))
-    return instant(
+    is_indicating = (
+        is_behind_in_lane
+        & ((others.lights & indicator_to_overtaking_side(case.trajectories.road)) != 0)
+        & (not hidden)
+    )
+    has_begun = (moving | is_indicating).any(axis=1)
+    arrival = np.where(has_begun, np.float32(0.0), _arrival(case, others, is_behind_on_left, rows))
+    spread = partial(scatter, simulations=attempted, count=len(attempted))
+    return finding_at_frame(
         frame,
         spread(arrival - constant("law.others.arrival")),
-        spread((left | same).any(axis=1)),
-        doubtful=spread(same.any(axis=1) & hidden),
+        spread((is_behind_on_left | is_behind_in_lane).any(axis=1)),
+        doubtful=spread(is_behind_in_lane.any(axis=1) & hidden),
     )
 
 
-def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
+def _arrival(case: Case, others: OtherVehicles, left: Mask, rows: IndexArray) -> F32:
     """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
     longest = constant("law.others.longest_arrival")
-    own = case.signals.speed[rows, case.events.attempt[rows], None]
-    closing = others.speed - own
+    ego_speed = case.signals.speed[rows, case.events.attempt[rows], None]
+    closing = others.speed - ego_speed
     comes = left & (closing > 0)
     time = maximum(others.gap, np.float32(0.0)) / np.where(comes, closing, np.float32(1.0))
     return np.where(comes & (time < longest), time, longest).min(axis=1)
 
 
-def _arrival_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _arrival_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Error of the arrival of the first on the left, by positions and speeds of both [s]."""
     rows = np.flatnonzero(case.events.has_attempt)
     frame = case.events.attempt[rows]
-    others = others_at(case, frame, rows)
+    others = other_vehicles_at(case.trajectories, frame, rows)
     lane = case.signals.lane[rows, frame]
-    left = others.valid & ~others.oncoming & (others.lead > 0)
+    left = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
     left &= others.lane == lane[:, None] + 1
 
-    def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        seen = replace(others, gap=others.gap + own - its, speed=others.speed + its_faster - faster)
-        return _arrival(case, seen, left, rows)
+    def margin_with(
+        ego_position_error: F32,
+        other_position_error: F32,
+        ego_speed_error: F32,
+        other_speed_error: F32,
+    ) -> F32:
+        signals = replace(
+            others,
+            gap=others.gap + ego_position_error - other_position_error,
+            speed=others.speed + other_speed_error - ego_speed_error,
+        )
+        return _arrival(case, signals, left, rows)
 
     attempted = case.events.has_attempt
-    error = spread_over(standard_error(moved, *of_both(errors)), attempted, len(attempted))
-    begun = found.margin <= -constant("law.others.arrival")
-    return np.where(begun, np.float32(0.0), error)
+    error = scatter(
+        propagated_error(margin_with, *errors_of_two_vehicles(errors)), attempted, len(attempted)
+    )
+    has_begun = finding.margin <= -constant("law.others.arrival")
+    return np.where(has_begun, np.float32(0.0), error)
 
 
 L6 = Rule(
     id="pt.ce.38-2-c@2013",
     code="L6",
-    law="Article 38(2)(c)",
+    article="Article 38(2)(c)",
     title="Nobody overtakes already",
     gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
     "begun to.",
@@ -252,45 +296,54 @@ L6 = Rule(
     ),
     unit="s",
     grade=Grade.BY_ROAD,
-    partly=frozenset(["indicators"]),
+    conditional_inputs=frozenset(["indicators"]),
     check=_nobody_overtakes,
     spread=Spread(
         formula="sqrt(2 sp^2 + 2 time^2 sv^2) / closing speed; 0 where somebody signals or moves"
         " left",
-        of=_arrival_error,
+        standard_error=_arrival_error,
     ),
 )
 
 
 def _target_keeps_lane(case: Case) -> Finding:
     """At the start the target neither signals left nor moves left."""
-    run, frame, vehicle = case.trajectories, case.events.attempt, case.target.slot
-    there, slot, limit = (
+    trajectories, frame, vehicle = case.trajectories, case.events.attempt, case.target.slot
+    has_target, slot, limit = (
         vehicle != NO_VEHICLE,
-        slot_of(vehicle),
+        slot_or_ego(vehicle),
         constant("law.others.lateral_speed"),
     )
-    lights = run.states.lights[np.arange(len(slot)), slot, np.maximum(frame, 0)]
-    hidden = "indicators" in run.unknown
-    shown = there & ((lights & out_indicator(case)) != 0) & (not hidden)
-    # Without an attempt the target need not be recorded in the frame that is looked at.
-    speed, begun = np.zeros(len(slot), np.float32), np.flatnonzero(there & case.events.has_attempt)
-    speed[begun] = steady_speed_at(run, begun, slot[begun], frame[begun], float(limit))
+    lights = trajectories.states.lights[np.arange(len(slot)), slot, np.maximum(frame, 0)]
+    hidden = "indicators" in trajectories.unknown
+    is_indicating = (
+        has_target
+        & ((lights & indicator_to_overtaking_side(case.trajectories.road)) != 0)
+        & (not hidden)
+    )
+    # Without an attempt the target need not be recorded in that frame.
+    speed, has_begun = (
+        np.zeros(len(slot), np.float32),
+        np.flatnonzero(has_target & case.events.has_attempt),
+    )
+    speed[has_begun] = denoised_lateral_speed_at(
+        trajectories, has_begun, slot[has_begun], frame[has_begun], float(limit)
+    )
     margin = limit - speed
-    margin = np.where(shown, np.minimum(margin, -limit), margin)
-    return instant(frame, margin, there, doubtful=np.full(len(slot), hidden))
+    margin = np.where(is_indicating, np.minimum(margin, -limit), margin)
+    return finding_at_frame(frame, margin, has_target, doubtful=np.full(len(slot), hidden))
 
 
 L7 = Rule(
     id="pt.ce.38-2-d@2013",
     code="L7",
-    law="Article 38(2)(d)",
+    article="Article 38(2)(d)",
     title="The driver ahead does not pull out",
     gloss="Do not begin to overtake if the driver ahead has signalled to overtake a third vehicle"
     " or to avoid an obstacle.",
     predicate=TARGET_KEEPS_LANE,
     unit="m/s",
     grade=Grade.BY_ROAD,
-    partly=frozenset(["indicators"]),
+    conditional_inputs=frozenset(["indicators"]),
     check=_target_keeps_lane,
 )

@@ -1,11 +1,11 @@
-"""What is said of each rule of a pack beside its code: `law_rules.toml`."""
+"""Texts of the rules of a pack, from `law_rules.toml`."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.numbers import fill_placeholders
-from overtaking.labels.law.rule import Rule, Text
+from overtaking.labels.law.rule import Rule, TextSource
 
 _FILE = "law_rules.toml"
 
@@ -21,7 +21,7 @@ class Words:
         policies: Names of the policies that require it, separated by blanks.
     """
 
-    text: Text
+    text: TextSource
     where: str
     border: str
     policies: str
@@ -32,7 +32,7 @@ def edition(pack: str) -> str:
     return str(load_toml(_FILE)[pack]["edition"])
 
 
-def words_of(pack: str) -> Mapping[str, Words]:
+def texts_by_code(pack: str) -> Mapping[str, Words]:
     """The entries of a pack by code, in the order of the file; none for another pack."""
     return {
         code: read_record(Words, _FILE, f"{pack}.{code}")
@@ -51,9 +51,14 @@ def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
     Raises:
         KeyError: A rule has no entry.
     """
-    entries = words_of(pack)
+    entries = texts_by_code(pack)
     return tuple(
-        replace(rule, text=entry.text, where=entry.where, border=fill_placeholders(entry.border))
+        replace(
+            rule,
+            text_source=entry.text,
+            consulted_source=entry.where,
+            limit_phrase=fill_placeholders(entry.border),
+        )
         for rule in rules
         for entry in (entries[rule.code],)
     )

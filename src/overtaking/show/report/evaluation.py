@@ -161,7 +161,7 @@ def _films(
 ) -> list[tuple[str, str]]:
     """Film the worst scenes: names of the files, and captions."""
     from overtaking.analysis.evaluation.endpoints import POLICY
-    from overtaking.labels.law.judging import policy
+    from overtaking.labels.law.judging import stored_policy
     from overtaking.model.verdicts import OvertakeClass
     from overtaking.show.video.jobs import Job
     from overtaking.show.video.produce import produce
@@ -171,7 +171,9 @@ def _films(
     for one in chosen:
         labels = one.labelled.labels
         kind = OvertakeClass(int(labels.classes[0, labels.policies.index(POLICY)]))
-        jobs.append(Job(number=one.scene, labelled=one.labelled, policy=policy(POLICY), label=kind))
+        jobs.append(
+            Job(number=one.scene, labelled=one.labelled, policy=stored_policy(POLICY), label=kind)
+        )
     for old in (folder.out / FILMS).glob("[0-9]*.mp4"):
         old.unlink()
     try:

@@ -17,7 +17,7 @@ from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.representation import CompactRepr
 from overtaking.labels.labelling import LabelledTrajectories
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.import_report import ImportFinding, summarize_findings
 from overtaking.show.palette import CLASS_COLOURS
@@ -216,8 +216,8 @@ class Writer(files.ReportFolder):
 
     def _verdicts(self, labelled: LabelledTrajectories, simulation: int) -> str:
         """A paragraph for each rule that the policy requires and that is broken."""
-        (policy,) = (one for one in POLICIES if one.name == self._found.sample.policy)
-        said = paragraphs(labelled, simulation, PORTUGAL, POLICIES)
+        (policy,) = (one for one in STORED_POLICIES if one.name == self._found.sample.policy)
+        said = paragraphs(labelled, simulation, PORTUGAL, STORED_POLICIES)
         counted = [one for one in said if one["rule"] in policy.required]
         return quotations(one["paragraph"] for one in counted if one["verdict"] == "illegal")
 

@@ -14,7 +14,7 @@ import uvicorn
 from overtaking.core.errors import ConfigError, OvertakingError
 from overtaking.core.notebook import display
 from overtaking.labels.law.judging import choose_policy
-from overtaking.labels.law.judging import policy as policy_named
+from overtaking.labels.law.judging import stored_policy as policy_named
 from overtaking.show.server.app import app
 from overtaking.show.server.connections import KEEP_ALIVE_TIMEOUT, BoundedConnection
 from overtaking.show.server.guard import Keys

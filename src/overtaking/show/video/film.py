@@ -4,7 +4,7 @@ import math
 
 from overtaking.knowledge.glossary import terms
 from overtaking.labels.law.judging import Policy, default_policy
-from overtaking.labels.law.judging import policy as policy_named
+from overtaking.labels.law.judging import stored_policy as policy_named
 from overtaking.model.overtake_events import OvertakeEvents
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories

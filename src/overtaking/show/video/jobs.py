@@ -9,7 +9,7 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.data.load import Dataset
 from overtaking.labels.labelling import LabelledTrajectories, label
-from overtaking.labels.law.judging import Policy, choose_policy, policy
+from overtaking.labels.law.judging import Policy, choose_policy, stored_policy
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.verdicts import OvertakeClass
 
@@ -59,7 +59,7 @@ def jobs(
         ConfigError: There is no such simulation, choice or policy.
         DatasetError: The data set is damaged, or the simulator has changed.
     """
-    counted = policy(choose_policy(policy_name, profile_of(source)))
+    counted = stored_policy(choose_policy(policy_name, profile_of(source)))
     candidates = _candidates(source, selection, counted)
     if isinstance(selection, str) and selection == ONE_PER_CLASS:
         candidates = _first_of_each_class(candidates)

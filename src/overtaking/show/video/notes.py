@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.labels.law.judging import POLICIES, Policy
+from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import EGO_SLOT
@@ -143,11 +143,11 @@ def articles_of(policy: Policy) -> dict[str, str]:
     These are the ego's duties. Of a rule with two readings only the one that the policy requires
     is shown.
     """
-    elsewhere = {code for one in POLICIES for code in one.required} - set(policy.required)
+    elsewhere = {code for one in STORED_POLICIES for code in one.required} - set(policy.required)
     return {
-        rule.code: f"{rule.law}: {rule.title}"
+        rule.code: f"{rule.article}: {rule.title}"
         for rule in PORTUGAL.rules
-        if rule.of_ego and not _is_other_reading(rule.code, policy.required, elsewhere)
+        if rule.is_duty_of_ego and not _is_other_reading(rule.code, policy.required, elsewhere)
     }
 
 

@@ -2,7 +2,7 @@
 
 from overtaking.analysis.whatif.twin import Twin
 from overtaking.labels.law.judging import choose_policy
-from overtaking.labels.law.judging import policy as policy_named
+from overtaking.labels.law.judging import stored_policy as policy_named
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.labels.explain.margins import margins
+from overtaking.labels.explain.margins import margins_by_frame
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.vehicles import Colour
@@ -279,7 +279,7 @@ def _law(labelled: LabelledTrajectories, values: Values) -> list[Values]:
     """The rules that are broken, then those that are nearly, each with its paragraph."""
     said = {one["rule"]: one["paragraph"] for one in paragraphs_of(labelled, values, PORTUGAL)}
     findings, frames = labelled.findings, int(labelled.trajectories.num_frames[0])
-    series = margins(labelled)
+    series = margins_by_frame(labelled)
     rows = []
     for place, rule in enumerate(PORTUGAL.rules):
         verdict, margin = int(findings.verdict[0, place]), float(findings.margin[0, place])

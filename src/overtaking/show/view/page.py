@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.knowledge.glossary import terms
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.show.palette import ACCENT, CLASS_COLOURS, CLASS_MARKERS, GRID, INK, QUIET
 from overtaking.show.video import palette
@@ -95,7 +95,7 @@ def words() -> dict[str, Any]:
         },
         "policies": {
             one.name: {"meaning": terms("policies")[one.name].meaning, "required": one.required}
-            for one in POLICIES
+            for one in STORED_POLICIES
         },
         "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
         "critical_ttc_s": float(constant("event_detection.safety.critical_ttc")),

@@ -14,9 +14,9 @@ from tests.support.logic import group_of, program_of, solved
 from overtaking import sample, simulate
 from overtaking.analysis.logic.export import PROGRAMS
 from overtaking.analysis.logic.law import CODES, CODES_DE, judged, law, lawyer
-from overtaking.labels.event_detection import case_of
+from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import check
+from overtaking.labels.law.judging import judge_pack
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Case, Verdict
 
@@ -51,7 +51,7 @@ def in_logic(facts: str, law_text: str = LAW) -> tuple[dict[str, str], dict[str,
 def in_python(
     case: Case, pack: Pack = PORTUGAL, codes: tuple[str, ...] = CODES
 ) -> tuple[dict[str, str], dict[str, int]]:
-    findings = check(pack, case)
+    findings = judge_pack(pack, case)
     verdicts: dict[str, str] = {}
     first: dict[str, int] = {}
     for code in codes:
@@ -146,10 +146,10 @@ def test_a_german_condition_that_is_changed_is_noticed(code: str, old: str, new:
 
 @pytest.mark.parametrize(("profile", "number"), [("pinto2023-physical", 120), ("motorway", 30)])
 def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: int):
-    case = case_of(simulate(sample(profile, num_simulations=number, seed=23)))
+    case = case_from_trajectories(simulate(sample(profile, num_simulations=number, seed=23)))
     with lawyer("de") as reasoner:
         said = judged(reasoner, group_of(case), "de")
-    findings = check(GERMANY, case)
+    findings = judge_pack(GERMANY, case)
     place = [findings.rule_codes.index(code) for code in CODES_DE]
     verdict = findings.verdict[:, place]
     np.testing.assert_array_equal(said.verdict, verdict)
@@ -163,10 +163,10 @@ def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: in
     ("profile", "number"), [("pinto2023-physical", 176), ("motorway-risk", 24)]
 )
 def test_both_say_the_same_of_simulations(profile: str, number: int):
-    case = case_of(simulate(sample(profile, num_simulations=number, seed=23)))
+    case = case_from_trajectories(simulate(sample(profile, num_simulations=number, seed=23)))
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(case))
-    findings = check(PORTUGAL, case)
+    findings = judge_pack(PORTUGAL, case)
     place = [findings.rule_codes.index(code) for code in CODES]
     verdict = findings.verdict[:, place]
     np.testing.assert_array_equal(said.verdict, verdict)

@@ -77,7 +77,7 @@ def test_speeds_stand_in_the_unit_of_the_paper(found: Reproduction):
     batch = ot.sample("pinto2023", num_simulations=SIZE, seed=SEED)
     said = ot.label(ot.simulate(batch))
     illegal = said.labels.classes[:, 0] == OvertakeClass.SUCCESS_I
-    mean = 3.6 * said.paper.ego_speed[illegal].astype(np.float64).mean()
+    mean = 3.6 * said.paper_features.ego_speed[illegal].astype(np.float64).mean()
     assert named(found, "se_success_i").replicates[0] == pytest.approx(mean)
 
 

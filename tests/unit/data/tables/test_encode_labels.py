@@ -85,7 +85,7 @@ def test_classes_and_outcomes_have_the_names_of_the_model(labelled, frames):
 def test_findings_are_those_of_the_rules(labelled, frames):
     rows, found = frames["findings"], labelled.findings
     # The road has no oncoming traffic.
-    kept = [place for place, rule in enumerate(PORTUGAL.rules) if not rule.two_way]
+    kept = [place for place, rule in enumerate(PORTUGAL.rules) if not rule.only_two_way_roads]
     assert rows["rule"].tolist() == [found.rule_codes[place] for place in kept] * SIZE
     assert (np.delete(found.verdict, kept, axis=1) == Verdict.NOT_APPLICABLE).all()
     verdict = [Verdict(code).name.lower() for code in found.verdict[:, kept].reshape(-1)]

@@ -9,9 +9,9 @@ from tests.support.cases import Track
 from tests.support.overtakes import crossing
 
 import overtaking as ot
-from overtaking.labels.explain.explanation import explain, thoughts
+from overtaking.labels.explain.explanation import believed_findings, explain
 from overtaking.labels.labelling import LabelledTrajectories, label
-from overtaking.labels.law.judging import POLICIES, Policy, policy
+from overtaking.labels.law.judging import STORED_POLICIES, Policy, stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack
 from overtaking.model.trajectories import (
@@ -40,7 +40,7 @@ def test_each_rule_is_broken_or_doubtful_or_kept_or_inapplicable_as_found(labell
         verdict = labelled.findings.verdict[simulation]
         parts = {
             Verdict.ILLEGAL: [each.rule.code for each in told.breaches],
-            Verdict.UNDECIDABLE: [each.rule.code for each in told.doubts],
+            Verdict.UNDECIDABLE: [each.rule.code for each in told.undecided],
             Verdict.LEGAL: [rule.code for rule in told.kept],
             Verdict.NOT_APPLICABLE: [rule.code for rule in told.inapplicable],
         }
@@ -55,7 +55,7 @@ def test_breaches_repeat_margin_frames_severity_and_belief_of_the_findings(label
         for each in explain(labelled, simulation).breaches:
             place = (0, findings.rule_codes.index(each.rule.code))
             assert each.margin == findings.margin[place] < 0
-            assert (each.first, each.last) == (
+            assert (each.first_frame, each.last_frame) == (
                 findings.first_frame[place],
                 findings.last_frame[place],
             )
@@ -69,7 +69,7 @@ def test_breaches_repeat_margin_frames_severity_and_belief_of_the_findings(label
 def test_the_policies_of_a_breach_are_those_that_count_it(labelled):
     for simulation in range(NUM_SIMULATIONS):
         told = explain(labelled, simulation).breaches
-        for place, one in enumerate(POLICIES):
+        for place, one in enumerate(STORED_POLICIES):
             counted = sum(one.name in each.policies for each in told)
             assert counted == labelled.labels.num_broken[simulation, place]
 
@@ -77,12 +77,12 @@ def test_the_policies_of_a_breach_are_those_that_count_it(labelled):
 def test_without_weather_the_rules_that_need_it_are_named_with_what_is_missing(labelled):
     runs = labelled.trajectories.replace(unknown=frozenset(["weather", "lamps"]))
     told = explain(label(runs), 0)
-    doubts = {each.rule.code: each for each in told.doubts}
-    assert "weather" in doubts["L14"].missing
-    assert doubts["L14s"].missing == ("lamps", "weather")
+    doubts = {each.rule.code: each for each in told.undecided}
+    assert "weather" in doubts["L14"].missing_inputs
+    assert doubts["L14s"].missing_inputs == ("lamps", "weather")
     assert doubts["L14s"].policies == ("strict",)
-    assert all(each.missing for each in told.doubts)
-    assert "L14" in policy("default").required
+    assert all(each.missing_inputs for each in told.undecided)
+    assert "L14" in stored_policy("default").required
 
 
 def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(labelled):
@@ -91,13 +91,15 @@ def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(label
         told = explain(labelled, simulation)
         one = labelled.select(np.array([simulation]))
         pulls = [
-            each for each in told.thoughts
-            if one.trajectories.percepts.kind[0, each.decision] == ManoeuvreKind.PULL_OUT
+            each for each in told.believed
+            if one.trajectories.percepts.kind[0, each.percept] == ManoeuvreKind.PULL_OUT
         ]  # fmt: skip
-        if len({each.decision for each in pulls}) != 1 or one.events.attempt[0] < 0:
+        if len({each.percept for each in pulls}) != 1 or one.events.attempt[0] < 0:
             continue
         for each in pulls:
-            finding = Belief(int(one.findings.belief[0, one.findings.rule_codes.index(each.code)]))
+            finding = Belief(
+                int(one.findings.belief[0, one.findings.rule_codes.index(each.rule_code)])
+            )
             if finding is not Belief.NONE:
                 assert each.belief is finding
                 compared += 1
@@ -119,8 +121,12 @@ def leader(gap: float, true_gap: float, **changes) -> Believed:
     ],
 )
 def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
-    (thought,) = thoughts(crossing(beliefs=(believed,)), PORTUGAL)
-    assert (thought.whom, thought.code, thought.belief) == (PerceivedVehicle.LEADER, "L3", belief)
+    (thought,) = believed_findings(crossing(beliefs=(believed,)), PORTUGAL)
+    assert (thought.perceived, thought.rule_code, thought.belief) == (
+        PerceivedVehicle.LEADER,
+        "L3",
+        belief,
+    )
     # At equal speeds a second of way is asked for: 30 m.
     assert thought.margin == pytest.approx(believed.true_gap - 30.0, abs=1e-3)
     if believed.detected:
@@ -140,8 +146,8 @@ def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
 )
 def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
     one = crossing(Track(s=40.0, lane=1), beliefs=(leader(FAR, NEAR, kind=kind, whom=whom),))
-    (thought,) = thoughts(one, PORTUGAL)
-    assert (thought.whom, thought.code, thought.belief) == (whom, code, Belief.MISTAKEN)
+    (thought,) = believed_findings(one, PORTUGAL)
+    assert (thought.perceived, thought.rule_code, thought.belief) == (whom, code, Belief.MISTAKEN)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +163,7 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
 def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
     seen = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
     one = crossing(Track(s=40.0, lane=1), beliefs=(seen,))
-    (thought,) = thoughts(one, PORTUGAL)
+    (thought,) = believed_findings(one, PORTUGAL)
     b = min(8.0, 0.9 * float(one.signals.friction[0, 50]) * 9.81)
     needed = rear + (rear * rear - lead * lead) / (2.0 * b)
     assert thought.margin == pytest.approx(FAR - needed, abs=0.01)
@@ -165,8 +171,11 @@ def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
 
 def test_of_an_abort_and_without_percepts_the_law_says_nothing():
     believed = (leader(FAR, NEAR, kind=ManoeuvreKind.CANCEL),)
-    assert thoughts(crossing(beliefs=believed), PORTUGAL) == ()
-    assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",)), PORTUGAL) == ()
+    assert believed_findings(crossing(beliefs=believed), PORTUGAL) == ()
+    assert (
+        believed_findings(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",)), PORTUGAL)
+        == ()
+    )
 
 
 def test_another_pack_and_policy_are_explained_too(labelled):

@@ -10,10 +10,10 @@ from tests.support.overtakes import passing
 from tests.support.worlds import wide_road
 
 import overtaking as ot
-from overtaking.labels.explain.margins import margins
+from overtaking.labels.explain.margins import margins_by_frame
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import check, policies_for
+from overtaking.labels.law.judging import judge_pack, policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.verdicts import Verdict
 
@@ -27,11 +27,11 @@ from overtaking.model.verdicts import Verdict
 )
 def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=64, seed=5))
-    labelled = label(runs, pack=pack, policies=policies_for(pack.name))
+    labelled = label(runs, pack=pack, policies=policies_of_law(pack.name))
     num_checked = dict.fromkeys(codes, 0)
     for number in range(64):
         simulation = labelled.select(np.array([number]))
-        series = margins(simulation, pack)
+        series = margins_by_frame(simulation, pack)
         for place, code in enumerate(simulation.findings.rule_codes):
             is_decided = simulation.findings.verdict[0, place] in (Verdict.LEGAL, Verdict.ILLEGAL)
             assert (code in series) == (code in num_checked and is_decided)
@@ -53,12 +53,12 @@ def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
 def test_the_margin_beside_a_bicycle_depends_on_the_kind_of_road(kind, needed):
     road = dataclasses.replace(wide_road(), kind=kind)
     passed_bicycle = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
-    labelled = label(passed_bicycle.trajectories, pack=GERMANY, policies=policies_for("de"))
+    labelled = label(passed_bicycle.trajectories, pack=GERMANY, policies=policies_of_law("de"))
     # The tracks of the fixture show no events; the fixture states them.
     labelled = labelled.replace(
-        events=passed_bicycle.events, findings=check(GERMANY, passed_bicycle)
+        events=passed_bicycle.events, findings=judge_pack(GERMANY, passed_bicycle)
     )
-    series = margins(labelled, GERMANY)["O10"]
+    series = margins_by_frame(labelled, GERMANY)["O10"]
     gap = passed_bicycle.target.lateral_gap[0]
     is_judged = np.isfinite(series)
     assert is_judged.any()

@@ -22,12 +22,12 @@ from tests.support.overtakes import (
 )
 from tests.support.worlds import wide_road
 
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.explain.breach import BreachContext, Remedy, RemedyQuantity, RequiredChange
 from overtaking.labels.explain.explanation import ALL_REMEDIES
 from overtaking.labels.explain.remedies import remedies_of
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import judge
+from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road_course import RoadCourse
@@ -44,19 +44,19 @@ BREACHES = [
     for code, verdict, what, make in FIXTURES
     if verdict is Verdict.ILLEGAL
 ]
-GAPS = (Quantity.GAP_AHEAD, Quantity.GAP_BEHIND)
+GAPS = (RemedyQuantity.GAP_AHEAD, RemedyQuantity.GAP_BEHIND)
 IN_UNIT_OF_THE_MARGIN = {
     *GAPS,
-    Quantity.GAP_ONCOMING,
-    Quantity.CLEARANCE,
-    Quantity.SIGHT,
-    Quantity.WIDTH,
-    Quantity.ARRIVAL,
+    RemedyQuantity.GAP_ONCOMING,
+    RemedyQuantity.CLEARANCE,
+    RemedyQuantity.SIGHT,
+    RemedyQuantity.WIDTH,
+    RemedyQuantity.ARRIVAL,
 }
 
 
 def found(code: str, one: Case) -> Finding:
-    return judge(RULES[code], one)
+    return judge_rule(RULES[code], one)
 
 
 def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
@@ -67,37 +67,37 @@ def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
         int(check.first_frame[0]),
         int(check.last_frame[0]),
     )
-    facts = BreachFacts(case=one, margin=margin, first=first, last=last)
+    facts = BreachContext(case=one, margin=margin, first_frame=first, last_frame=last)
     return remedies_of(RULES[code], facts, ALL_REMEDIES)
 
 
-def put_in(one: Case, change: Change, by: float) -> Case:
+def put_in(one: Case, change: RequiredChange, by: float) -> Case:
     """The case as if one quantity had been recorded otherwise, everything else being as it was."""
-    run, seen, vehicle = one.trajectories, one.signals, change.vehicle
+    run, seen, vehicle = one.trajectories, one.signals, change.slot
     steps = math.copysign(math.ceil(abs(by) * 1000.0), by)  # Recorded in thousandths.
     name, slot, frames = "speed", 0, np.ones(seen.num_frames, np.bool_)
     if change.quantity in GAPS:
-        ahead = change.quantity is Quantity.GAP_AHEAD
+        ahead = change.quantity is RemedyQuantity.GAP_AHEAD
         name, slot, steps = "s", vehicle, steps if ahead else -steps
         frames = (seen.neighbour_slot[0, 0 if ahead else 1 :: 2] == vehicle).any(axis=0)
-    elif change.quantity is Quantity.LATERAL_GAP:
+    elif change.quantity is RemedyQuantity.LATERAL_GAP:
         is_left = (
             one.target.lateral_position[0, change.frame] > seen.lateral_position[0, change.frame]
         )
         name, slot, steps = "d", vehicle, steps if is_left else -steps
-    elif change.quantity is Quantity.TARGET_ACCEL:
+    elif change.quantity is RemedyQuantity.TARGET_ACCEL:
         name, slot = "accel_lon", vehicle
-    elif change.quantity is Quantity.GAP_ONCOMING:
+    elif change.quantity is RemedyQuantity.GAP_ONCOMING:
         name, slot = "s", vehicle
-    elif change.quantity is Quantity.ONCOMING_BRAKING:
+    elif change.quantity is RemedyQuantity.ONCOMING_BRAKING:
         name, slot, steps = "accel_lon", vehicle, -steps
-    elif change.quantity is not Quantity.SPEED:
-        assert change.quantity in (Quantity.LANE, Quantity.LANES_LEFT)
+    elif change.quantity is not RemedyQuantity.SPEED:
+        assert change.quantity in (RemedyQuantity.LANE, RemedyQuantity.LANES_LEFT)
         name, steps = "lane", round(by)
     values = getattr(run.states, name).copy()
     moved = values[0, slot].astype(np.int64) + np.where(frames, int(steps), 0)
     values[0, slot] = moved.astype(values.dtype)
-    changed = case_of(run.replace(states=run.states.replace(**{name: values})))
+    changed = case_from_trajectories(run.replace(states=run.states.replace(**{name: values})))
     changed = changed.replace(signals=changed.signals.replace(friction=seen.friction))
     return with_events(changed, one.events)
 
@@ -117,7 +117,7 @@ def test_every_breach_has_a_remedy_and_the_first_is_as_large_as_the_margin(code,
         assert change.by != 0
         assert np.isfinite([change.actual, change.needed]).all()
         assert change.frame is None or 0 <= change.frame < one.signals.num_frames
-        assert change.vehicle is None or change.vehicle != NO_VEHICLE
+        assert change.slot is None or change.slot != NO_VEHICLE
     first = found_remedies[0]
     if first[0].quantity in IN_UNIT_OF_THE_MARGIN and RULES[code].unit == first[0].unit:
         largest = max(change.by for change in first)
@@ -135,13 +135,13 @@ def test_what_is_needed_is_enough_and_nine_tenths_of_it_are_not(code):
 
 RECORDED = {
     *GAPS,
-    Quantity.GAP_ONCOMING,
-    Quantity.LANE,
-    Quantity.LANES_LEFT,
-    Quantity.LATERAL_GAP,
-    Quantity.ONCOMING_BRAKING,
-    Quantity.SPEED,
-    Quantity.TARGET_ACCEL,
+    RemedyQuantity.GAP_ONCOMING,
+    RemedyQuantity.LANE,
+    RemedyQuantity.LANES_LEFT,
+    RemedyQuantity.LATERAL_GAP,
+    RemedyQuantity.ONCOMING_BRAKING,
+    RemedyQuantity.SPEED,
+    RemedyQuantity.TARGET_ACCEL,
 }
 """Quantities that `put_in` can write into a recording."""
 
@@ -151,7 +151,7 @@ def test_a_recording_with_its_remedy_put_in_breaks_the_rule_no_longer(code, make
     breach = make()
     for remedy in remedies(code, breach):
         # `put_in` changes the speed in all frames, and so the speed at the start, the limit of L11.
-        is_relative = code == "L11" and remedy[-1].quantity is Quantity.SPEED
+        is_relative = code == "L11" and remedy[-1].quantity is RemedyQuantity.SPEED
         if all(change.quantity in RECORDED for change in remedy) and not is_relative:
             changed = all_put_in(breach, remedy, 1.001)
             assert found(code, changed).verdict[0] != Verdict.ILLEGAL
@@ -197,7 +197,7 @@ def test_of_two_oncoming_vehicles_the_faster_one_may_need_the_larger_gap():
             "attempt": 0, "line_crossed": 0, "overlap_end": 0, "return_end": 0},
     )  # fmt: skip
     ((change,),) = remedies("L24", breach)
-    assert (change.vehicle, change.needed) == (3, pytest.approx(120.0, abs=0.01))
+    assert (change.slot, change.needed) == (3, pytest.approx(120.0, abs=0.01))
 
 
 def test_the_remedy_of_a_slow_truck_is_50_m_even_if_the_gap_was_smaller_at_a_higher_speed():
@@ -239,7 +239,7 @@ def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(c
 
 def test_every_rule_has_a_remedy_and_a_rule_with_a_check_of_its_own_has_none():
     assert all(rule.check in ALL_REMEDIES for rule in RULES.values())
-    facts = BreachFacts(case=overtake(), margin=-1.0, first=0, last=0)
+    facts = BreachContext(case=overtake(), margin=-1.0, first_frame=0, last_frame=0)
     stricter = dataclasses.replace(RULES["L10"], check=lambda case: RULES["L10"].check(case))
     assert remedies_of(stricter, facts, ALL_REMEDIES) == ()
 
@@ -249,7 +249,7 @@ def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
     (farther,), (slower,) = remedies("L3", one)
     gap = one.signals.gap[0, NeighbourRole.LEADER, -1]
     assert (farther.actual, farther.needed) == pytest.approx((gap, 30.0), abs=1e-3)
-    assert farther.vehicle == 1
+    assert farther.slot == 1
     # The positive root of v + v^2 / (2 b) = gap + 30^2 / (2 b).
     b = min(8.0, 0.9 * float(one.signals.friction[0, -1]) * 9.81)
     root = -b + np.sqrt(b * b + 2.0 * b * gap + 900.0)
@@ -259,7 +259,7 @@ def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
 def test_beside_a_slower_one_no_speed_is_lawful():
     one = crossing(Track(s=3.0, lane=1, speed=30.0))
     (changes,) = remedies("L4", one)
-    assert [change.quantity for change in changes] == [Quantity.GAP_AHEAD]
+    assert [change.quantity for change in changes] == [RemedyQuantity.GAP_AHEAD]
 
 
 def test_nobody_is_told_to_break_the_speed_limit_to_keep_another_rule():
@@ -268,10 +268,10 @@ def test_nobody_is_told_to_break_the_speed_limit_to_keep_another_rule():
         for gap, speed in ((28.0, 32.0), (60.0, 50.0))
     )
     assert [change.quantity for (change,) in remedies("L5", slow)] == [
-        Quantity.GAP_BEHIND,
-        Quantity.SPEED,
+        RemedyQuantity.GAP_BEHIND,
+        RemedyQuantity.SPEED,
     ]
-    assert [change.quantity for (change,) in remedies("L5", fast)] == [Quantity.GAP_BEHIND]
+    assert [change.quantity for (change,) in remedies("L5", fast)] == [RemedyQuantity.GAP_BEHIND]
 
 
 def test_the_speed_limit_is_exceeded_by_so_much():
@@ -332,7 +332,7 @@ def test_on_a_two_way_road_sight_is_needed_for_the_whole_time_on_the_left():
 @pytest.mark.parametrize("gap", [5.0, 20.0, 30.0])
 def test_the_oncoming_vehicle_would_have_had_to_be_farther_by_so_much(gap):
     ((change,),) = remedies("L24", against(gap))
-    assert change.vehicle == 2
+    assert change.slot == 2
     assert change.actual == pytest.approx(gap, abs=0.01)
     assert found("L24", against(gap + change.by + 0.01)).verdict[0] == Verdict.LEGAL
     assert found("L24", against(gap + 0.9 * change.by)).verdict[0] == Verdict.ILLEGAL
@@ -342,7 +342,7 @@ def test_the_oncoming_vehicle_would_have_had_to_be_farther_by_so_much(gap):
 def test_past_on_the_right_is_as_many_lanes_from_lawful_as_it_takes(lane, by):
     one = passing(lane, target={"lane": 1})
     ((change,),) = remedies("L1", one)
-    assert (change.quantity, change.by) == (Quantity.LANES_LEFT, by)
+    assert (change.quantity, change.by) == (RemedyQuantity.LANES_LEFT, by)
     assert found("L1", passing(lane + by, target={"lane": 1})).verdict[0] == Verdict.LEGAL
 
 
@@ -367,7 +367,7 @@ def test_of_a_bicycle_overtaken_too_near_and_too_fast_both_are_told():
         events={"attempt": 60, "overlap_begin": 0, "overlap_end": 199},
     )  # fmt: skip
     ((room, slower),) = remedies("L11", both)
-    assert (room.quantity, room.needed) == (Quantity.LATERAL_GAP, 1.5)
+    assert (room.quantity, room.needed) == (RemedyQuantity.LATERAL_GAP, 1.5)
     assert (slower.actual, slower.needed) == pytest.approx((12.0, 10.0), abs=1e-3)
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import crossing, overtake
 
-from overtaking.labels.law.judging import check, judge
+from overtaking.labels.law.judging import judge_pack, judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import UNKNOWNS
@@ -23,7 +23,7 @@ RULES = {rule.code: rule for rule in PORTUGAL.rules}
 
 
 def judged(rule: Rule, make) -> Finding:
-    return judge(rule, make())
+    return judge_rule(rule, make())
 
 
 @pytest.mark.parametrize(
@@ -57,23 +57,29 @@ def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
 
 @pytest.mark.parametrize("name", UNKNOWNS)
 def test_what_a_rule_does_not_name_it_does_not_need(name):
-    named = {rule.code for rule in PORTUGAL.rules if name in rule.needs | rule.partly}
+    named = {
+        rule.code
+        for rule in PORTUGAL.rules
+        if name in rule.required_inputs | rule.conditional_inputs
+    }
     for make in (overtake, crossing):
-        known, unknown = check(PORTUGAL, make()), check(PORTUGAL, make(unknown=(name,)))
+        known, unknown = judge_pack(PORTUGAL, make()), judge_pack(PORTUGAL, make(unknown=(name,)))
         changed = (known.verdict != unknown.verdict)[0]
         assert {
             code for code, is_it in zip(known.rule_codes, changed, strict=True) if is_it
         } <= named
 
 
-@pytest.mark.parametrize("rule", [r for r in PORTUGAL.rules if r.needs], ids=lambda r: r.code)
+@pytest.mark.parametrize(
+    "rule", [r for r in PORTUGAL.rules if r.required_inputs], ids=lambda r: r.code
+)
 def test_without_what_it_needs_a_rule_decides_nothing(rule):
     for code, verdict, _, make in FIXTURES:
         if code != rule.code or verdict is Verdict.UNDECIDABLE:
             continue
         one = make()
         blind = one.replace(trajectories=one.trajectories.replace(unknown=rule.needs))
-        found = judge(rule, blind)
+        found = judge_rule(rule, blind)
         assert found.verdict[0] in (Verdict.UNDECIDABLE, Verdict.NOT_APPLICABLE)
         assert found.margin[0] == 0.0
         if verdict is not Verdict.NOT_APPLICABLE:
@@ -81,7 +87,7 @@ def test_without_what_it_needs_a_rule_decides_nothing(rule):
 
 
 def test_checks_are_of_the_types_that_tables_have():
-    found = judge(RULES["L3"], overtake())
+    found = judge_rule(RULES["L3"], overtake())
     assert [found.verdict.dtype, found.severity.dtype, found.belief.dtype] == [np.uint8] * 3
     assert [found.first_frame.dtype, found.last_frame.dtype] == [np.int32] * 2
     assert found.margin.dtype == np.float32

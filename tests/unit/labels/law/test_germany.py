@@ -13,9 +13,9 @@ from tests.support.overtakes import alone, overtake
 from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels.law import germany
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import check, legality, policies_for
+from overtaking.labels.law.judging import assess_legality, judge_pack, policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Text
+from overtaking.labels.law.rule import TextSource
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Severity, Verdict
 
@@ -25,7 +25,7 @@ POSSIBLE_WITHOUT_TEXT = {Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE}
 
 def found(make, code: str):
     """What the pack says of one case: verdict, margin, severity, first and last frame."""
-    all_of = check(GERMANY, make())
+    all_of = judge_pack(GERMANY, make())
     place = (0, all_of.rule_codes.index(code))
     names = ("verdict", "margin", "severity", "first_frame", "last_frame")
     return [getattr(all_of, name)[place] for name in names]
@@ -54,7 +54,7 @@ def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
     possible = set(Verdict)
     if not rule.needs | rule.partly:
         possible -= {Verdict.UNDECIDABLE}
-    if rule.text is not Text.READ:
+    if rule.text is not TextSource.READ:
         possible = POSSIBLE_WITHOUT_TEXT
     assert has == possible
 
@@ -64,17 +64,20 @@ def test_each_rule_has_its_article_and_how_its_text_is_known():
     assert len({rule.id for rule in GERMANY.rules}) == len(GERMANY.rules)
     for rule in GERMANY.rules:
         assert rule.id.startswith("de.stvo.")
-        assert "§" in rule.law
-        assert rule.where
+        assert "§" in rule.article
+        assert rule.consulted_source
         assert rule.source == "de-stvo-2013"
-    assert {rule.code for rule in GERMANY.rules if rule.text is not Text.READ} == {"F2", "G1"}
+    assert {rule.code for rule in GERMANY.rules if rule.text_source is not TextSource.READ} == {
+        "F2",
+        "G1",
+    }
 
 
 def test_no_policy_asks_for_a_rule_whose_text_was_not_read():
     rules = {rule.code: rule for rule in GERMANY.rules}
-    for policy in policies_for("de"):
-        assert all(rules[code].text is Text.READ for code in policy.required)
-        assert all(rules[code].of_ego for code in policy.required)
+    for policy in policies_of_law("de"):
+        assert all(rules[code].text_source is TextSource.READ for code in policy.required)
+        assert all(rules[code].is_duty_of_ego for code in policy.required)
 
 
 @pytest.mark.parametrize(("seconds", "margin"), [(1.0, 2.0), (2.9, 0.1), (3.1, -0.1), (5.0, -2.0)])
@@ -83,7 +86,7 @@ def test_a_short_distance_is_fined_after_three_seconds(seconds, margin):
     away = 3.05 + seconds
     speed = ramp((away, 30.0), (away + 0.05, 90.0), frames=200)
     one = case(Track(speed=30.0), Track(s=26.5 + 4.4, speed=speed), events={})
-    said = check(GERMANY, one)
+    said = judge_pack(GERMANY, one)
     value = float(said.margin[0, said.rule_codes.index("A2")])
     assert value == pytest.approx(margin, abs=0.11)
 
@@ -91,7 +94,7 @@ def test_a_short_distance_is_fined_after_three_seconds(seconds, margin):
 def test_by_140_m_who_is_very_fast_has_less_time():
     # 140 m take 2.33 s at 216 km/h.
     one = behind(50.0, 60.0)
-    said = check(GERMANY, one)
+    said = judge_pack(GERMANY, one)
     margin = said.margin[0, said.rule_codes.index("A2")]
     near = int(one.events.last[0]) - 60
     assert margin == pytest.approx(140.0 / 60.0 - near * 0.05, abs=0.06)
@@ -105,9 +108,9 @@ def test_severity_by_excess_of_speed():
 
 def test_a_lawful_overtake_is_lawful_under_every_policy():
     one = overtake()
-    said = check(GERMANY, one)
-    for policy in policies_for("de"):
-        law = legality(said, policy, GERMANY, one)
+    said = judge_pack(GERMANY, one)
+    for policy in policies_of_law("de"):
+        law = assess_legality(said, policy, GERMANY, one)
         codes = np.array(said.rule_codes)[said.verdict[0] == Verdict.ILLEGAL]
         assert law.is_legal[0], (policy.name, codes)
         assert law.num_undecidable[0] == 0

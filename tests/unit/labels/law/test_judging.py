@@ -10,54 +10,54 @@ from tests.support.overtakes import alone, crossing, overtake
 
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law.judging import (
-    POLICIES,
+    STORED_POLICIES,
     Policy,
-    beyond,
-    check,
-    legality,
-    policies_for,
-    policy,
+    assess_legality,
+    exceeds_tolerance,
+    judge_pack,
+    policies_of_law,
+    stored_policy,
 )
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Pack, Text, Tolerance
+from overtaking.labels.law.rule import Pack, TextSource, Tolerance
 from overtaking.model.verdicts import Findings, Severity, Verdict
 
 
 def findings(**verdicts: Verdict) -> Findings:
     """One simulation of which all rules say that it is legal, but for some."""
-    found = check(PORTUGAL, overtake())
+    found = judge_pack(PORTUGAL, overtake())
     said = np.full((1, len(found.rule_codes)), Verdict.LEGAL, np.uint8)
     for code, verdict in verdicts.items():
         said[0, found.rule_codes.index(code)] = verdict
     return found.replace(verdict=said)
 
 
-OF_PORTUGAL = {one.name: one for one in policies_for("pt")}
+OF_PORTUGAL = {one.name: one for one in policies_of_law("pt")}
 
 
 def test_rules_and_policies_have_names_of_their_own():
     assert len(set(PORTUGAL.codes)) == len(PORTUGAL.rules)
     assert len({rule.id for rule in PORTUGAL.rules}) == len(PORTUGAL.rules)
-    assert [each.name for each in POLICIES] == ["paper", "default", "strict"]
+    assert [each.name for each in STORED_POLICIES] == ["paper", "default", "strict"]
 
 
 @pytest.mark.parametrize("name", ["paper", "default", "strict"])
 def test_a_policy_asks_for_rules_of_the_ego_that_exist(name):
     rules = {rule.code: rule for rule in PORTUGAL.rules}
-    assert len(set(policy(name).required)) == len(policy(name).required)
-    assert all(rules[code].of_ego for code in policy(name).required)
+    assert len(set(stored_policy(name).required)) == len(stored_policy(name).required)
+    assert all(rules[code].is_duty_of_ego for code in stored_policy(name).required)
 
 
 def test_the_paper_policy_asks_only_for_what_its_columns_can_tell():
     # The study has positions, sizes, speeds, lines, limits and weather; no lamps, no indicators.
     has = {"weather", "kinds", "marks", "speed_limit", "road_kind"}
     for rule in PORTUGAL.rules:
-        if rule.code in policy("paper").required:
-            assert rule.needs | rule.partly <= has, rule.code
+        if rule.code in stored_policy("paper").required:
+            assert rule.required_inputs | rule.conditional_inputs <= has, rule.code
 
 
 def test_each_policy_is_stricter_than_the_one_before():
-    paper, default, strict = (set(each.required) for each in POLICIES)
+    paper, default, strict = (set(each.required) for each in STORED_POLICIES)
     assert paper < default
     assert default - strict == {"L14", "L15"}
     assert strict - default == {
@@ -75,16 +75,16 @@ def test_each_policy_is_stricter_than_the_one_before():
 
 
 def test_a_lawful_overtake_is_lawful_under_the_policies_for_which_it_was_written():
-    found = check(PORTUGAL, overtake())
-    for each in POLICIES:
-        said = legality(found, each)
+    found = judge_pack(PORTUGAL, overtake())
+    for each in STORED_POLICIES:
+        said = assess_legality(found, each)
         assert said.is_legal[0]
         assert said.num_broken[0] == said.num_undecidable[0] == 0
 
 
 def test_what_another_breaks_is_no_fault_of_the_ego():
     found = findings(L22=Verdict.ILLEGAL)
-    assert all(legality(found, each).is_legal[0] for each in POLICIES)
+    assert all(assess_legality(found, each).is_legal[0] for each in STORED_POLICIES)
 
 
 def test_broken_and_undecidable_rules_are_counted_apart():
@@ -98,63 +98,63 @@ def test_broken_and_undecidable_rules_are_counted_apart():
     )
     counts = {
         each.name: (int(said.num_broken[0]), int(said.num_undecidable[0]))
-        for each in POLICIES
-        for said in [legality(found, each)]
+        for each in STORED_POLICIES
+        for said in [assess_legality(found, each)]
     }
     assert counts == {"paper": (2, 1), "default": (2, 2), "strict": (2, 2)}
 
 
 def test_an_undecidable_rule_breaks_nothing():
-    said = legality(findings(L3=Verdict.UNDECIDABLE), policy("default"))
+    said = assess_legality(findings(L3=Verdict.UNDECIDABLE), stored_policy("default"))
     assert said.is_legal[0]
     assert said.num_undecidable[0] == 1
 
 
 def test_only_the_paper_lets_doubts_and_open_ends_and_departures_pass():
-    assert [each.allows_undecided for each in POLICIES] == [True, False, False]
-    assert [each.censors_open for each in POLICIES] == [False, True, True]
-    assert [each.names_departures for each in POLICIES] == [False, True, True]
+    assert [each.allows_undecided for each in STORED_POLICIES] == [True, False, False]
+    assert [each.censors_open for each in STORED_POLICIES] == [False, True, True]
+    assert [each.names_departures for each in STORED_POLICIES] == [False, True, True]
 
 
 def test_a_pack_without_a_required_rule_is_refused():
     short = Pack(name="short", version="1", rules=PORTUGAL.rules[:3])
     with pytest.raises(ConfigError, match=r"none called L4, L5, .*; check a pack that has them"):
-        legality(check(short, overtake()), policy("paper"))
+        assess_legality(judge_pack(short, overtake()), stored_policy("paper"))
 
 
 def test_an_unknown_policy_is_refused_with_those_there_are():
     with pytest.raises(ConfigError, match="expected paper or default or strict, got lenient"):
-        policy("lenient")
+        stored_policy("lenient")
 
 
 def test_findings_name_their_rules_and_version():
-    found = check(PORTUGAL, overtake())
+    found = judge_pack(PORTUGAL, overtake())
     assert found.rule_codes == PORTUGAL.codes
     assert found.version == PORTUGAL.version
     assert found.verdict.shape == (1, len(PORTUGAL.rules))
 
 
 def test_of_no_simulation_there_are_no_findings():
-    found = check(PORTUGAL, overtake().select(np.array([], np.intp)))
+    found = judge_pack(PORTUGAL, overtake().select(np.array([], np.intp)))
     assert found.verdict.shape == (0, len(PORTUGAL.rules))
-    assert legality(found, policy("default")).is_legal.shape == (0,)
+    assert assess_legality(found, stored_policy("default")).is_legal.shape == (0,)
 
 
 def test_only_three_policies_are_stored_and_the_others_ask_for_the_rules_of_default():
-    names = [each.name for each in policies_for("pt")]
+    names = [each.name for each in policies_of_law("pt")]
     assert names == ["paper", "default", "strict", "serious", "enforced"]
     for name in names[3:]:
         assert set(OF_PORTUGAL[name].required) == set(OF_PORTUGAL["default"].required)
-        assert OF_PORTUGAL[name].least is Severity.SERIOUS
-    assert policies_for("nowhere") == ()
+        assert OF_PORTUGAL[name].min_severity is Severity.SERIOUS
+    assert policies_of_law("nowhere") == ()
 
 
 def test_a_light_breach_counts_for_default_alone():
     # 122 km/h: 2.4 km/h above the limit are light.
     case = alone(ego={"speed": 34.0}, events={"attempt": 60})
-    found = check(PORTUGAL, case)
+    found = judge_pack(PORTUGAL, case)
     broken = {
-        name: int(legality(found, OF_PORTUGAL[name], PORTUGAL, case).num_broken[0])
+        name: int(assess_legality(found, OF_PORTUGAL[name], PORTUGAL, case).num_broken[0])
         for name in ("default", "serious", "enforced")
     }
     assert broken["default"] == broken["serious"] + 1 == broken["enforced"] + 1
@@ -164,16 +164,16 @@ def test_a_light_breach_counts_for_default_alone():
 def test_a_fixed_device_deducts_five_percent_of_what_it_reads(speed, is_fined):
     # 0.95 x 126.3158 = 120 km/h.
     case = alone(ego={"speed": speed / 3.6})
-    found = check(PORTUGAL, case)
+    found = judge_pack(PORTUGAL, case)
     only_speed = replace(OF_PORTUGAL["enforced"], required=("L12",))
-    assert bool(legality(found, only_speed, PORTUGAL, case).num_broken[0]) == is_fined
+    assert bool(assess_legality(found, only_speed, PORTUGAL, case).num_broken[0]) == is_fined
 
 
 @pytest.mark.parametrize(("lasting", "counts"), [(0.0, True), (4.9, True), (5.1, False)])
 def test_a_breach_is_tolerated_for_so_long(lasting, counts):
     # The ego is too near its leader for 100 frames of 50 ms.
     case = crossing(target={"s": 20.0, "speed": 30.0}, events={})
-    found = check(PORTUGAL, case)
+    found = judge_pack(PORTUGAL, case)
     place = found.rule_codes.index("L3")
     length = (found.last_frame[0, place] - found.first_frame[0, place] + 1) * 0.05
     given = Policy(
@@ -181,7 +181,7 @@ def test_a_breach_is_tolerated_for_so_long(lasting, counts):
         required=("L3",),
         tolerances={"L3": Tolerance(lasting=float(length) - 5.0 + lasting)},
     )
-    assert bool(legality(found, given, PORTUGAL, case).num_broken[0]) == counts
+    assert bool(assess_legality(found, given, PORTUGAL, case).num_broken[0]) == counts
 
 
 def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
@@ -189,32 +189,32 @@ def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
     speed = np.full(200, 30.0)
     speed[20:40] = speed[80:120] = 40.0
     given = alone(ego={"speed": speed})
-    findings = check(PORTUGAL, given)
+    findings = judge_pack(PORTUGAL, given)
     place = findings.rule_codes.index("L12")
     assert (findings.first_frame[0, place], findings.last_frame[0, place]) == (20, 119)
     assert findings.longest_run[0, place] == 40
     for lasting, counts in ((1.95, True), (2.05, False)):
         tolerance = Tolerance(lasting=lasting)
-        assert bool(beyond(findings, "L12", tolerance, PORTUGAL, given)[0]) == counts
+        assert bool(exceeds_tolerance(findings, "L12", tolerance, PORTUGAL, given)[0]) == counts
 
 
 def test_a_breach_without_its_like_has_no_longest_part():
-    findings = check(PORTUGAL, overtake())
+    findings = judge_pack(PORTUGAL, overtake())
     broken = findings.verdict == Verdict.ILLEGAL
     np.testing.assert_array_equal(findings.longest_run > 0, broken)
 
 
 def test_each_rule_says_how_its_text_is_known_and_where():
     assert PORTUGAL.edition
-    assert {rule.text for rule in PORTUGAL.rules} == set(Text)
+    assert {rule.text_source for rule in PORTUGAL.rules} == set(TextSource)
     for rule in PORTUGAL.rules:
-        assert rule.where, rule.code
+        assert rule.consulted_source, rule.code
 
 
 def test_a_pack_that_trusts_no_hearsay_leaves_what_was_not_read_undecided():
     strict = replace(PORTUGAL, trusts_hearsay=False)
-    trusting, doubting = (check(pack, overtake()) for pack in (PORTUGAL, strict))
+    trusting, doubting = (judge_pack(pack, overtake()) for pack in (PORTUGAL, strict))
     for place, rule in enumerate(PORTUGAL.rules):
         before, now = trusting.verdict[0, place], doubting.verdict[0, place]
-        unread = rule.text is not Text.READ and before != Verdict.NOT_APPLICABLE
+        unread = rule.text_source is not TextSource.READ and before != Verdict.NOT_APPLICABLE
         assert now == (Verdict.UNDECIDABLE if unread else before), rule.code

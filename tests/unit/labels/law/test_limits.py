@@ -17,10 +17,10 @@ from overtaking.analysis.logic.law import CODES, judged, lawyer
 from overtaking.analysis.logic.recorded import road_columns
 from overtaking.data.tables.encode import encode
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.explain.margins import margins
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.explain.margins import margins_by_frame
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import check, judge
+from overtaking.labels.law.judging import judge_pack, judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.speed import speed_limits
 from overtaking.labels.safety_features import oncoming_measures
@@ -53,7 +53,7 @@ def test_the_speed_limit_is_that_of_the_ego_s_place_frame_by_frame(ends, lower, 
             if start <= s < stop:
                 limit = kmh / 3.6
         margins_of.append(limit + 5e-4 - states.speed[0, 0, frame] / 1000.0)
-    found = judge(L12, one)
+    found = judge_rule(L12, one)
     assert found.margin[0] == pytest.approx(min(margins_of), abs=1e-5)
     broken = [frame for frame, margin in enumerate(margins_of) if margin < 0]
     assert (found.verdict[0] == Verdict.ILLEGAL) == bool(broken)
@@ -71,7 +71,7 @@ def test_limits_may_be_asked_of_every_frame_and_cost_nothing_where_they_are_one(
 
 def test_the_margins_of_every_frame_agree_with_the_finding():
     labelled = label(fast(limited((150.0, 180.0, 60.0), (180.0, 600.0, 90.0))).trajectories)
-    found, place = margins(labelled)["L12"], labelled.findings.rule_codes.index("L12")
+    found, place = margins_by_frame(labelled)["L12"], labelled.findings.rule_codes.index("L12")
     assert np.nanmin(found) == labelled.findings.margin[0, place] == found[100]
     broken = np.flatnonzero(found < 0)
     assert broken[[0, -1]].tolist() == [100, 199]
@@ -80,7 +80,7 @@ def test_the_margins_of_every_frame_agree_with_the_finding():
 
 @pytest.mark.parametrize(("speed", "severity"), [(25.0, "LIGHT"), (30.0, "SERIOUS")])
 def test_a_breach_is_as_severe_as_its_excess_over_the_limit_there(speed: float, severity: str):
-    found = judge(L12, fast(limited((50.0, 60.0, 70.0)), speed=speed))
+    found = judge_rule(L12, fast(limited((50.0, 60.0, 70.0)), speed=speed))
     assert found.severity[0] == Severity[severity]
 
 
@@ -91,7 +91,7 @@ def test_the_limit_of_a_tolerated_share_is_that_which_is_exceeded_most():
     for rule in (L12, V2):
         assert rule.limit is not None
         assert rule.limit(one)[0] == pytest.approx(60 / 3.6)
-    assert judge(L12, one).margin[0] == pytest.approx(-11 / 3.6, abs=1e-3)
+    assert judge_rule(L12, one).margin[0] == pytest.approx(-11 / 3.6, abs=1e-3)
 
 
 def test_features_of_the_decision_and_the_table_of_frames_have_the_limit_of_the_place():
@@ -151,15 +151,15 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
     recorded = simulate_on(profile, dataclasses.replace(road, course=course))
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(recorded))
-    findings = check(PORTUGAL, recorded)
+    findings = judge_pack(PORTUGAL, recorded)
     place = [findings.rule_codes.index(code) for code in CODES]
     np.testing.assert_array_equal(said.verdict, findings.verdict[:, place])
     is_illegal = said.verdict == Verdict.ILLEGAL
     np.testing.assert_array_equal(
         said.first[is_illegal], findings.first_frame[:, place][is_illegal]
     )
-    legal_elsewhere = judge(
-        L12, case_of(simulate(sample(profile, num_simulations=40, seed=23)))
+    legal_elsewhere = judge_rule(
+        L12, case_from_trajectories(simulate(sample(profile, num_simulations=40, seed=23)))
     ).verdict
     differs = said.verdict[:, CODES.index("L12")] != legal_elsewhere
     assert 0 < differs.sum() < len(differs)
@@ -169,4 +169,4 @@ def simulate_on(profile: str, road):
     """Simulations of a profile as if they had been recorded on another road of the same shape."""
     runs = simulate(sample(profile, num_simulations=40, seed=23))
     scenario = runs.scenario.replace(road=road)
-    return case_of(runs.replace(scenario=scenario))
+    return case_from_trajectories(runs.replace(scenario=scenario))

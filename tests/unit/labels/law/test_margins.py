@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.law_fixtures import FIXTURES
 
-from overtaking.labels.law.judging import check
-from overtaking.labels.law.margins import always, always_at, reduced
+from overtaking.labels.law.judging import judge_pack
+from overtaking.labels.law.margins import finding_at_instants, finding_over_span, reduce_span
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.snapshots import Span
+from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.batch import concatenate
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Case, Verdict
@@ -27,13 +27,13 @@ margins = st.lists(
 
 
 @st.composite
-def spans(draw: st.DrawFn) -> tuple[np.ndarray, Span]:
+def spans(draw: st.DrawFn) -> tuple[np.ndarray, FrameSpan]:
     values = np.array(draw(margins), np.float32)
     n = len(values)
     start = draw(st.lists(st.integers(0, FRAMES - 1), min_size=n, max_size=n))
     length = draw(st.lists(st.integers(0, FRAMES), min_size=n, max_size=n))
     stop = np.minimum(np.add(start, length) - 1, FRAMES - 1)
-    return values, Span(start=np.array(start, np.int32), stop=stop.astype(np.int32))
+    return values, FrameSpan(first=np.array(start, np.int32), last=stop.astype(np.int32))
 
 
 def by_hand(values: np.ndarray, start: int, stop: int) -> tuple[object, ...]:
@@ -51,9 +51,9 @@ def by_hand(values: np.ndarray, start: int, stop: int) -> tuple[object, ...]:
 @given(spans())
 def test_a_margin_that_may_never_be_negative(given_):
     values, span = given_
-    dense = always(values, span)
+    dense = finding_over_span(values, span)
     rows, frames = span.frames()
-    sparse = always_at(values[rows, frames], rows, frames, len(values))
+    sparse = finding_at_instants(values[rows, frames], rows, frames, len(values))
     for k, row in enumerate(values):
         expected = by_hand(row, int(span.start[k]), int(span.stop[k]))
         for found in (dense, sparse):
@@ -69,7 +69,7 @@ def test_a_span_has_the_frames_from_its_start_to_its_stop(given_):
     rows, frames = span.frames()
     assert np.argwhere(mask).tolist() == np.stack([rows, frames], axis=1).tolist()
     for k in every[span.exists]:
-        assert reduced(np.maximum, values, span)[k] == values[k][mask[k]].max()
+        assert reduce_span(np.maximum, values, span)[k] == values[k][mask[k]].max()
 
 
 def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
@@ -81,9 +81,9 @@ def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
         groups.setdefault(key, []).append(one)
     assert max(len(cases) for cases in groups.values()) > 20
     for cases in groups.values():
-        together = check(PORTUGAL, concatenate(cases))
+        together = judge_pack(PORTUGAL, concatenate(cases))
         for k, one in enumerate(cases):
-            alone = check(PORTUGAL, one)
+            alone = judge_pack(PORTUGAL, one)
             for name in ("verdict", "margin", "first_frame", "last_frame", "severity", "belief"):
                 whole, part = getattr(together, name)[k], getattr(alone, name)[0]
                 assert whole.tolist() == part.tolist(), name

@@ -14,11 +14,11 @@ from tests.support.overtakes import crossing, overtake, passing
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.labels.event_detection import case_of
-from overtaking.labels.law.judging import check, judge
-from overtaking.labels.law.measurement_errors import MeasurementErrors, standard_error
+from overtaking.labels.event_detection import case_from_trajectories
+from overtaking.labels.law.judging import judge_pack, judge_rule
+from overtaking.labels.law.measurement_errors import MeasurementErrors, propagated_error
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.safe_distance import margin_of_gap
+from overtaking.labels.law.safe_distance import margin_to_leader
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import lane_codes
 
@@ -79,7 +79,7 @@ def measured(case: Case, errors: MeasurementErrors, draws: int = DRAWS) -> Case:
     """The case measured many times; its events are those of the first one."""
     events = case.events.select(np.zeros(draws, np.int64))
     events = events.replace(original_lane=events.original_lane.astype(np.uint8))
-    return with_events(case_of(drawn(case.trajectories, errors, draws)), events)
+    return with_events(case_from_trajectories(drawn(case.trajectories, errors, draws)), events)
 
 
 @pytest.mark.parametrize(("code", "name", "make"), [*MEASURED, HARD])
@@ -87,7 +87,7 @@ def test_the_error_of_a_margin_is_that_of_many_measurements(code, name, make):
     del name
     rule, case = RULES[code], make()
     assert rule.spread is not None
-    said = float(rule.spread.of(case, rule.check(case), ERRORS)[0])
+    said = float(rule.spread.standard_error(case, rule.check(case), ERRORS)[0])
     found = rule.check(measured(case, ERRORS)).margin
     # So many draws give a standard deviation within 4 %. Two formulas are coarser: that of sight
     # leaves friction as it is (8 %), and a time due is a number of frames of 0.05 s (18 %).
@@ -101,12 +101,12 @@ def test_lanes_are_in_doubt_as_often_as_measurements_change_them(side):
     case = passing(2 - 0.5 - side / width, ego={"kind": "T"})
     rule = RULES["L20"]
     assert rule.spread is not None
-    said = rule.spread.of(case, rule.check(case), errors)[0]
+    said = rule.spread.standard_error(case, rule.check(case), errors)[0]
     share = (rule.check(measured(case, errors)).margin < 0).mean()
     # Half a lane is as many standard errors away as the border is.
     expected = 0.5 * math.erfc(0.5 / said / math.sqrt(2.0))
     assert share == pytest.approx(expected, abs=0.03)
-    assert (judge(rule, case, errors).verdict[0] == Verdict.UNDECIDABLE) == (side < 0.2)
+    assert (judge_rule(rule, case, errors).verdict[0] == Verdict.UNDECIDABLE) == (side < 0.2)
 
 
 def test_the_error_of_a_gap_is_that_of_the_formula():
@@ -116,9 +116,9 @@ def test_the_error_of_a_gap_is_that_of_the_formula():
 
     def margin(own, its, faster, its_faster):
         closing = (v - u + faster - its_faster) * one
-        return margin_of_gap((gap + its - own) * one, (v + faster) * one, closing, b * one)
+        return margin_to_leader((gap + its - own) * one, (v + faster) * one, closing, b * one)
 
-    said = standard_error(margin, sp, sp, sv, sv)
+    said = propagated_error(margin, sp, sp, sv, sv)
     assert said[0] == pytest.approx(
         math.sqrt(2 * sp**2 + sv**2 * ((1.0 + v / b) ** 2 + (u / b) ** 2)), rel=1e-3
     )
@@ -132,18 +132,18 @@ def test_a_margin_within_two_standard_errors_is_undecidable_and_no_other():
     assert 0 < margin < 1
     limit = margin / (2.0 * math.sqrt(2.0))
     for size, verdict in ((limit * 0.99, Verdict.LEGAL), (limit * 1.01, Verdict.UNDECIDABLE)):
-        found = judge(rule, case, MeasurementErrors(position_std=size))
+        found = judge_rule(rule, case, MeasurementErrors(position_std=size))
         assert found.verdict[0] == verdict
         assert (found.margin[0] == exact.margin[0]) == (verdict == Verdict.LEGAL)
 
 
 def test_larger_errors_never_decide_more():
     case = overtake(target={"s": 100.0})
-    before = check(PORTUGAL, case, MeasurementErrors())
-    exact = check(PORTUGAL, case)
+    before = judge_pack(PORTUGAL, case, MeasurementErrors())
+    exact = judge_pack(PORTUGAL, case)
     assert np.array_equal(before.verdict, exact.verdict)
     for size in (0.1, 0.3, 1.0, 3.0, 10.0):
-        now = check(PORTUGAL, case, MeasurementErrors(position_std=size, speed_std=size))
+        now = judge_pack(PORTUGAL, case, MeasurementErrors(position_std=size, speed_std=size))
         decided = now.verdict != Verdict.UNDECIDABLE
         assert np.array_equal(now.verdict[decided], exact.verdict[decided])
         assert not (decided & (before.verdict == Verdict.UNDECIDABLE)).any()

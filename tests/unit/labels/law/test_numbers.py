@@ -24,8 +24,8 @@ from tests.support.overtakes import (
 
 from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels import law
-from overtaking.labels.law.case import conduct, driving_end, manoeuvre
-from overtaking.labels.law.judging import judge
+from overtaking.labels.law.case import judged_span, last_driven_frame, manoeuvre
+from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model import verdicts
 from overtaking.model.road import RoadMark
@@ -51,7 +51,7 @@ def test_l3_asks_for_the_distance_of_the_formula(lead, rear):
     one = case(Track(speed=rear), Track(s=150.0, speed=lead), events={}, frames=81)
     needed = lawful(rear, lead, decel(one, 80))
     gap = 150.0 - 4.4 - 80 * 0.05 * (rear - lead)
-    assert judge(RULES["L3"], one).margin[0] == pytest.approx(gap - needed, abs=0.01)
+    assert judge_rule(RULES["L3"], one).margin[0] == pytest.approx(gap - needed, abs=0.01)
 
 
 def test_at_120_km_h_l3_wants_33_metres_and_a_second_does_it():
@@ -59,29 +59,29 @@ def test_at_120_km_h_l3_wants_33_metres_and_a_second_does_it():
         case(Track(speed=33.333), Track(s=s + 4.4, speed=33.333), events={}, frames=80)
         for s in (33.3, 33.4)
     )
-    assert judge(RULES["L3"], near).verdict[0] == Verdict.ILLEGAL
-    assert judge(RULES["L3"], far).verdict[0] == Verdict.LEGAL
+    assert judge_rule(RULES["L3"], near).verdict[0] == Verdict.ILLEGAL
+    assert judge_rule(RULES["L3"], far).verdict[0] == Verdict.LEGAL
 
 
 def test_three_seconds_after_a_recording_began_the_distance_counts():
-    near = judge(RULES["L3"], case(Track(speed=30.0), Track(s=25.0, speed=30.0), events={}))
+    near = judge_rule(RULES["L3"], case(Track(speed=30.0), Track(s=25.0, speed=30.0), events={}))
     assert near.first_frame[0] == 61
     leaving = case(Track(speed=30.0), Track(s=10.0, speed=34.0), events={})
-    assert judge(RULES["L3"], leaving).verdict[0] == Verdict.LEGAL
+    assert judge_rule(RULES["L3"], leaving).verdict[0] == Verdict.LEGAL
     later = leaving.replace(events=leaving.events.replace(first=np.array([10], np.int32)))
-    assert judge(RULES["L3"], later).verdict[0] == Verdict.LEGAL
+    assert judge_rule(RULES["L3"], later).verdict[0] == Verdict.LEGAL
 
 
 def test_rain_lengthens_the_lawful_distance_to_a_slower_one():
     margins = [
-        judge(RULES["L3"], overtake(weather={"rain": rain})).margin[0] for rain in (0, 60, 100)
+        judge_rule(RULES["L3"], overtake(weather={"rain": rain})).margin[0] for rain in (0, 60, 100)
     ]
     assert margins[0] > margins[1] > margins[2]
 
 
 def test_a_breach_is_told_with_its_first_and_last_frame():
     speed = ramp((2, 30.0), (4, 36.0), (5, 36.0), (7, 30.0), frames=200)
-    found = judge(RULES["L12"], alone(ego={"speed": speed}))
+    found = judge_rule(RULES["L12"], alone(ego={"speed": speed}))
     over = np.flatnonzero(speed > 120.0 / 3.6)
     assert (found.first_frame[0], found.last_frame[0]) == (over[0], over[-1])
     assert found.margin[0] == pytest.approx(120.0 / 3.6 - 36.0, abs=1e-3)
@@ -89,8 +89,11 @@ def test_a_breach_is_told_with_its_first_and_last_frame():
 
 def test_at_the_very_border_the_law_is_kept():
     # The speed is recorded in mm/s, and 90 km/h are 25 m/s exactly.
-    assert judge(RULES["L12"], alone(ego={"kind": "T", "speed": 25.0})).verdict[0] == Verdict.LEGAL
-    over = judge(RULES["L12"], alone(ego={"kind": "T", "speed": 25.001}))
+    assert (
+        judge_rule(RULES["L12"], alone(ego={"kind": "T", "speed": 25.0})).verdict[0]
+        == Verdict.LEGAL
+    )
+    over = judge_rule(RULES["L12"], alone(ego={"kind": "T", "speed": 25.001}))
     assert over.verdict[0] == Verdict.ILLEGAL
 
 
@@ -98,7 +101,7 @@ def test_three_seconds_after_a_cut_in_the_distance_counts_again():
     lane = ramp((2, 1), (3, 0), frames=200)
     one = crossing(Track(s=25.0, speed=30.0, lane=lane))
     entered = int(np.argmax(one.trajectories.states.lane[0, 2] == 0))
-    assert judge(RULES["L3"], one).first_frame[0] == entered + 61
+    assert judge_rule(RULES["L3"], one).first_frame[0] == entered + 61
 
 
 def test_who_stops_leading_loses_the_time_to_regain():
@@ -106,7 +109,7 @@ def test_who_stops_leading_loses_the_time_to_regain():
     passer = Track(s=25.0, speed=30.0, lane=ramp((6, 1), (6.5, 0), (7.5, 0), (8, 1), frames=200))
     one = crossing(passer, target={"s": 56.4, "speed": 28.0})
     left = int(np.flatnonzero(one.trajectories.states.lane[0, 2] == 0)[-1]) + 1
-    assert judge(RULES["L3"], one).first_frame[0] == left
+    assert judge_rule(RULES["L3"], one).first_frame[0] == left
 
 
 @pytest.mark.parametrize(
@@ -121,15 +124,15 @@ def test_who_stops_leading_loses_the_time_to_regain():
     ],
 )
 def test_speeding_is_graded_by_its_excess(kind, speed, severity):
-    found = judge(RULES["L12"], alone(ego={"kind": kind, "speed": speed}))
+    found = judge_rule(RULES["L12"], alone(ego={"kind": kind, "speed": speed}))
     assert found.severity[0] == severity
 
 
 def test_a_breach_of_distance_is_very_serious_only_on_a_motorway():
     near = [Track(speed=20.0), Track(s=15.0, speed=20.0)]
-    there = judge(RULES["L3"], case(*near, events={}))
-    elsewhere = judge(RULES["L3"], case(*near, events={}, road=two_way_road()))
-    unsure = judge(RULES["L3"], case(*near, events={}, unknown=("road_kind",)))
+    there = judge_rule(RULES["L3"], case(*near, events={}))
+    elsewhere = judge_rule(RULES["L3"], case(*near, events={}, road=two_way_road()))
+    unsure = judge_rule(RULES["L3"], case(*near, events={}, unknown=("road_kind",)))
     assert there.severity[0] == Severity.VERY_SERIOUS
     assert elsewhere.severity[0] == unsure.severity[0] == Severity.SERIOUS
 
@@ -137,14 +140,14 @@ def test_a_breach_of_distance_is_very_serious_only_on_a_motorway():
 def test_a_line_between_directions_is_graver_than_one_at_the_edge():
     out = overtake(road=two_way_road(RoadMark.SOLID))
     edge = alone(ego={"lane": -0.4})
-    assert judge(RULES["L2"], out).severity[0] == Severity.VERY_SERIOUS
-    assert judge(RULES["L2"], edge).severity[0] == Severity.LIGHT
+    assert judge_rule(RULES["L2"], out).severity[0] == Severity.VERY_SERIOUS
+    assert judge_rule(RULES["L2"], edge).severity[0] == Severity.LIGHT
 
 
 def test_l9_counts_the_longest_time_on_end():
     events = {"attempt": 60, "line_crossed": 76, "overlap_begin": 112, "overlap_end": 129}
     one = overtake(ego={"lane": STAYS}, target={"s": 60.0}, events=events)
-    found = judge(RULES["L9"], one)
+    found = judge_rule(RULES["L9"], one)
     # Two seconds of the target's way behind it: 40 m and the bodies, at 10 m/s more.
     due = int(np.argmax(one.target.ego_lead[0] >= 44.4))
     assert found.first_frame[0] == due + 160
@@ -153,7 +156,7 @@ def test_l9_counts_the_longest_time_on_end():
 
 
 def test_l10_is_the_distance_between_the_sides():
-    found = judge(RULES["L10"], passing(2.5 / 3.75))
+    found = judge_rule(RULES["L10"], passing(2.5 / 3.75))
     assert found.margin[0] == pytest.approx(2.5 - 1.8 - 0.8, abs=2e-3)
     assert (found.first_frame[0], found.last_frame[0]) == (92, 108)
 
@@ -168,29 +171,29 @@ def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
         "L5": (rear, 90.0 - 4.4 - 50.0 - lawful(40.0, 30.0, b)),
     }
     for code, (one, margin) in margins.items():
-        found = judge(RULES[code], one)
+        found = judge_rule(RULES[code], one)
         assert found.margin[0] == pytest.approx(margin, abs=0.01)
         assert (found.first_frame[0], found.last_frame[0]) == (100, 100)
 
 
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
     given = {"ego": {"speed": 20.0}, "events": CROSSED | {"abort_end": 140}}
-    found = judge(RULES["L15"], along_course(RoadCourse(sight=((0.0, 300.0),)), **given))
+    found = judge_rule(RULES["L15"], along_course(RoadCourse(sight=((0.0, 300.0),)), **given))
     # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s.
     assert found.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
 
 
 def test_l24_is_a_second_of_both_speeds():
-    assert judge(RULES["L24"], against(60.0)).margin[0] == pytest.approx(20.0, abs=0.01)
+    assert judge_rule(RULES["L24"], against(60.0)).margin[0] == pytest.approx(20.0, abs=0.01)
 
 
 def test_l13_asks_for_50_km_h():
-    found = judge(RULES["L13"], alone(ego={"speed": 12.0}))
+    found = judge_rule(RULES["L13"], alone(ego={"speed": 12.0}))
     assert found.margin[0] == pytest.approx(12.0 - 50.0 / 3.6, abs=1e-3)
 
 
 def test_l18_tells_the_time_without_a_signal():
-    found = judge(RULES["L18"], overtake(ego={"lights": 0}))
+    found = judge_rule(RULES["L18"], overtake(ego={"lights": 0}))
     assert found.margin[0] == pytest.approx(-2 * 61 * 0.05, abs=1e-3)
 
 
@@ -204,15 +207,15 @@ def test_l18_tells_the_time_without_a_signal():
 )
 def test_l18_tells_the_first_and_the_last_frame_without_a_signal(lights, first, last):
     # The lines are crossed in frames 76 and 306: from 2 s before to 1 s after.
-    found = judge(RULES["L18"], overtake(ego={"lights": lights}))
+    found = judge_rule(RULES["L18"], overtake(ego={"lights": lights}))
     assert (found.first_frame[0], found.last_frame[0]) == (first, last)
 
 
 def test_the_manoeuvre_begins_3_s_before_the_attempt_and_ends_3_s_after_the_return():
     one = overtake()
     span, events = manoeuvre(one), one.events
-    assert span.start[0] == events.attempt[0] - 60 < 0 or span.start[0] == 0
-    assert span.stop[0] == events.return_end[0] + 60
+    assert span.first[0] == events.attempt[0] - 60 < 0 or span.first[0] == 0
+    assert span.last[0] == events.return_end[0] + 60
 
 
 @pytest.mark.parametrize(
@@ -229,21 +232,21 @@ def test_the_manoeuvre_begins_3_s_before_the_attempt_and_ends_3_s_after_the_retu
     ],
 )
 def test_conduct_is_judged_while_the_ego_drives(events, start, stop):
-    span = conduct(crossing(events=events))
-    assert (span.start[0], span.stop[0]) == (start, stop)
+    span = judged_span(crossing(events=events))
+    assert (span.first[0], span.last[0]) == (start, stop)
 
 
 @pytest.mark.parametrize(("reached", "departed"), [(1.0, False), (1.45, False), (1.6, True)])
 def test_on_a_two_way_road_the_other_lane_is_no_departure(reached, departed):
     away = {"lane": ramp((3, 0), (6, reached), frames=200)}
     one = crossing(ego=away, events=None, road=two_way_road())
-    assert (driving_end(one)[0] < 199) == departed
+    assert (last_driven_frame(one)[0] < 199) == departed
 
 
 def test_after_a_collision_nothing_is_judged():
     speed = np.where(np.arange(200) < 120, 30.0, 5.0)
     crashed = crossing(ego={"speed": speed}, events=CROSSED | {"collision": 120})
-    assert judge(RULES["L13"], crashed).verdict[0] == Verdict.LEGAL
+    assert judge_rule(RULES["L13"], crashed).verdict[0] == Verdict.LEGAL
 
 
 TRUE_NEAR, TRUE_FAR = {"true_gap": 20.0}, {"true_gap": 90.0}
@@ -265,9 +268,9 @@ THOUGHT_NEAR, THOUGHT_FAR = {"gap": 20.0}, {"gap": 90.0}
 )
 def test_what_was_believed_when_pulling_out_is_held_against_what_was_so(given, belief):
     said = Belief(**({"frame": 55} | given))
-    assert judge(RULES["L3"], crossing(beliefs=(said,))).belief[0] == belief
+    assert judge_rule(RULES["L3"], crossing(beliefs=(said,))).belief[0] == belief
     told_nothing = crossing(beliefs=(said,), unknown=("percepts",))
-    assert judge(RULES["L3"], told_nothing).belief[0] == verdicts.Belief.NONE
+    assert judge_rule(RULES["L3"], told_nothing).belief[0] == verdicts.Belief.NONE
 
 
 def test_of_several_decisions_the_last_before_the_line_counts():
@@ -276,7 +279,7 @@ def test_of_several_decisions_the_last_before_the_line_counts():
         Belief(frame=55, true_gap=20.0, gap=90.0),
         Belief(frame=150, true_gap=90.0, gap=90.0),
     )
-    assert judge(RULES["L3"], crossing(beliefs=beliefs)).belief[0] == verdicts.Belief.MISTAKEN
+    assert judge_rule(RULES["L3"], crossing(beliefs=beliefs)).belief[0] == verdicts.Belief.MISTAKEN
 
 
 @pytest.mark.parametrize(("frame", "counts"), [(55, True), (79, True), (81, False)])
@@ -284,7 +287,7 @@ def test_without_a_line_crossed_decisions_count_until_a_second_after_the_attempt
     said = Belief(frame=frame, true_gap=20.0, gap=90.0)
     one = crossing(beliefs=(said,), events={"attempt": 60})
     expected = verdicts.Belief.MISTAKEN if counts else verdicts.Belief.NONE
-    assert judge(RULES["L3"], one).belief[0] == expected
+    assert judge_rule(RULES["L3"], one).belief[0] == expected
 
 
 @pytest.mark.parametrize(("code", "whom"), [("L4", 1), ("L5", 2)])
@@ -294,7 +297,7 @@ def test_entering_a_lane_is_judged_by_whom_it_is_about(code, whom):
     one = crossing(*others, beliefs=(said,))
     for each in ("L4", "L5"):
         expected = verdicts.Belief.MISTAKEN if each == code else verdicts.Belief.NONE
-        assert judge(RULES[each], one).belief[0] == expected
+        assert judge_rule(RULES[each], one).belief[0] == expected
 
 
 def test_a_return_is_believed_safe_or_not():
@@ -304,7 +307,7 @@ def test_a_return_is_believed_safe_or_not():
     )  # fmt: skip
     events = CROSSED | {"overlap_begin": 110, "overlap_end": 120, "return_end": 150}
     one = crossing(target={"s": -60.0}, events=events, beliefs=(said,))
-    assert judge(RULES["L8"], one).belief[0] == verdicts.Belief.MISTAKEN
+    assert judge_rule(RULES["L8"], one).belief[0] == verdicts.Belief.MISTAKEN
 
 
 def test_every_number_of_the_law_is_used_in_a_rule_or_said_to_be_for_comparison():
@@ -318,7 +321,7 @@ def test_every_number_of_the_law_is_used_in_a_rule_or_said_to_be_for_comparison(
 def test_the_gap_of_four_seconds_before_a_fast_one_is_exact():
     start = -4.4 - 40.0 - 60 * 0.05 * 10.0
     margins = [
-        judge(RULES["L6"], crossing(Track(s=start + shift, lane=1, speed=40.0))).margin[0]
+        judge_rule(RULES["L6"], crossing(Track(s=start + shift, lane=1, speed=40.0))).margin[0]
         for shift in (-0.1, 0.1)
     ]
     assert margins == pytest.approx([0.01, -0.01], abs=1e-3)
@@ -329,7 +332,7 @@ def test_braking_that_is_forced_on_the_one_behind_is_that_of_the_formula():
     one = crossing(Track(s=-140.0, lane=1, speed=44.0), ego={"lane": lane})
     last = int(np.argmax(one.signals.lane[0] == 1)) + 60
     gap = 140.0 - 4.4 - 14.0 * 0.05 * last
-    found = judge(RULES["L23"], one)
+    found = judge_rule(RULES["L23"], one)
     assert found.margin[0] == pytest.approx(2.0 - 14.0**2 / (2 * gap), rel=1e-3)
     assert found.last_frame[0] == last
 
@@ -339,7 +342,9 @@ def test_l11_takes_the_worse_of_room_and_speed():
     target = {"kind": "B", "s": 48.0}
     one = passing(1, ego={"speed": faster}, target=target, events=BESIDE)
     start = float(one.signals.speed[0, 60])
-    assert judge(RULES["L11"], one).margin[0] == pytest.approx((start - 30.0) / start, abs=1e-4)
+    assert judge_rule(RULES["L11"], one).margin[0] == pytest.approx(
+        (start - 30.0) / start, abs=1e-4
+    )
 
 
 def test_the_standard_overtake_is_what_its_events_say():

@@ -9,9 +9,9 @@ import pytest
 from tests.support.cases import Track, ramp, seen_case
 from tests.support.overtakes import crossing
 
-from overtaking.labels.law.judging import judge
+from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.starting import steady_speed_at
+from overtaking.labels.law.starting import denoised_lateral_speed_at
 from overtaking.labels.snapshots import lateral_speed_at
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED
@@ -40,7 +40,7 @@ def recorded(target_d: np.ndarray, first: int = 0):
 def test_a_target_whose_track_begins_at_the_attempt_does_not_jump(first):
     case = recorded(np.zeros(200), first)
     assert abs(case.trajectories.states.d[0, 1, ATTEMPT]) > 1000  # 0 would be a metre away.
-    found = judge(L7, case)
+    found = judge_rule(L7, case)
     assert found.verdict[0] == Verdict.LEGAL
     assert found.margin[0] == pytest.approx(0.2)
 
@@ -63,7 +63,7 @@ def test_somebody_who_is_there_for_one_frame_has_no_speed():
     run = case.trajectories.replace(is_recorded=present)
     where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
     assert lateral_speed_at(run, *where)[0] == 0.0
-    assert steady_speed_at(run, *where, 0.2)[0] == 0.0
+    assert denoised_lateral_speed_at(run, *where, 0.2)[0] == 0.0
 
 
 def test_noise_is_no_movement():
@@ -73,7 +73,7 @@ def test_noise_is_no_movement():
         case = recorded(draw.normal(0.0, 0.03, 200))
         where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
         broken["short"] += int(lateral_speed_at(case.trajectories, *where)[0] > TWO_HUNDRED)
-        broken["steady"] += int(judge(L7, case).verdict[0] == Verdict.ILLEGAL)
+        broken["steady"] += int(judge_rule(L7, case).verdict[0] == Verdict.ILLEGAL)
     assert broken["short"] >= 5
     assert broken["steady"] == 0
 
@@ -82,7 +82,7 @@ def test_movement_is_seen_through_noise():
     draw = np.random.default_rng(4)
     moving = ramp((0, 0), (10, 5), frames=200)  # 0.5 m/s.
     case = recorded(moving + draw.normal(0.0, 0.03, 200))
-    found = judge(L7, case)
+    found = judge_rule(L7, case)
     assert found.verdict[0] == Verdict.ILLEGAL
     assert found.margin[0] == pytest.approx(-0.3, abs=0.1)
 
@@ -90,6 +90,6 @@ def test_movement_is_seen_through_noise():
 def test_a_simulation_is_recorded_without_noise():
     case = crossing(Track(s=40.0))
     where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
-    assert steady_speed_at(case.trajectories, *where, 0.2) == lateral_speed_at(
+    assert denoised_lateral_speed_at(case.trajectories, *where, 0.2) == lateral_speed_at(
         case.trajectories, *where
     )

@@ -15,11 +15,11 @@ import overtaking as ot
 from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
-from overtaking.labels.law.judging import policies_for
+from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.numbers import amount, bare, fill_placeholders
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Grade, adopt
-from overtaking.labels.law.texts import words_of
+from overtaking.labels.law.texts import texts_by_code
 from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
@@ -71,7 +71,7 @@ def texts_of_rule(rule: Rule) -> Iterator[str]:
 
 
 def labelled_by(law: str, runs: Any) -> LabelledTrajectories:
-    return label(runs, pack=PACKS[law], policies=policies_for(law))
+    return label(runs, pack=PACKS[law], policies=policies_of_law(law))
 
 
 @pytest.mark.parametrize("law", PACKS)
@@ -87,7 +87,7 @@ def test_no_text_of_a_rule_names_the_other_law(law):
 @pytest.mark.ci
 @pytest.mark.parametrize("law", PACKS)
 def test_no_explanation_names_the_other_law(law):
-    foreign, pack, policies = foreign_words(law), PACKS[law], policies_for(law)
+    foreign, pack, policies = foreign_words(law), PACKS[law], policies_of_law(law)
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=24, seed=5))
     labelled = labelled_by(law, runs)
     batches = [labelled.select(np.array([k])) for k in range(24)]
@@ -107,7 +107,7 @@ def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=24, seed=5))
     codes: dict[str, set[str]] = {}
     for law, pack in PACKS.items():
-        labelled, policies = labelled_by(law, runs), policies_for(law)
+        labelled, policies = labelled_by(law, runs), policies_of_law(law)
         codes[law] = {
             neighbour["law"]["rule"]
             for k in range(24)
@@ -124,13 +124,22 @@ def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
 def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
     rule = PORTUGAL.rule("L11")
     adopted = adopt(
-        rule, id="xx.1@2020", code="X1", law="1", title="Own title", gloss="Own gloss.",
+        rule, id="xx.1@2020", code="X1", article="1", title="Own title", gloss="Own gloss.",
         predicate="Own predicate.", grade=Grade.LIGHT, source="xx",
     )  # fmt: skip
-    assert (adopted.check, adopted.spread, adopted.needs) == (rule.check, rule.spread, rule.needs)
-    assert not {*texts_of_rule(adopted)} & {rule.title, rule.gloss, rule.predicate, rule.border}
+    assert (adopted.check, adopted.spread, adopted.required_inputs) == (
+        rule.check,
+        rule.spread,
+        rule.required_inputs,
+    )
+    assert not {*texts_of_rule(adopted)} & {
+        rule.title,
+        rule.gloss,
+        rule.predicate,
+        rule.limit_phrase,
+    }
     with_check = adopt(
-        rule, id="xx.2@2020", code="X2", law="2", title="t", gloss="g", predicate="p",
+        rule, id="xx.2@2020", code="X2", article="2", title="t", gloss="g", predicate="p",
         grade=Grade.LIGHT, source="xx", check=PORTUGAL.rule("L10").check,
     )  # fmt: skip
     assert with_check.spread is None
@@ -154,9 +163,9 @@ def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):
 
 @pytest.mark.parametrize("law", PACKS)
 def test_borders_contain_numbers_only_as_placeholders(law):
-    for code, entry in words_of(law).items():
+    for code, entry in texts_by_code(law).items():
         assert not re.search(r"\d", re.sub(r"\{.*?\}", "", entry.border)), code
-        assert PACKS[law].rule(code).border == fill_placeholders(entry.border)
+        assert PACKS[law].rule(code).limit_phrase == fill_placeholders(entry.border)
 
 
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():

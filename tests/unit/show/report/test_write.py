@@ -18,7 +18,7 @@ from overtaking import label, sample, simulate
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.knowledge.glossary import TERM_GROUPS, terms
-from overtaking.labels.law.judging import POLICIES
+from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.verdicts import Verdict
 from overtaking.show.report import files
@@ -149,7 +149,7 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     (quoted, *_) = re.findall(r'<blockquote class="verdicts">(.*?)</blockquote>', text)
     broken = {
         rule
-        for rule in POLICIES[0].required
+        for rule in STORED_POLICIES[0].required
         if one.findings.verdict[0, one.findings.rule_codes.index(rule)] == Verdict.ILLEGAL
     }
     assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken

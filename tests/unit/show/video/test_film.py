@@ -11,7 +11,7 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law.judging import POLICIES, policy
+from overtaking.labels.law.judging import STORED_POLICIES, stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.trajectories import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
@@ -237,33 +237,33 @@ def test_a_breach_is_told_from_its_first_to_its_last_frame(run):
 
 def test_a_breach_that_the_policy_does_not_count_is_grey_and_says_so(run):
     """A film of a lawful overtake shows no red article."""
-    film = Film(run, findings=findings(10, 20, "L20"), policy=policy("paper"))
+    film = Film(run, findings=findings(10, 20, "L20"), policy=stored_policy("paper"))
     picture = film.draw(15).to_rgb()
     assert red(film, 15) == 0
     assert not near(picture[SCENE_BOTTOM:], WARNING, 12).any()
     assert near(picture[SCENE_BOTTOM - 30 : SCENE_BOTTOM, :300], ASIDE, 12).sum() > 500
-    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("paper"))
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), stored_policy("paper"))
     assert note.text == "Article 74: Lanes for trucks (serious) - not counted by policy paper"
-    (note,) = breaches(film.scene, findings(10, 20, "L20"), policy("default"))
+    (note,) = breaches(film.scene, findings(10, 20, "L20"), stored_policy("default"))
     assert note.text == "Article 74: Lanes for trucks (serious)"
 
 
 def test_what_counts_is_shown_first(run):
     both = findings(10, 20, "L20", "L3")
-    notes = breaches(scene(run), both, policy("paper"))
+    notes = breaches(scene(run), both, stored_policy("paper"))
     assert [note.counts for note in notes] == [True, False]
 
 
 def test_a_class_is_explained_beside_its_name_in_the_room_that_there_is():
     for label in OvertakeClass:
-        for each in POLICIES:
+        for each in STORED_POLICIES:
             text = explained(label.title, each.name)
             assert each.name in text
             assert 16 + lettering(text, 11).shape[1] < 420  # Left of where the stages begin.
 
 
 def test_of_two_readings_of_a_rule_only_the_required_one_is_shown():
-    default, strict = (articles_of(policy(name)).keys() for name in ("default", "strict"))
+    default, strict = (articles_of(stored_policy(name)).keys() for name in ("default", "strict"))
     assert {"L14", "L15"} <= default
     assert not {"L14s", "L15s"} & default
     assert {"L14s", "L15s"} <= strict
@@ -271,9 +271,9 @@ def test_of_two_readings_of_a_rule_only_the_required_one_is_shown():
 
 
 def test_breaches_by_others_are_not_shown():
-    theirs = {rule.code for rule in PORTUGAL.rules if not rule.of_ego}
+    theirs = {rule.code for rule in PORTUGAL.rules if not rule.is_duty_of_ego}
     assert theirs
-    for each in POLICIES:
+    for each in STORED_POLICIES:
         assert not theirs & articles_of(each).keys()
 
 

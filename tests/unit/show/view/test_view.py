@@ -18,7 +18,7 @@ import pytest
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.glossary import terms
-from overtaking.labels.law.judging import POLICIES, STORED
+from overtaking.labels.law.judging import STORED_POLICIES, STORED_POLICY_NAMES
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.known_roads import known_road
@@ -191,7 +191,7 @@ def test_little_is_needed_of_a_recording(labelled: LabelledTrajectories):
 def test_each_rule_that_can_be_opened_has_its_paragraph(labelled, packs):
     assert any(one["law"] for one in packs)
     for number, packed in enumerate(packs):
-        said = paragraphs(one(labelled, number), number, PORTUGAL, POLICIES)
+        said = paragraphs(one(labelled, number), number, PORTUGAL, STORED_POLICIES)
         expected = {each["rule"]: each["paragraph"] for each in said}
         for row in packed["law"]:
             assert row["paragraph"] == expected[row["rule"]]
@@ -203,7 +203,7 @@ def test_words_are_those_of_the_glossary():
     assert {name: one["meaning"] for name, one in said["classes"].items()} == {
         name: one.meaning for name, one in terms("classes").items()
     }
-    assert list(said["policies"]) == list(STORED)
+    assert list(said["policies"]) == list(STORED_POLICY_NAMES)
 
 
 def luminance(colour: str) -> float:

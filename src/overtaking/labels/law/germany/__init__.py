@@ -38,5 +38,5 @@ GERMANY = Pack(
     edition=edition("de"),
     severities="the catalogue of fines and points: light without a point, serious with one, very "
     "serious with two",
-    trusts_hearsay=False,
+    accepts_unread_articles=False,
 )

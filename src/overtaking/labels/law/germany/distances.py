@@ -5,13 +5,19 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import (
-    after_cut_ins,
-    distance_from,
+    distance_to_intervals,
     ego_may_be,
-    settled,
-    stretches_of,
+    is_regaining_gap,
+    span_after_gap_recovery,
+    zone_intervals,
 )
-from overtaking.labels.law.margins import ENDLESS, always, decided, inapplicable, stretch
+from overtaking.labels.law.margins import (
+    UNCONSTRAINED,
+    finding_from_margins,
+    finding_not_applicable,
+    finding_over_span,
+    minimum_over,
+)
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
@@ -24,53 +30,55 @@ from overtaking.model.verdicts import Case, Finding
 
 def _gap(case: Case) -> tuple[F32, Mask]:
     """Gap to the leader, and where it counts: not for 3 s after a cut-in; (simulation, time)."""
-    seen, place = case.signals, NeighbourRole.LEADER
-    counts = (seen.neighbour_slot[:, place] != NO_VEHICLE) & ~after_cut_ins(case)
-    return seen.gap[:, place], counts
+    signals, place = case.signals, NeighbourRole.LEADER
+    counts = (signals.neighbour_slot[:, place] != NO_VEHICLE) & ~is_regaining_gap(case)
+    return signals.gap[:, place], counts
 
 
-def way_of(speed: F32, seconds: str) -> F32:
+def distance_in_whole_mm(speed: F32, seconds: str) -> F32:
     """Way of some tenths of a second, rounded down to whole millimetres [m].
 
     Speeds are recorded in whole mm/s, so the logic program has the same integers.
     """
     tenths = round(10.0 * float(constant(seconds)))
-    whole = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64) * tenths // 10
-    return (whole / 1000.0).astype(np.float32)
+    whole_mm = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64) * tenths // 10
+    return (whole_mm / 1000.0).astype(np.float32)
 
 
 def _error(seconds: str) -> Spread:
     """Error of a gap less a way of some seconds."""
 
-    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+    def standard_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         del case
-        way = float(constant(seconds)) * errors.speed_std
-        return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position_std, way))
+        distance = float(constant(seconds)) * errors.speed_std
+        return np.full_like(finding.margin, np.hypot(np.sqrt(2.0) * errors.position_std, distance))
 
-    return Spread(formula=f"sqrt(2 sp^2 + ({amount(seconds)})^2 sv^2)", of=of)
+    return Spread(
+        formula=f"sqrt(2 sp^2 + ({amount(seconds)})^2 sv^2)", standard_error=standard_error
+    )
 
 
 def courts_distance(speed: F32) -> F32:
     """Gap to the leader that courts require at a speed [m/s]; shape of the speeds [m]."""
-    return way_of(speed, "law_de.distance.courts")
+    return distance_in_whole_mm(speed, "law_de.distance.courts")
 
 
 def fined_distance(speed: F32) -> F32:
     """Gap to the leader below which a driver is fined at a speed [m/s]; shape of the speeds [m]."""
-    return way_of(speed, "law_de.distance.fined")
+    return distance_in_whole_mm(speed, "law_de.distance.fined")
 
 
 def _courts(case: Case) -> Finding:
     """The gap is at least the distance that courts require."""
     gap, counts = _gap(case)
     margin = gap - courts_distance(case.signals.speed)
-    return always(np.where(counts, margin, ENDLESS), settled(case))
+    return finding_over_span(np.where(counts, margin, UNCONSTRAINED), span_after_gap_recovery(case))
 
 
 A1 = Rule(
     id="de.stvo.4-1@2013",
     code="A1",
-    law="§ 4(1) StVO",
+    article="§ 4(1) StVO",
     title="Distance",
     gloss="Keep, as a rule, a distance behind which one can stop even if the vehicle ahead brakes "
     "suddenly.",
@@ -82,30 +90,36 @@ A1 = Rule(
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    without_attempt=True,
+    applies_without_attempt=True,
     check=_courts,
     spread=_error("law_de.distance.courts"),
 )
 
 
-def _fined(case: Case) -> Finding:
+def _check_fined_distance(case: Case) -> Finding:
     """Above 80 km/h the gap is not under the way of 0.9 s for more than 3 s on end, or 140 m."""
     gap, counts = _gap(case)
-    speed, span = case.signals.speed, settled(case)
+    speed, span = case.signals.speed, span_after_gap_recovery(case)
     fast = counts & (speed > constant("law_de.distance.fined_above"))
     fast &= span.mask(np.arange(len(speed)), speed.shape[1])
     near = fast & (gap < fined_distance(speed))
-    run = _length_of_runs(near).astype(np.float32) * np.float32(
+    trajectories = _run_lengths(near).astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
-    way = constant("law_de.distance.way") / np.maximum(speed, np.float32(1.0))
-    margin = np.minimum(constant("law_de.distance.lasting"), way) - run
-    found = stretch(np.where(fast, margin, ENDLESS), span)
-    applies = span.exists & fast.any(axis=1)
-    return decided(applies, found.low, found.first, found.last, longest=found.longest)
+    required_distance = constant("law_de.distance.way") / np.maximum(speed, np.float32(1.0))
+    margin = np.minimum(constant("law_de.distance.lasting"), required_distance) - trajectories
+    minimum = minimum_over(np.where(fast, margin, UNCONSTRAINED), span)
+    applies = span.is_nonempty & fast.any(axis=1)
+    return finding_from_margins(
+        applies,
+        minimum.min_margin,
+        minimum.first_frame,
+        minimum.last_frame,
+        longest=minimum.longest_run,
+    )
 
 
-def _length_of_runs(mask: Mask) -> np.ndarray:
+def _run_lengths(mask: Mask) -> np.ndarray:
     """How many frames in a row a mask has held so far, 0 where it does not, (simulation, time)."""
     frame = np.arange(1, mask.shape[1] + 1)
     last_off = np.maximum.accumulate(np.where(mask, 0, frame), axis=1)
@@ -115,7 +129,7 @@ def _length_of_runs(mask: Mask) -> np.ndarray:
 A2 = Rule(
     id="de.stvo.4-1.fined@2013",
     code="A2",
-    law="§ 4(1) StVO; BKatV, annex, numbers 12.5 to 12.7",
+    article="§ 4(1) StVO; BKatV, annex, numbers 12.5 to 12.7",
     title="Distance, as it is fined",
     gloss=A1.gloss,
     predicate=(
@@ -127,8 +141,8 @@ A2 = Rule(
     unit="s",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
-    without_attempt=True,
-    check=_fined,
+    applies_without_attempt=True,
+    check=_check_fined_distance,
     fine="by the tenths of half the speedometer (BKatV, numbers 12.5 to 12.7)",
 )
 
@@ -143,23 +157,25 @@ def _trucks_keep_distance(case: Case) -> Finding:
     trucks, road = ego_may_be(case, VehicleKind.TRUCK), case.trajectories.road
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
     if not (motorway and trucks.any()):
-        return inapplicable(case.signals.num_simulations)
+        return finding_not_applicable(case.signals.num_simulations)
     gap, counts = _gap(case)
     counts = counts & (case.signals.speed > constant("law_de.distance.trucks_above"))
     margin = gap - truck_distance(case.signals.speed)
-    return always(np.where(counts & trucks[:, None], margin, ENDLESS), settled(case))
+    return finding_over_span(
+        np.where(counts & trucks[:, None], margin, UNCONSTRAINED), span_after_gap_recovery(case)
+    )
 
 
-def _two_places(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _two_places(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Error of a gap."""
     del case
-    return np.full_like(found.margin, np.sqrt(2.0) * errors.position_std)
+    return np.full_like(finding.margin, np.sqrt(2.0) * errors.position_std)
 
 
 A3 = Rule(
     id="de.stvo.4-3@2013",
     code="A3",
-    law="§ 4(3) StVO",
+    article="§ 4(3) StVO",
     title="Distance of trucks",
     gloss="On motorways drivers of trucks above 3.5 t keep at least "
     f"{amount('law_de.distance.trucks')} to the vehicle ahead when faster than "
@@ -172,24 +188,27 @@ A3 = Rule(
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    needs=frozenset(["kinds", "road_kind"]),
-    without_attempt=True,
+    required_inputs=frozenset(["kinds", "road_kind"]),
+    applies_without_attempt=True,
     check=_trucks_keep_distance,
-    spread=Spread(formula="sqrt(2) sp", of=_two_places),
+    spread=Spread(formula="sqrt(2) sp", standard_error=_two_places),
 )
 
 
 def _leaves_room(case: Case) -> Finding:
     """Where a truck can be overtaken, the gap ahead of it holds another vehicle."""
-    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
-    in_town = run.road.kind == "town" and "road_kind" not in run.unknown
-    if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
-        return inapplicable(case.signals.num_simulations)
+    trajectories, trucks = (
+        case.trajectories,
+        ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt,
+    )
+    in_town = trajectories.road.kind == "town" and "road_kind" not in trajectories.unknown
+    if not trajectories.road.is_two_way or trajectories.road.num_lanes > 1 or in_town:
+        return finding_not_applicable(case.signals.num_simulations)
     gap, counts = _gap(case)
-    bans = stretches_of(case, [ZoneKind.NO_OVERTAKING], lambda _: 0.0)
-    counts = counts & trucks[:, None] & (distance_from(case, bans) >= 0.0)
+    bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], lambda _: 0.0)
+    counts = counts & trucks[:, None] & (distance_to_intervals(case, bans) >= 0.0)
     margin = gap - room_for_another(case.signals.speed)
-    return always(np.where(counts, margin, ENDLESS), settled(case))
+    return finding_over_span(np.where(counts, margin, UNCONSTRAINED), span_after_gap_recovery(case))
 
 
 def room_for_another(speed: F32) -> F32:
@@ -198,17 +217,17 @@ def room_for_another(speed: F32) -> F32:
     return constant("law_de.distance.entering_length") + distance
 
 
-def _room_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _room_error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Error of a gap less a length and twice the way of 1.5 s."""
     del case
-    way = 2.0 * float(constant("law_de.distance.courts")) * errors.speed_std
-    return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position_std, way))
+    distance = 2.0 * float(constant("law_de.distance.courts")) * errors.speed_std
+    return np.full_like(finding.margin, np.hypot(np.sqrt(2.0) * errors.position_std, distance))
 
 
 A4 = Rule(
     id="de.stvo.4-2@2013",
     code="A4",
-    law="§ 4(2) StVO",
+    article="§ 4(2) StVO",
     title="Trucks leave room",
     gloss="Outside built-up areas vehicles with a speed limit of their own keep so large a "
     "distance to the vehicle ahead that one that overtakes can move in. This does not hold for who "
@@ -222,12 +241,12 @@ A4 = Rule(
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    needs=frozenset(["kinds", "road_kind"]),
-    without_attempt=True,
+    required_inputs=frozenset(["kinds", "road_kind"]),
+    applies_without_attempt=True,
     check=_leaves_room,
     spread=Spread(
         formula=f"sqrt(2 sp^2 + ({amount('law_de.distance.courts', times=2.0)})^2 sv^2)",
-        of=_room_error,
+        standard_error=_room_error,
     ),
-    two_way=True,
+    only_two_way_roads=True,
 )

@@ -4,10 +4,28 @@ import numpy as np
 
 from overtaking.core.arrays import F32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.case import conduct, limit_table, limits_of, optical_range, seconds_of
-from overtaking.labels.law.lamps_and_indicators import BEAMS, FOG, HIGH, L19, NO_DAZZLE, dazzles
+from overtaking.labels.law.case import (
+    general_limits,
+    judged_span,
+    meteorological_range,
+    seconds_of,
+    speed_limit_bounds,
+)
+from overtaking.labels.law.lamps_and_indicators import (
+    HIGH_BEAM,
+    L19,
+    LOW_OR_HIGH_BEAM,
+    NO_DAZZLE,
+    REAR_FOG_LAMP,
+    dazzles,
+)
 from overtaking.labels.law.lines_and_lanes import L2, OFF_THE_LINE
-from overtaking.labels.law.margins import ENDLESS, always, decided, ends_in
+from overtaking.labels.law.margins import (
+    UNCONSTRAINED,
+    breach_frames_in,
+    finding_from_margins,
+    finding_over_span,
+)
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.returning import KEEPS_RIGHT, L8, L21, L23, NO_HARD_BRAKING, SAFE_RETURN
 from overtaking.labels.law.rule import Grade, Rule, adopt
@@ -16,10 +34,10 @@ from overtaking.labels.law.speed import (
     L12,
     OF_SPEED,
     WITHIN_LIMIT,
-    decisive_limit,
     keeps_limit,
-    limit_spread,
-    perhaps,
+    limit_at_worst_frame,
+    limit_error,
+    with_breaches_undecidable,
 )
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case, Finding, Severity, Verdict
@@ -30,7 +48,7 @@ G1 = adopt(
     L23,
     id="de.stvo.1-2@2013",
     code="G1",
-    law="§ 1(2) StVO",
+    article="§ 1(2) StVO",
     title="No danger, no avoidable obstruction",
     predicate=NO_HARD_BRAKING,
     gloss="Behave so that nobody is harmed, endangered, or hindered more than is unavoidable.",
@@ -42,7 +60,7 @@ F1 = adopt(
     L21,
     id="de.stvo.2-2@2013",
     code="F1",
-    law="§ 2(2) and § 7(1) StVO",
+    article="§ 2(2) and § 7(1) StVO",
     title="Keep right",
     predicate=KEEPS_RIGHT,
     gloss="Drive as far to the right as possible; on several lanes one may do otherwise where the "
@@ -55,7 +73,7 @@ F2 = adopt(
     L8,
     id="de.stvo.7-5@2013",
     code="F2",
-    law="§ 7(5) StVO",
+    article="§ 7(5) StVO",
     title="Change of lane",
     predicate=SAFE_RETURN,
     gloss="Change lane only if nobody is endangered.",
@@ -72,7 +90,7 @@ V1 = adopt(
     L14,
     id="de.stvo.3-1-4@2013",
     code="V1",
-    law="§ 3(1) sentence 4 StVO",
+    article="§ 3(1) sentence 4 StVO",
     title="Stop in the visible space",
     predicate=f"{STOPS_FOR_LIT} {_LEADER}",
     grade=Grade.SERIOUS,
@@ -84,7 +102,7 @@ V1s = adopt(
     L14s,
     id="de.stvo.3-1-4.unlit@2013",
     code="V1s",
-    law="§ 3(1) sentence 4 StVO, strictly",
+    article="§ 3(1) sentence 4 StVO, strictly",
     title="Stop in the visible space, for the unlit",
     predicate=f"{STOPS_FOR_UNLIT} {_LEADER}",
     grade=Grade.SERIOUS,
@@ -94,25 +112,25 @@ V1s = adopt(
 
 
 def limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
-    """`limits_of` by the Road Traffic Order."""
-    return limits_of(case, limit_table("law_de"), ahead)
+    """`speed_limit_bounds` by the Road Traffic Order."""
+    return speed_limit_bounds(case, general_limits("law_de"), ahead)
 
 
 def _within_limit(case: Case) -> Finding:
-    """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
-    found = keeps_limit(case, limits(case))
-    severity = np.full(len(found.verdict), Severity.LIGHT, np.uint8)
+    """Speed never exceeds the posted limit, nor the limit of the class of vehicle on this road."""
+    finding = keeps_limit(case, limits(case))
+    severity = np.full(len(finding.verdict), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
-        severity += (-found.margin > constant(f"law_de.excess.{grade}")).astype(np.uint8)
-    broken = found.verdict == Verdict.ILLEGAL
-    return found.replace(severity=np.where(broken, severity, np.uint8(Severity.NONE)))
+        severity += (-finding.margin > constant(f"law_de.excess.{grade}")).astype(np.uint8)
+    broken = finding.verdict == Verdict.ILLEGAL
+    return finding.replace(severity=np.where(broken, severity, np.uint8(Severity.NONE)))
 
 
 V2 = adopt(
     L12,
     id="de.stvo.3-3@2013",
     code="V2",
-    law="§ 3(3) and § 18(5) StVO; sign 274",
+    article="§ 3(3) and § 18(5) StVO; sign 274",
     title="Speed limit",
     grade=Grade.BY_BREACH,
     gloss="Keep to the limit that is posted and to the general one: in towns "
@@ -125,24 +143,27 @@ V2 = adopt(
     ),
     source=_STVO,
     check=_within_limit,
-    spread=limit_spread(limits),
-    limit=lambda case: decisive_limit(case, limits(case)),
+    spread=limit_error(limits),
+    limit=lambda case: limit_at_worst_frame(case, limits(case)),
 )
 
 
 def _slow_in_fog(case: Case) -> Finding:
     """Where one sees less than 50 m for fog or rain, speed is 50 km/h at most."""
-    thick, may_be = optical_range(case) < constant("law_de.fog.sight"), case.trajectories.unknown
+    thick, may_be = (
+        meteorological_range(case) < constant("law_de.fog.sight"),
+        case.trajectories.unknown,
+    )
     thick |= "weather" in may_be
     margin = constant("law_de.fog.speed") - case.signals.speed
-    found = always(np.where(thick[:, None], margin, ENDLESS), conduct(case))
-    return perhaps(found) if "weather" in may_be else found
+    minimum = finding_over_span(np.where(thick[:, None], margin, UNCONSTRAINED), judged_span(case))
+    return with_breaches_undecidable(minimum) if "weather" in may_be else minimum
 
 
 V3 = Rule(
     id="de.stvo.3-1-3@2013",
     code="V3",
-    law="§ 3(1) sentence 3 StVO",
+    article="§ 3(1) sentence 3 StVO",
     title="Slowly in fog",
     gloss=f"Drive no faster than {amount('law_de.fog.speed')} if one sees less than "
     f"{amount('law_de.fog.sight')} for fog, snow or rain.",
@@ -153,8 +174,8 @@ V3 = Rule(
     unit="m/s",
     grade=Grade.SERIOUS,
     source=_STVO,
-    partly=frozenset(["weather"]),
-    without_attempt=True,
+    conditional_inputs=frozenset(["weather"]),
+    applies_without_attempt=True,
     check=_slow_in_fog,
     spread=OF_SPEED,
 )
@@ -162,25 +183,27 @@ V3 = Rule(
 
 def _right_lamps(case: Case) -> Finding:
     """Low beam by night and in fog, rear fog lamps under 50 m only, no high beam that dazzles."""
-    span, sight = conduct(case), optical_range(case)
+    span, sight = judged_span(case), meteorological_range(case)
     lights = case.trajectories.states.lights[:, EGO_SLOT]
     needed = case.trajectories.scenario.weather.night | (sight < constant("law_de.fog.impaired"))
-    wrong = needed[:, None] & ((lights & BEAMS) == 0)
-    wrong |= ((lights & FOG) != 0) & (sight >= constant("law_de.fog.sight"))[:, None]
-    rows, frames = np.nonzero((lights & HIGH) != 0)
+    wrong = needed[:, None] & ((lights & LOW_OR_HIGH_BEAM) == 0)
+    wrong |= ((lights & REAR_FOG_LAMP) != 0) & (sight >= constant("law_de.fog.sight"))[:, None]
+    rows, frames = np.nonzero((lights & HIGH_BEAM) != 0)
     if rows.size:
         wrong[rows, frames] |= dazzles(case, rows, frames)
-    every = np.arange(len(lights))
-    first, last, longest = ends_in(span, every, wrong)
-    count = (wrong & span.mask(every, lights.shape[1])).sum(axis=1, dtype=np.int32)
-    return decided(span.exists, -seconds_of(case, count), first, last, longest=longest)
+    all_simulations = np.arange(len(lights))
+    first, last, longest = breach_frames_in(span, all_simulations, wrong)
+    count = (wrong & span.mask(all_simulations, lights.shape[1])).sum(axis=1, dtype=np.int32)
+    return finding_from_margins(
+        span.is_nonempty, -seconds_of(case, count), first, last, longest=longest
+    )
 
 
 B1 = adopt(
     L19,
     id="de.stvo.17@2013",
     code="B1",
-    law="§ 17(1) to (3) StVO",
+    article="§ 17(1) to (3) StVO",
     title="Lamps",
     grade=Grade.LIGHT,
     gloss="Low beam in the dark and where fog, snow or rain impair the sight considerably; no high "
@@ -199,7 +222,7 @@ S1 = adopt(
     L2,
     id="de.stvo.295@2013",
     code="S1",
-    law="§ 41(1) StVO, annex 2, signs 295 and 296",
+    article="§ 41(1) StVO, annex 2, signs 295 and 296",
     title="Continuous line",
     predicate=OFF_THE_LINE,
     gloss="A continuous line must not be driven over, not even in part; beside a broken one, the "

@@ -17,16 +17,22 @@ from overtaking.labels.law.alongside import (
     check_lateral_distance,
     in_queue,
 )
-from overtaking.labels.law.case import alongside, beside, ego_may_be, lane_index, optical_range
+from overtaking.labels.law.case import (
+    alongside,
+    ego_may_be,
+    meteorological_range,
+    neighbour_at,
+    signed_lane,
+)
 from overtaking.labels.law.lamps_and_indicators import INDICATES, L18
-from overtaking.labels.law.margins import ENDLESS, instant
+from overtaking.labels.law.margins import UNCONSTRAINED, finding_at_frame
 from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.oncoming_traffic import BACK_BEFORE_ONCOMING, L24
 from overtaking.labels.law.returning import L9, RETURNS_SOON
 from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
 from overtaking.labels.law.starting import L7, TARGET_KEEPS_LANE
-from overtaking.labels.snapshots import at, vehicle_at
+from overtaking.labels.snapshots import at_frame, vehicle_snapshot
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
@@ -35,19 +41,21 @@ from overtaking.model.verdicts import Case, Finding
 
 def _on_the_left(case: Case) -> Finding:
     """While alongside the target the ego is left of it, unless both are in queues."""
-    found = alongside(case)
-    own = lane_index(case.signals.lane)[found.rows, found.frames]
-    margin = (own - lane_index(found.lane) - HALF).astype(np.float32)
+    frames_alongside = alongside(case)
+    ego_lane = signed_lane(case.signals.lane)[frames_alongside.simulation, frames_alongside.frame]
+    margin = (ego_lane - signed_lane(frames_alongside.lane) - HALF).astype(np.float32)
     wrong = np.flatnonzero(margin < 0)
-    margin[wrong[in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
-    return found.check(case, margin)
+    margin[
+        wrong[in_queue(case, frames_alongside.simulation[wrong], frames_alongside.frame[wrong])]
+    ] = UNCONSTRAINED
+    return frames_alongside.finding(case, margin)
 
 
 O1 = adopt(
     L1,
     id="de.stvo.5-1@2013",
     code="O1",
-    law="§ 5(1) StVO; exceptions § 7(2) and (2a)",
+    article="§ 5(1) StVO; exceptions § 7(2) and (2a)",
     title="Overtake on the left",
     gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
     "right.",
@@ -63,22 +71,22 @@ O1 = adopt(
 def _much_faster(case: Case) -> Finding:
     """As the ego comes alongside it is 10 km/h faster than the target or more."""
     frame, target = case.events.overlap_begin, case.target.slot
-    rows, when = np.arange(len(frame)), np.maximum(frame, 0)
-    there = vehicle_at(case.trajectories, target, rows, when)
-    faster = at(case.signals.speed, when) - there.speed
-    return instant(frame, faster - constant("law_de.pass.faster"), target != NO_VEHICLE)
+    rows, entry_frame = np.arange(len(frame)), np.maximum(frame, 0)
+    has_target = vehicle_snapshot(case.trajectories, target, rows, entry_frame)
+    faster = at_frame(case.signals.speed, entry_frame) - has_target.speed
+    return finding_at_frame(frame, faster - constant("law_de.pass.faster"), target != NO_VEHICLE)
 
 
-def _two_speeds(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+def _two_speeds(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     """Error of a difference of two speeds."""
     del case
-    return np.full_like(found.margin, np.sqrt(2.0) * errors.speed_std)
+    return np.full_like(finding.margin, np.sqrt(2.0) * errors.speed_std)
 
 
 O2 = Rule(
     id="de.stvo.5-2-2@2013",
     code="O2",
-    law="§ 5(2) sentence 2 StVO",
+    article="§ 5(2) sentence 2 StVO",
     title="Substantially faster",
     gloss="Only those may overtake who are substantially faster than the overtaken.",
     predicate=f"At overlap_begin: v - v_target >= {amount('law_de.pass.faster')}.",
@@ -86,7 +94,7 @@ O2 = Rule(
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
     check=_much_faster,
-    spread=Spread(formula="sqrt(2) sv", of=_two_speeds),
+    spread=Spread(formula="sqrt(2) sv", standard_error=_two_speeds),
     fine="80 EUR, 1 point (BKat 18, Kraftfahrt-Bundesamt)",
 )
 
@@ -94,7 +102,7 @@ O3 = adopt(
     L24,
     id="de.stvo.5-2-1@2013",
     code="O3",
-    law="§ 5(2) sentence 1 StVO",
+    article="§ 5(2) sentence 1 StVO",
     title="Oncoming traffic",
     predicate=BACK_BEFORE_ONCOMING,
     gloss="Only those may overtake who can see that they will not hinder oncoming traffic at any "
@@ -108,7 +116,7 @@ O4 = adopt(
     L7,
     id="de.stvo.5-3-1@2013",
     code="O4",
-    law="§ 5(3) number 1 StVO",
+    article="§ 5(3) number 1 StVO",
     title="Clear situation",
     predicate=TARGET_KEEPS_LANE,
     gloss="Do not overtake where the situation is unclear, such as behind somebody who moves out.",
@@ -121,14 +129,14 @@ O4 = adopt(
 def _trucks_see(case: Case) -> Finding:
     """As a truck begins to overtake, one sees 50 m or more through fog and rain."""
     trucks = ego_may_be(case, VehicleKind.TRUCK) & case.events.has_attempt
-    margin = optical_range(case) - constant("law_de.pass.truck_sight")
-    return instant(case.events.attempt, margin, trucks)
+    margin = meteorological_range(case) - constant("law_de.pass.truck_sight")
+    return finding_at_frame(case.events.attempt, margin, trucks)
 
 
 O5 = Rule(
     id="de.stvo.5-3a@2013",
     code="O5",
-    law="§ 5(3a) StVO",
+    article="§ 5(3a) StVO",
     title="No overtaking by trucks in fog",
     gloss="Drivers of vehicles above 7.5 t do not overtake if they see less than "
     f"{amount('law_de.pass.truck_sight')} for fog, snow or rain.",
@@ -139,7 +147,7 @@ O5 = Rule(
     unit="m",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
-    needs=frozenset(["kinds", "weather"]),
+    required_inputs=frozenset(["kinds", "weather"]),
     check=_trucks_see,
     fine="120 EUR, 1 point (BKat 21, Kraftfahrt-Bundesamt)",
 )
@@ -157,26 +165,29 @@ def _not_endangered(place: NeighbourRole, event: str) -> tuple[Callable[[Case], 
 
     def check(case: Case) -> Finding:
         frame = getattr(case.events, event)
-        other = beside(case, place, frame)
-        speed = at(case.signals.speed, np.maximum(frame, 0))
-        return instant(frame, _calm(other.gap, speed, other.closing_speed, speed), other.valid)
+        neighbour = neighbour_at(case, place, frame)
+        speed = at_frame(case.signals.speed, np.maximum(frame, 0))
+        return finding_at_frame(
+            frame, _calm(neighbour.gap, speed, neighbour.closing_speed, speed), neighbour.valid
+        )
 
-    def error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
-        del found
+    def error(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        del finding
         return gap_error(case, place, getattr(case.events, event), _calm, errors)
 
     return check, Spread(
-        formula=f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {amount('law.entry.braking')}", of=error
+        formula=f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {amount('law.entry.braking')}",
+        standard_error=error,
     )
 
 
-_OUT, _OUT_ERROR = _not_endangered(NeighbourRole.LEFT_FOLLOWER, "line_crossed")
-_IN, _IN_ERROR = _not_endangered(NeighbourRole.FOLLOWER, "return_end")
+_AT_PULL_OUT, _AT_PULL_OUT_ERROR = _not_endangered(NeighbourRole.LEFT_FOLLOWER, "line_crossed")
+_AT_RETURN, _AT_RETURN_ERROR = _not_endangered(NeighbourRole.FOLLOWER, "return_end")
 
 O6 = Rule(
     id="de.stvo.5-4-1@2013",
     code="O6",
-    law="§ 5(4) sentence 1 StVO",
+    article="§ 5(4) sentence 1 StVO",
     title="Following traffic",
     gloss="Who moves out to overtake behaves so that following traffic is in no danger.",
     predicate=(
@@ -186,8 +197,8 @@ O6 = Rule(
     unit="m",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
-    check=_OUT,
-    spread=_OUT_ERROR,
+    check=_AT_PULL_OUT,
+    spread=_AT_PULL_OUT_ERROR,
     fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
 )
 
@@ -207,7 +218,7 @@ O7 = adopt(
     L10,
     id="de.stvo.5-4-2@2013",
     code="O7",
-    law="§ 5(4) sentence 2 StVO",
+    article="§ 5(4) sentence 2 StVO",
     title="Lateral distance",
     gloss="Keep a sufficient distance to the side of others when overtaking.",
     predicate=(
@@ -224,7 +235,7 @@ O8 = adopt(
     L18,
     id="de.stvo.5-4a@2013",
     code="O8",
-    law="§ 5(4a) StVO",
+    article="§ 5(4a) StVO",
     title="Indicate",
     predicate=INDICATES,
     grade=Grade.LIGHT,
@@ -253,7 +264,7 @@ O10 = adopt(
     L11,
     id="de.stvo.5-4-3@2013",
     code="O10",
-    law="§ 5(4) sentence 3 StVO",
+    article="§ 5(4) sentence 3 StVO",
     title="Overtaking a bicycle",
     gloss=f"Motor vehicles keep at least {amount('law_de.side.bicycle_town')} to the side of those "
     "who walk or cycle, outside built-up areas "
@@ -265,7 +276,7 @@ O10 = adopt(
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    needs=frozenset(["kinds", "road_kind"]),
+    required_inputs=frozenset(["kinds", "road_kind"]),
     check=_apart_from_bicycle,
     spread=L10.spread,
 )
@@ -274,7 +285,7 @@ O11 = adopt(
     L9,
     id="de.stvo.5-4-5@2013",
     code="O11",
-    law="§ 5(4) sentence 5 StVO",
+    article="§ 5(4) sentence 5 StVO",
     title="Duty to return",
     predicate=f"{RETURNS_SOON} O3 is the rule for the lane of oncoming traffic.",
     gloss="Who overtakes moves back to the right as soon as possible.",
@@ -285,7 +296,7 @@ O11 = adopt(
 O12 = Rule(
     id="de.stvo.5-4-6@2013",
     code="O12",
-    law="§ 5(4) sentence 6 StVO",
+    article="§ 5(4) sentence 6 StVO",
     title="The overtaken is not hindered",
     gloss="Who overtakes does not hinder the overtaken.",
     predicate=(
@@ -295,15 +306,15 @@ O12 = Rule(
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    check=_IN,
-    spread=_IN_ERROR,
+    check=_AT_RETURN,
+    spread=_AT_RETURN_ERROR,
 )
 
 O13 = adopt(
     L22,
     id="de.stvo.5-6@2013",
     code="O13",
-    law="§ 5(6) sentence 1 StVO",
+    article="§ 5(6) sentence 1 StVO",
     title="Let others overtake",
     predicate=TARGET_KEEPS_SPEED,
     gloss="Who is overtaken does not accelerate.",
