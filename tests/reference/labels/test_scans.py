@@ -49,12 +49,17 @@ def assert_same(given: Case, span: FrameSpan, ones: list[tuple[One, dict[str, Ro
     for k, (one, seen) in enumerate(ones):
         frames = range(int(span.first[k]), max(int(span.last[k]) + 1, int(span.first[k])))
         expected = readable_scans.answers_of(given, one, seen, dict.fromkeys(SPANS, frames))
-        for name in ("stop_lit", "stop_unlit", "follow", "braking"):
-            margin = getattr(found, name)
-            low, *frames = expected[name]
-            assert margin.low[k].tobytes() == np.float32(low).tobytes(), (k, name)
-            found_frames = [margin.first[k], margin.last[k], margin.longest[k]]
-            assert found_frames == frames, (k, name)
+        minima = {
+            "stop_lit": found.stop_lit,
+            "stop_unlit": found.stop_unlit,
+            "follow": found.following,
+            "braking": found.forced_braking,
+        }
+        for name, minimum in minima.items():
+            min_margin, *frames = expected[name]
+            assert minimum.min_margin[k].tobytes() == np.float32(min_margin).tobytes(), (k, name)
+            breach = [minimum.first_frame[k], minimum.last_frame[k], minimum.longest_run[k]]
+            assert breach == frames, (k, name)
         assert (found.return_opportunity[0][k], found.return_opportunity[1][k]) == expected[
             "due"
         ], k

@@ -102,7 +102,7 @@ def test_findings_are_those_of_the_rules(labelled, frames):
 def test_features_of_both_readings_alternate(labelled, frames):
     rows = frames["features"]
     assert rows["reading"].tolist() == ["paper", "matched"] * SIZE
-    for reading in (labelled.paper, labelled.matched):
+    for reading in (labelled.paper_features, labelled.matched_features):
         mine = rows[rows["reading"] == reading.reading]
         assert np.array_equal(mine["WT_s"].to_numpy(), reading.waiting_time)
         assert np.array_equal(mine["SE_mps"].to_numpy(), reading.ego_speed)

@@ -50,7 +50,7 @@ def test_a_rule_says_what_it_should_of(code, verdict, make):
 def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
     has = {verdict for code, verdict, _, _ in FIXTURES if code == rule.code}
     possible = set(Verdict)
-    if not rule.needs | rule.partly:
+    if not rule.required_inputs | rule.conditional_inputs:
         possible -= {Verdict.UNDECIDABLE}
     assert has == possible
 
@@ -78,7 +78,7 @@ def test_without_what_it_needs_a_rule_decides_nothing(rule):
         if code != rule.code or verdict is Verdict.UNDECIDABLE:
             continue
         one = make()
-        blind = one.replace(trajectories=one.trajectories.replace(unknown=rule.needs))
+        blind = one.replace(trajectories=one.trajectories.replace(unknown=rule.required_inputs))
         found = judge_rule(rule, blind)
         assert found.verdict[0] in (Verdict.UNDECIDABLE, Verdict.NOT_APPLICABLE)
         assert found.margin[0] == 0.0

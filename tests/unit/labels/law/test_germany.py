@@ -52,9 +52,9 @@ def test_a_rule_says_what_it_should_of(code, verdict, make):
 def test_every_rule_has_a_fixture_for_each_verdict_that_it_can_give(rule):
     has = {verdict for code, verdict, _, _ in FIXTURES if code == rule.code}
     possible = set(Verdict)
-    if not rule.needs | rule.partly:
+    if not rule.required_inputs | rule.conditional_inputs:
         possible -= {Verdict.UNDECIDABLE}
-    if rule.text is not TextSource.READ:
+    if rule.text_source is not TextSource.READ:
         possible = POSSIBLE_WITHOUT_TEXT
     assert has == possible
 

@@ -52,10 +52,10 @@ def by_hand(values: np.ndarray, start: int, stop: int) -> tuple[object, ...]:
 def test_a_margin_that_may_never_be_negative(given_):
     values, span = given_
     dense = finding_over_span(values, span)
-    rows, frames = span.frames()
+    rows, frames = span.instants()
     sparse = finding_at_instants(values[rows, frames], rows, frames, len(values))
     for k, row in enumerate(values):
-        expected = by_hand(row, int(span.start[k]), int(span.stop[k]))
+        expected = by_hand(row, int(span.first[k]), int(span.last[k]))
         for found in (dense, sparse):
             said = found.verdict[k], found.margin[k], found.first_frame[k], found.last_frame[k]
             assert said == expected
@@ -66,9 +66,9 @@ def test_a_span_has_the_frames_from_its_start_to_its_stop(given_):
     values, span = given_
     every = np.arange(len(values))
     mask = span.mask(every, FRAMES)
-    rows, frames = span.frames()
+    rows, frames = span.instants()
     assert np.argwhere(mask).tolist() == np.stack([rows, frames], axis=1).tolist()
-    for k in every[span.exists]:
+    for k in every[span.is_nonempty]:
         assert reduce_span(np.maximum, values, span)[k] == values[k][mask[k]].max()
 
 
