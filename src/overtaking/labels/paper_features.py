@@ -41,7 +41,7 @@ def paper_features(case: Case) -> PaperFeatures:
     The waiting time counts from the first frame, and without an attempt is the whole duration. The
     overtaking time ends with the return, a collision or the recording, and is 0 without an attempt.
     The difference of speeds has no sign, the distance is between the centres, and the occupancy is
-    the number of vehicles in the lane to the left over that of all others.
+    the number of vehicles in the lane to the left over the number of all others.
     """
     events = case.events
     attempted = events.has_attempt

@@ -191,7 +191,7 @@ def packed_recording(case: Case) -> dict[str, Any]:
 def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     """A recording as compiled functions take it.
 
-    On a two-way road the lane of oncoming traffic is one more lane to the left, and who comes is
+    On a two-way road the lane of oncoming traffic is one more lane to the left, and oncoming vehicles are
     left out: leaders, followers and targets drive in the direction of the ego.
     """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road

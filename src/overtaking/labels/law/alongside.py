@@ -235,7 +235,8 @@ L22 = Rule(
     code="L22",
     article="Article 39",
     title="Let others overtake",
-    gloss="Who is overtaken gives way to the right as far as possible and does not accelerate.",
+    gloss="A driver being overtaken gives way to the right as far as possible and does not "
+    "accelerate.",
     predicate=TARGET_KEEPS_SPEED,
     unit="m/s^2",
     grade=Grade.BY_ROAD,

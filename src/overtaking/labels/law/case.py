@@ -305,15 +305,15 @@ MIN_CLOSING_SPEED = np.float32(0.1)
 def nearest_oncoming_at(
     case: Case, frame: I32, simulation: IndexArray | None = None
 ) -> tuple[F32, F32, IndexArray]:
-    """The nearest who comes at one frame of some simulations of a two-way road; none at `NEVER`.
+    """The nearest oncoming vehicle at one frame of some simulations of a two-way road.
 
     Args:
         case: The batch.
-        frame: A frame of each, shape (instant,).
-        simulation: Which simulations, same shape; all of them if left out.
+        frame: A frame of each simulation, `NEVER` for no vehicle, shape (instant,).
+        simulation: Rows of the simulations, same shape; None for all of them.
 
     Returns:
-        Gap to it [m] and both speeds together [m/s], NaN where nobody comes, and its slot.
+        Gap to it [m] and closing speed [m/s], both NaN without an oncoming vehicle, and its slot.
     """
     simulation = np.arange(len(frame)) if simulation is None else simulation
     others, index = other_vehicles_at(case.trajectories, frame, simulation), np.arange(len(frame))

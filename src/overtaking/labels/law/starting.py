@@ -299,7 +299,7 @@ L6 = Rule(
     conditional_inputs=frozenset(["indicators"]),
     check=_nobody_overtakes,
     spread=Spread(
-        formula="sqrt(2 sp^2 + 2 time^2 sv^2) / closing speed; 0 where somebody signals or moves"
+        formula="sqrt(2 sp^2 + 2 time^2 sv^2) / closing speed; 0 where a vehicle signals or moves"
         " left",
         standard_error=_arrival_error,
     ),

@@ -51,7 +51,7 @@ G1 = adopt(
     article="§ 1(2) StVO",
     title="No danger, no avoidable obstruction",
     predicate=NO_HARD_BRAKING,
-    gloss="Behave so that nobody is harmed, endangered, or hindered more than is unavoidable.",
+    gloss="Behave so that no person is harmed, endangered, or hindered more than is unavoidable.",
     grade=Grade.LIGHT,
     source=_STVO,
 )
@@ -76,7 +76,7 @@ F2 = adopt(
     article="§ 7(5) StVO",
     title="Change of lane",
     predicate=SAFE_RETURN,
-    gloss="Change lane only if nobody is endangered.",
+    gloss="Change lane only if no person is endangered.",
     grade=Grade.LIGHT,
     source=_STVO,
 )

@@ -119,7 +119,7 @@ O4 = adopt(
     article="§ 5(3) number 1 StVO",
     title="Clear situation",
     predicate=TARGET_KEEPS_LANE,
-    gloss="Do not overtake where the situation is unclear, such as behind somebody who moves out.",
+    gloss="Do not overtake where the situation is unclear, such as behind a vehicle that moves out.",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
     fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
@@ -189,7 +189,7 @@ O6 = Rule(
     code="O6",
     article="§ 5(4) sentence 1 StVO",
     title="Following traffic",
-    gloss="Who moves out to overtake behaves so that following traffic is in no danger.",
+    gloss="A driver moving out to overtake behaves so that following traffic is in no danger.",
     predicate=(
         "At line_crossed: gap to the follower in the lane on the left >= closing speed^2 / (2 x "
         f"{amount('law.entry.braking')}), so that it need not brake hard."
@@ -288,7 +288,7 @@ O11 = adopt(
     article="§ 5(4) sentence 5 StVO",
     title="Duty to return",
     predicate=f"{RETURNS_SOON} O3 is the rule for the lane of oncoming traffic.",
-    gloss="Who overtakes moves back to the right as soon as possible.",
+    gloss="An overtaking driver moves back to the right as soon as possible.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
 )
@@ -298,7 +298,7 @@ O12 = Rule(
     code="O12",
     article="§ 5(4) sentence 6 StVO",
     title="The overtaken is not hindered",
-    gloss="Who overtakes does not hinder the overtaken.",
+    gloss="An overtaking driver does not hinder the overtaken.",
     predicate=(
         "At return_end: gap to the vehicle behind >= closing speed^2 / (2 x "
         f"{amount('law.entry.braking')}), so that it need not brake hard."
@@ -317,7 +317,7 @@ O13 = adopt(
     article="§ 5(6) sentence 1 StVO",
     title="Let others overtake",
     predicate=TARGET_KEEPS_SPEED,
-    gloss="Who is overtaken does not accelerate.",
+    gloss="A driver being overtaken does not accelerate.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
 )
