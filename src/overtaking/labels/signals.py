@@ -151,8 +151,8 @@ def encounters_at(
     instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
     _core.encounter_measures(
         recording=packed_recording(case),
-        neighbour_slot=_as_flat(case.signals.neighbour_slot),
-        instants=_as_flat(instants),
+        neighbour_slot=_contiguous_row(case.signals.neighbour_slot),
+        instants=_contiguous_row(instants),
         slot=slot,
         out=out,
         level=simd_level(),
@@ -191,8 +191,8 @@ def packed_recording(case: Case) -> dict[str, Any]:
 def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     """A recording as compiled functions take it.
 
-    On a two-way road the lane of oncoming traffic is one more lane to the left, and oncoming vehicles are
-    left out: leaders, followers and targets drive in the direction of the ego.
+    On a two-way road the lane of oncoming traffic is one more lane to the left. Oncoming vehicles
+    are left out: leaders, followers and targets drive in the direction of the ego.
     """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
     interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.is_recorded
@@ -207,7 +207,7 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
         **{name: with_adjacent_frames(values) for name, values in recorded.items()},
         "is_recorded": None if present is None else with_adjacent_frames(present),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
-        **{name: _as_flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
+        **{name: _contiguous_row(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
         "overtaking_sign": float(overtaking_sign(road)),
         "direction": float(np.float32(direction)),
@@ -226,7 +226,7 @@ def _with_opposite_lane(trajectories: Trajectories) -> U8:
 
 def pack_signals(signals: EgoSignals) -> ArraysByName:
     """Signals as compiled functions take them."""
-    return {name: _as_flat(getattr(signals, name)) for name in SIGNALS_FOR_ENGINE}
+    return {name: _contiguous_row(getattr(signals, name)) for name in SIGNALS_FOR_ENGINE}
 
 
 def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
@@ -267,7 +267,7 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
         "lamp_clear": np.sqrt(lamp),
         "unlit_limit": np.float32(1.0) / inverse,
     }
-    flat = {name: _as_flat(values) for name, values in arrays.items()}
+    flat = {name: _contiguous_row(values) for name, values in arrays.items()}
     return {**flat, "attention_range": float(attention)}
 
 
@@ -288,7 +288,7 @@ def _neighbour_signals(trajectories: Trajectories, vehicle: U8) -> ArraysByName:
     outputs = _empty_arrays(trajectories, EgoSignals, _NEIGHBOUR_SIGNAL_NAMES)
     _core.neighbour_signals(
         recording=pack_recording(trajectories),
-        neighbour_slot=_as_flat(vehicle),
+        neighbour_slot=_contiguous_row(vehicle),
         outputs=outputs,
         level=simd_level(),
     )
@@ -342,6 +342,6 @@ def with_adjacent_frames(values: NDArray[Any]) -> NDArray[Any]:
     return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
 
 
-def _as_flat(values: NDArray[Any]) -> NDArray[Any]:
+def _contiguous_row(values: NDArray[Any]) -> NDArray[Any]:
     """`values` in one row."""
     return np.ascontiguousarray(values).reshape(-1)

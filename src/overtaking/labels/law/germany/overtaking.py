@@ -119,7 +119,8 @@ O4 = adopt(
     article="§ 5(3) number 1 StVO",
     title="Clear situation",
     predicate=TARGET_KEEPS_LANE,
-    gloss="Do not overtake where the situation is unclear, such as behind a vehicle that moves out.",
+    gloss="Do not overtake where the situation is unclear, such as behind a vehicle that moves "
+    "out.",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
     fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
