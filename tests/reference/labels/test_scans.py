@@ -171,8 +171,8 @@ def test_what_they_agree_on_has_something_of_everything():
     batches = [case(name) for name in ("pinto2023", "motorway-risk")]
     batches += [case_from_trajectories(run) for run in written()]
     found = [scan_spans(given, dict.fromkeys(SPANS, whole(given))) for given in batches]
-    for name in ("stop_lit", "stop_unlit", "follow", "braking"):
-        breach = np.concatenate([getattr(each, name).first for each in found])
+    for name in ("stop_lit", "stop_unlit", "following", "forced_braking"):
+        breach = np.concatenate([getattr(each, name).first_frame for each in found])
         assert (breach >= 0).any(), name
         assert (breach < 0).any(), name
     for arrivals in (

@@ -212,7 +212,7 @@ def test_each_rule_says_how_its_text_is_known_and_where():
 
 
 def test_a_pack_that_trusts_no_hearsay_leaves_what_was_not_read_undecided():
-    strict = replace(PORTUGAL, trusts_hearsay=False)
+    strict = replace(PORTUGAL, accepts_unread_articles=False)
     trusting, doubting = (judge_pack(pack, overtake()) for pack in (PORTUGAL, strict))
     for place, rule in enumerate(PORTUGAL.rules):
         before, now = trusting.verdict[0, place], doubting.verdict[0, place]
