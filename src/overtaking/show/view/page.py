@@ -58,8 +58,15 @@ THEMES = {
 """Colours of the page: those of figures, and those of films; some darker or lighter, so that text
 has a contrast of 4.5 and lines one of 3 with the ground (WCAG 2.2, 1.4.3 and 1.4.11)."""
 
-_TOLD = ("title", "law", "gloss", "predicate", "unit", "of_ego")
-"""What the page tells of a rule."""
+_RULE_FIELDS = {
+    "title": "title",
+    "law": "article",
+    "gloss": "gloss",
+    "predicate": "predicate",
+    "unit": "unit",
+    "of_ego": "is_duty_of_ego",
+}
+"""The values of a rule that the page shows: the key in the page, and the field of `Rule`."""
 
 MAX_FINDINGS = 200
 """Findings of an import report that a page shows; a table of more rows is slow to lay out."""
@@ -97,7 +104,10 @@ def words() -> dict[str, Any]:
             one.name: {"meaning": terms("policies")[one.name].meaning, "required": one.required}
             for one in STORED_POLICIES
         },
-        "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
+        "rules": {
+            rule.code: {key: getattr(rule, field) for key, field in _RULE_FIELDS.items()}
+            for rule in PORTUGAL.rules
+        },
         "critical_ttc_s": float(constant("event_detection.safety.critical_ttc")),
         "min_duration_s": MIN_DURATION_S,
         "stages": {
