@@ -160,7 +160,7 @@ def same_sayings(
     found: LabelledTrajectories, expected: LabelledTrajectories, but: tuple[str, ...] = ()
 ) -> None:
     """Events, findings, labels and features are the same in every value."""
-    for name in ("events", "findings", "labels", "paper", "matched"):
+    for name in ("events", "findings", "labels", "paper_features", "matched_features"):
         one, other = getattr(found, name), getattr(expected, name)
         for field in dataclasses.fields(one):
             values = getattr(one, field.name), getattr(other, field.name)

@@ -81,7 +81,7 @@ def _engine() -> Values:
         return {"loaded": False, "error": " ".join(str(error).split())}
     return {
         "loaded": True,
-        "simd": core.simd_level(),
+        "simd": core.default_simd_level(),
         "simd_available": [name for name, is_available in core.simd_levels() if is_available],
         "simd_forced": os.environ.get("OVERTAKING_SIMD"),
     }

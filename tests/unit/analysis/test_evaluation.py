@@ -31,10 +31,13 @@ NIGHTS = [
     }
 ]
 
+FEW_VEHICLES = {"traffic.vehicles": [2, 12], "traffic.sight_m": [5.0, 10.0]}
+"""Few vehicles are drawn faster; the ego sees a short distance, so that they are enough."""
+
 
 @pytest.fixture(scope="module")
 def drawn():
-    spec = profiles.load_specification("motorway", {"proposal": NIGHTS, "traffic.vehicles": [2, 3]})
+    spec = profiles.load_specification("motorway", {"proposal": NIGHTS, **FEW_VEHICLES})
     road, index = load_road(spec.road), np.arange(3000, dtype=np.uint64)
     return [ScenarioSource(one, road, 5).sample(index) for one in (spec, scenes_of(spec))]
 
@@ -73,7 +76,7 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
     assert low.mean() == pytest.approx(0.75, abs=0.04)
     error = 0.5 / np.sqrt(len(low))
     assert abs((scenes.weight * low).mean() - 0.5) < 4.0 * error
-    natural = profiles.load_specification("motorway", {"traffic.vehicles": [2, 3]})
+    natural = profiles.load_specification("motorway", FEW_VEHICLES)
     met = ScenarioSource(natural, load_road(natural.road), 6).sample(
         np.arange(3000, dtype=np.uint64)
     )
@@ -86,7 +89,7 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
 
 def test_a_component_that_bends_the_ego_only_changes_nothing():
     ego = [{"name": "ego", "share": 0.4, "powers": {"ego_driving_style": 0.3}}]
-    spec = profiles.load_specification("motorway", {"proposal": ego, "traffic.vehicles": [2, 3]})
+    spec = profiles.load_specification("motorway", {"proposal": ego, **FEW_VEHICLES})
     some = ScenarioSource(scenes_of(spec), load_road(spec.road), 1).sample(
         np.arange(50, dtype=np.uint64)
     )

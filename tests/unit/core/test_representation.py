@@ -73,7 +73,7 @@ def test_batches_say_what_they_are_in_a_line(labelled):
     assert repr(runs) == f"Trajectories({SAMPLED}, frames=41, ms=50)"
     assert repr(labelled) == f"LabelledTrajectories({SAMPLED}, frames=41, ms=50)"
     assert repr(runs.scenario.drivers) == "DriverTraits(simulations=3)"
-    assert repr(labelled.paper) == "PaperFeatures(reading='paper', simulations=3)"
+    assert repr(labelled.paper_features) == "PaperFeatures(reading='paper', simulations=3)"
 
 
 def test_nothing_is_worked_out_to_be_shown(labelled):
