@@ -65,7 +65,7 @@ def started(world: BranchOrigin, frame: int, many: Futures) -> Trajectories:
     later = (one for one in world.interventions if one.frame > frame)
     starts = (Intervention(frame=frame, decision=ForcedDecision.PULL_OUT), *later)
     stages += [
-        replace(one, index=many.index, judged=many.judged)
+        replace(one, scenario_index=many.index, judgement_errors=many.judged)
         for one in versions_by_frame(many.scenario, starts)
     ]
     # Places at the start are those before; what follows is judged by the people of the future.

@@ -236,6 +236,6 @@ def test_every_rule_is_headed_by_its_article_and_its_gloss(text, pack, codes):
     for code in codes:
         begin = heads[f"% --- {code}"]
         end = lines.index("", begin)
-        assert lines[begin].split(": ", 1)[1].rstrip("- ") == rules[code].law
+        assert lines[begin].split(": ", 1)[1].rstrip("- ") == rules[code].article
         said = " ".join(line.removeprefix("% ") for line in lines[begin + 1 : end])
         assert said == rules[code].gloss
