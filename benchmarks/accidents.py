@@ -36,7 +36,7 @@ from overtaking.analysis.validation.accidents import Accident, Severity, acciden
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.cli.arguments import overrides
-from overtaking.core.arrays import Buffers
+from overtaking.core.arrays import Buffers, Mask
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
@@ -47,6 +47,9 @@ from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import perception
+from overtaking.sim.reference.decision_context import Neighbours
+from overtaking.sim.reference.state import State
+from overtaking.world.step_parameters import StepParameters
 
 BATCH = 64
 REPLAYED = 16
@@ -171,25 +174,30 @@ def replay(
 ) -> tuple[Trajectories, list[Seen]]:
     """The simulations of some numbers once more, with what was believed at each decision."""
     seen: list[Seen] = []
-    perceive = perception.form_beliefs
+    form_beliefs = perception.form_beliefs
 
-    def noting(*arguments: Any) -> perception.Beliefs:
-        believed = perceive(*arguments)
-        near, looks = arguments[4], arguments[6]
+    def record_beliefs(
+        state: State,
+        params: StepParameters,
+        neighbours: Neighbours,
+        decision_index: int,
+        checks_mirrors: Mask,
+    ) -> perception.Beliefs:
+        beliefs = form_beliefs(state, params, neighbours, decision_index, checks_mirrors)
         seen.append(
             Seen(
-                slot=near.slot.astype(np.int16),
-                looked=looks.copy(),
-                detected=believed.is_detected.copy(),
-                gap=believed.gap.copy(),
-                closing=believed.closing_speed.copy(),
-                true_gap=near.gap.copy(),
+                slot=neighbours.slot.astype(np.int16),
+                looked=checks_mirrors.copy(),
+                detected=beliefs.is_detected.copy(),
+                gap=beliefs.gap.copy(),
+                closing=beliefs.closing_speed.copy(),
+                true_gap=neighbours.gap.copy(),
             )
         )
-        return believed
+        return beliefs
 
     index = np.array(numbers, np.uint64)
-    with patch.object(perception, "perceive", noting):
+    with patch.object(perception, "form_beliefs", record_beliefs):
         runs = reference.simulate(ScenarioSource(given, road, seed).sample(index))
     return runs, seen
 

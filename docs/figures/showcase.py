@@ -91,7 +91,7 @@ def animated(whole: Film) -> bytes:
 
 def small(frame: Canvas) -> Image.Image:
     """One frame at the width of the page."""
-    picture = Image.fromarray(frame.rgb())
+    picture = Image.fromarray(frame.to_rgb())
     return picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)))
 
 

@@ -28,7 +28,7 @@ def main() -> None:
             "pinto2023-physical", num_simulations=NUMBER + 1, seed=1, out=Path(folder) / "pinto"
         )
         film = TwinFilm(ot.whatif.counterfactual(data, NUMBER, without=["rain"]))
-        picture = Image.fromarray(film.draw(round(SECOND * RATE)).rgb())
+        picture = Image.fromarray(film.draw(round(SECOND * RATE)).to_rgb())
         picture.save(HERE / "twins.webp", quality=60)
         for condition in ("truth", "belief"):
             found = ot.whatif.outcome_fan(data, NUMBER, condition_on=condition, futures=FUTURES)
