@@ -90,7 +90,7 @@ def test_the_engine_was_built_with_these_names():
     assert _core.FIELD_NAMES["constants"] == CONSTANT_NAMES
 
 
-@pytest.mark.ci
+@pytest.mark.soak  # It compiles the binding once more, for a minute.
 def test_the_stub_is_generated():
     """It compiles the binding once more, for the feature of PyO3 that records signatures."""
     subprocess.run([sys.executable, ROOT / "crates" / "engine_stub.py", "--check"], check=True)
