@@ -58,7 +58,7 @@ def test_rates_are_those_of_the_labels():
 
 
 def test_a_profile_of_the_package_stands_for_its_risky_one():
-    road = {**SHORT, "traffic.vehicles": [2, 4]}
+    road = {**SHORT, "traffic.vehicles": [2, 12], "traffic.sight_m": [5.0, 10.0]}
     risky = ot.evaluate(
         "stay", "motorway", num_simulations=4, seed=1, references=["human"], overrides=road
     )
