@@ -1,7 +1,7 @@
 """Flips every comparison, sign, extremum and role of the engine's step, one at a time.
 
     python benchmarks/flips.py                 # every flip; exits with 1 if one goes unnoticed
-    python benchmarks/flips.py --file overtake.rs   # those of one file
+    python benchmarks/flips.py --file overtake.rs   # flips of one file
     python benchmarks/flips.py --again LOG     # those that an earlier output calls UNNOTICED
 
 A copy of the crates is instrumented so that each operator asks whether it is the flipped one: one

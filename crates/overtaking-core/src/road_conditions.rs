@@ -17,7 +17,7 @@ const ROOT_3: f32 = 1.732_050_8;
 /// Phases of neighbouring wheel paths differ by the golden ratio, and by its square.
 const PHASE_STEP_1: f32 = 0.618_034;
 const PHASE_STEP_2: f32 = 0.381_966;
-/// Keeps the way in a bend finite for who has left the road inwards.
+/// Keeps the distance along a bend finite for a vehicle that has left the road inwards.
 const MIN_RADIUS_SHARE: f32 = 0.25;
 /// Keeps the angle of the wind finite at rest [m/s].
 const MIN_AIR_SPEED: f32 = 1.0;

@@ -84,8 +84,9 @@ def set_requested_indicator(state: State, action: EgoAction) -> None:
     if action.kind not in ("accel_move", "accel_steer_signal"):
         return
     side = _requested_side(action)
-    told = (state.motion.is_wreck[EGO_SLOT] == 0) & (action.steers_wheels | (side != 0))
-    state.controls.indicator[EGO_SLOT] = np.where(told, side, state.controls.indicator[EGO_SLOT])
+    indicator = state.controls.indicator
+    sets_indicator = (state.motion.is_wreck[EGO_SLOT] == 0) & (action.steers_wheels | (side != 0))
+    indicator[EGO_SLOT] = np.where(sets_indicator, side, indicator[EGO_SLOT])
 
 
 def can_pull_out(state: State, params: StepParameters) -> Mask:

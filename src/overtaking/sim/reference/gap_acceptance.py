@@ -320,7 +320,7 @@ def form_intent(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        context: What drivers know.
+        context: What drivers perceive at this decision.
         slots: The drivers.
         continuation: How their pass goes on; None on one-way roads.
     """

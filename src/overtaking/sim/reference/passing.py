@@ -70,8 +70,8 @@ def time_to_gain(distance: F32, closing_speed: F32, max_closing_speed: F32, acce
 
     Args:
         distance: The distance [m].
-        closing_speed: Speed over that of the other vehicle now [m/s].
-        max_closing_speed: Largest speed over that of the other vehicle [m/s].
+        closing_speed: Present speed minus that of the other vehicle [m/s].
+        max_closing_speed: Largest speed minus that of the other vehicle [m/s].
         accel: Acceleration [m/s^2].
     """
     a, v_max = maximum(accel, _MIN_ACCEL), maximum(max_closing_speed, MIN_CLOSING_SPEED)

@@ -171,7 +171,7 @@ class RandomProcesses:
 
 @dataclass(slots=True, kw_only=True)
 class FrictionAndWind:
-    """What the weather does to a vehicle until the next decision; (vehicle, simulation).
+    """Friction and wind of a vehicle until the next decision, each (vehicle, simulation).
 
     Attributes:
         mu_left, mu_right: Friction coefficient under the wheels of either side [1].
