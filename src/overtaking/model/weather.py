@@ -137,7 +137,40 @@ class Weather(Batch):
         weather = self
         for name in factors:
             weather = _REMOVERS[name](weather)
-        return weather
+        return weather.replace(preset=np.full_like(weather.preset, NO_PRESET)) if factors else self
+
+
+def can_sun_dazzle(altitude: F32, cloudiness: F32) -> Mask:
+    """Whether the sun is low and the sky clear enough to dazzle a driver towards the sun.
+
+    Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, as the roof of
+    the vehicle hides a higher sun, and 60 % of clouds.
+
+    Args:
+        altitude: Height of the sun above the horizon, any shape [rad].
+        cloudiness: Clouds, the same shape [%].
+    """
+    low, high = (
+        constant("weather.glare.min_sun_altitude"),
+        constant("weather.glare.max_sun_altitude"),
+    )
+    is_clear = cloudiness < constant("weather.glare.max_cloud_percent")
+    return (altitude >= low) & (altitude <= high) & is_clear
+
+
+def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
+    """Whether a low sun stands ahead, within 25 degrees (a choice): the field `Weather.low_sun`.
+
+    The study calls this "horizon line".
+
+    Args:
+        altitude: Height of the sun above the horizon, any shape [rad].
+        azimuth: Direction of the sun, anticlockwise from the direction of travel, -pi to pi, the
+            same shape [rad].
+        cloudiness: Clouds, the same shape [%].
+    """
+    is_ahead = np.abs(azimuth) < constant("weather.glare.half_width")
+    return can_sun_dazzle(altitude, cloudiness) & is_ahead
 
 
 _HIGH_SUN = np.float32(np.pi / 4)
@@ -147,7 +180,7 @@ noon [rad]."""
 
 def _without_wind(weather: Weather) -> Weather:
     """Weather without wind."""
-    return _with_consequences(weather.replace(wind=np.zeros_like(weather.wind)))
+    return weather.replace(wind=np.zeros_like(weather.wind))
 
 
 def _without_rain(weather: Weather) -> Weather:
@@ -156,20 +189,25 @@ def _without_rain(weather: Weather) -> Weather:
     Clouds stay where it did not rain. No quantity says which part of the clouds comes with rain.
     """
     zero = np.zeros_like(weather.rain)
-    clouds = np.where(weather.rain > 0, zero, weather.cloudiness)
-    return _with_consequences(weather.replace(rain=zero, puddles=zero, cloudiness=clouds))
+    is_rainy = weather.rain > 0
+    clouds = np.where(is_rainy, zero, weather.cloudiness)
+    # Only where clouds vanish: recordings may state glare that their assumed sun does not explain.
+    dazzles = ~weather.night & is_dazzling(weather.sun_altitude, weather.sun_azimuth, clouds)
+    low_sun = np.where(is_rainy, dazzles, weather.low_sun)
+    return weather.replace(rain=zero, puddles=zero, cloudiness=clouds, low_sun=low_sun)
 
 
 def _without_fog(weather: Weather) -> Weather:
     """Weather without fog."""
-    return _with_consequences(weather.replace(fog=np.zeros_like(weather.fog)))
+    return weather.replace(fog=np.zeros_like(weather.fog))
 
 
 def _without_night(weather: Weather) -> Weather:
-    """Weather by day: the sun stands high where it was night."""
-    altitude = np.where(weather.night, _HIGH_SUN, weather.sun_altitude)
-    return _with_consequences(
-        weather.replace(night=np.zeros_like(weather.night), sun_altitude=altitude)
+    """Weather by day: the sun stands high, and does not dazzle, where it was night."""
+    return weather.replace(
+        night=np.zeros_like(weather.night),
+        sun_altitude=np.where(weather.night, _HIGH_SUN, weather.sun_altitude),
+        low_sun=weather.low_sun & ~weather.night,
     )
 
 
@@ -179,7 +217,7 @@ def _without_glare(weather: Weather) -> Weather:
     Chosen: the sun is then the same in all simulations by day.
     """
     altitude = np.where(weather.night, weather.sun_altitude, _HIGH_SUN)
-    return _with_consequences(weather.replace(sun_altitude=altitude))
+    return weather.replace(sun_altitude=altitude, low_sun=np.zeros_like(weather.low_sun))
 
 
 _REMOVERS: dict[str, Callable[[Weather], Weather]] = {
@@ -192,17 +230,3 @@ _REMOVERS: dict[str, Callable[[Weather], Weather]] = {
 
 REMOVABLE_FACTORS = tuple(_REMOVERS)
 """Names of the factors that `Weather.without` removes."""
-
-
-def _with_consequences(weather: Weather) -> Weather:
-    """The same weather with the fields that follow from others: `preset` and `low_sun`.
-
-    A changed weather is no preset. The sun dazzles where it is low, ahead, and not behind clouds.
-    """
-    low = constant("weather.glare.min_sun_altitude")
-    high = constant("weather.glare.max_sun_altitude")
-    is_low = (weather.sun_altitude >= low) & (weather.sun_altitude <= high)
-    is_ahead = np.abs(weather.sun_azimuth) < constant("weather.glare.half_width")
-    is_clear = weather.cloudiness < constant("weather.glare.max_cloud_percent")
-    no_preset = np.full_like(weather.preset, NO_PRESET)
-    return weather.replace(preset=no_preset, low_sun=is_low & is_ahead & is_clear)

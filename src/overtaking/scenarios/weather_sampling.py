@@ -8,8 +8,8 @@ from the direction of travel [rad]. The *study* is Pinto, Dutra and Fonseca (202
 
 *Importance sampling* draws rare scenarios more often: it may replace random numbers of independent
 weather, by name (`random_draws`). Numbers are computed in float32 with the functions of
-`core.native`, which give the same bits on every machine. `number` and `constant` read a value of
-the folder `knowledge/data` in SI units, so degrees in radians: as a float and as a float32.
+`core.native`, which give the same bits on every machine. `number` reads a value of the folder
+`knowledge/data` in SI units, so degrees in radians.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from overtaking.core.native import log, maximum, minimum, power
 from overtaking.core.random_numbers import Stream
 from overtaking.core.units import rad_from_deg
 from overtaking.knowledge.carla_catalogue import WeatherPreset, weather_presets
-from overtaking.knowledge.toml_reader import constant, number
-from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.knowledge.toml_reader import number
+from overtaking.model.weather import NO_PRESET, Weather, can_sun_dazzle, is_dazzling
 from overtaking.scenarios.random_draws import (
     NumberTransform,
     RandomStream,
@@ -38,7 +38,7 @@ from overtaking.scenarios.random_draws import (
 from overtaking.scenarios.specification import IndependentWeather, PresetWeather
 
 if TYPE_CHECKING:
-    from overtaking.core.arrays import F32, U8, Mask
+    from overtaking.core.arrays import F32, U8
 
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
@@ -218,36 +218,3 @@ def _preset_values(field: str) -> F32:
 def _preset_value(field: str, preset: U8) -> F32:
     """A field of the preset of each simulation, in the unit of its name, shape (simulation,)."""
     return _preset_values(field)[preset]
-
-
-def can_sun_dazzle(altitude: F32, cloudiness: F32) -> Mask:
-    """Whether the sun is low and the sky clear enough to dazzle a driver towards the sun.
-
-    Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, as the roof of
-    the vehicle hides a higher sun, and 60 % of clouds.
-
-    Args:
-        altitude: Height of the sun above the horizon, any shape [rad].
-        cloudiness: Clouds, the same shape [%].
-    """
-    low, high = (
-        constant("weather.glare.min_sun_altitude"),
-        constant("weather.glare.max_sun_altitude"),
-    )
-    is_clear = cloudiness < constant("weather.glare.max_cloud_percent")
-    return (altitude >= low) & (altitude <= high) & is_clear
-
-
-def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
-    """Whether a low sun stands ahead, within 25 degrees (a choice): the field `Weather.low_sun`.
-
-    The study calls this "horizon line".
-
-    Args:
-        altitude: Height of the sun above the horizon, any shape [rad].
-        azimuth: Direction of the sun, anticlockwise from the direction of travel, -pi to pi, the
-            same shape [rad].
-        cloudiness: Clouds, the same shape [%].
-    """
-    is_ahead = np.abs(azimuth) < constant("weather.glare.half_width")
-    return can_sun_dazzle(altitude, cloudiness) & is_ahead

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -70,8 +72,45 @@ def test_without_rain_clouds_a_low_sun_may_dazzle(drawn):
     assert overcast.without("rain").low_sun.all()
 
 
-def test_the_order_of_the_removed_factors_does_not_matter(drawn):
-    weather = drawn.weather
-    assert weather.without("rain", "fog").equals(weather.without("fog", "rain"))
+@pytest.fixture(scope="module")
+def stated(drawn):
+    """Weather of a recording that states every mixture of night and glare for one assumed sun."""
+    index = np.arange(len(drawn.weather.rain))
+    return drawn.weather.replace(
+        sun_altitude=np.full(len(index), np.pi / 4, np.float32),
+        sun_azimuth=np.zeros(len(index), np.float32),
+        night=index % 2 == 0,
+        low_sun=index % 4 < 2,
+    )
+
+
+@pytest.mark.parametrize("name", ["wind", "fog"])
+def test_without_a_factor_glare_stays_as_a_recording_states_it(stated, name):
+    np.testing.assert_array_equal(stated.without(name).low_sun, stated.low_sun)
+
+
+def test_without_rain_glare_changes_only_where_it_rained(stated):
+    dry = stated.rain == 0
+    assert (stated.low_sun & dry).any()
+    np.testing.assert_array_equal(stated.without("rain").low_sun[dry], stated.low_sun[dry])
+
+
+def test_without_night_glare_changes_only_where_it_was_night(stated):
+    day = stated.without("night")
+    np.testing.assert_array_equal(day.low_sun, stated.low_sun & ~stated.night)
+
+
+def test_without_factors_the_weather_is_the_same(drawn):
+    assert drawn.weather.without() is drawn.weather
+
+
+@pytest.mark.parametrize("pair", list(itertools.combinations(REMOVABLE_FACTORS, 2)))
+def test_the_order_of_the_removed_factors_does_not_matter(drawn, stated, pair):
+    low = stated.replace(sun_altitude=np.full(len(stated.rain), 0.15, np.float32))
+    for weather in (drawn.weather, stated, low):
+        assert weather.without(*pair).equals(weather.without(*reversed(pair)))
+
+
+def test_an_unknown_factor_cannot_be_removed(drawn):
     with pytest.raises(ConfigError, match=r"without: expected .*rain.*got snow"):
-        weather.without("snow")
+        drawn.weather.without("snow")
