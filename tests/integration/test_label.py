@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 from tests.support.page_inputs import WRITERS
+from tests.support.sumo import needs_sumo
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.core.errors import DatasetError
+from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import relabel
 from overtaking.data.tables.schemas import LABEL_TABLES
 from overtaking.labels.law.portugal import PORTUGAL
@@ -52,6 +53,28 @@ def test_labelling_a_recording_again_changes_nothing(tmp_path, file_format: str,
     again = ot.relabel_dataset(data.path)
     assert again.content_hash == data.content_hash
     again.verify()
+
+
+@needs_sumo
+@pytest.mark.parametrize("keep", ["features", "frames"])
+def test_a_data_set_of_another_simulator_is_labelled_again_only_from_its_frames(tmp_path, keep):
+    short = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 2.0}
+    data = ot.generate_dataset(
+        "pinto2023-physical",
+        num_simulations=1,
+        seed=5,
+        out=tmp_path / "data",
+        keep=keep,
+        simulator="sumo",
+        overrides=short,
+    )
+    if keep == "frames":
+        assert ot.relabel_dataset(data.path).content_hash == data.content_hash
+        return
+    before = {path: path.read_bytes() for path in data.path.rglob("*") if path.is_file()}
+    with pytest.raises(ConfigError, match=r"expected one that keeps frames.*got one of sumo"):
+        ot.relabel_dataset(data.path)
+    assert {path: path.read_bytes() for path in before} == before
 
 
 def test_labels_agree_with_those_of_a_run_in_memory(data):

@@ -275,7 +275,8 @@ def relabel_dataset(
         The data set with its new labels.
 
     Raises:
-        ConfigError: The data set is in a store.
+        ConfigError: The data set is in a store, or another simulator made it and its positions and
+            speeds were not kept.
         DatasetError: The folder holds no data set, the data set is not complete or damaged, or
             another process writes it.
         SchemaError: A newer version of the package wrote the data set.
@@ -284,7 +285,16 @@ def relabel_dataset(
 
     # `folder_of` refuses a URL; its second argument completes the message "a folder to ...".
     folder = folder_of(dataset, "label anew")
-    # The engine computes positions that were not kept.
+    identity = read_manifest(location_of(folder)).identity
+    # The engine computes positions that were not kept; it cannot do so for another simulator.
+    if identity.keep != Keep.FRAMES and identity.simulator not in MODEL_SIMULATORS:
+        raise ConfigError(
+            what="data set",
+            where=str(folder),
+            expected="one that keeps frames, or one of the engine",
+            got=f"one of {identity.simulator} that keeps {identity.keep}",
+            next_step="generate it again with --keep frames",
+        )
     return relabel(folder, get_simulator("engine"), progress, errors)
 
 
