@@ -50,8 +50,10 @@ MAX_ENVS = 1_000_000
 """Largest number of environments; more is a typing error."""
 
 MAX_INDEX = 2**62
-"""Largest scenario index of a first episode. Later episodes have larger ones, and `info` states
-them as int64."""
+"""Largest scenario index of a first episode and of the option `scenario_index` of `reset`.
+
+`info` states indices as int64, up to 2^63. The larger indices of later episodes fit in between.
+"""
 
 RENDER_MODES = ("rgb_array",)
 
@@ -98,8 +100,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
     Episode k of environment i has the scenario index first_scenario + i + k n, with n environments;
     the index and the seed given to `reset` determine the scenario. An episode terminates at an
-    accident of the ego or when its overtake is over. It is truncated when the simulated time is at
-    its end (the horizon), or at the deadline by which an overtake has to begin.
+    accident of the ego or some seconds after its overtake. It is truncated when the simulated time
+    is at its end (the horizon), or at the deadline by which an overtake has to begin.
 
     `info` has the same keys at every reset and step, each an array of shape (env,):
     `scenario_index`; `stage`, the `Stage` of the ego's overtake; `num_clipped`, the number of
@@ -208,7 +210,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 reset the system provides a seed.
             options: `reset_mask`, the environments to reset, boolean of shape (env,); all if left
                 out. `scenario_index`, the scenario indices to begin, one for each environment that
-                is reset; the next ones of the sequence if left out.
+                is reset; the next ones of the sequence if left out. A chosen index does not
+                advance the sequence.
 
         Returns:
             Observations of all environments, shape (env, column), and `info`.
@@ -258,10 +261,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 reset.
         """
         episodes = self._check_all_running()
-        # Episodes that ended in the last step and are replaced after this one (mode NEXT_STEP).
+        # Episodes that ended in the previous step (mode NEXT_STEP). This step ignores their
+        # actions, and the next episodes begin at its end.
         was_over = self._has_ended
         clipped = clip_actions(actions, self._settings.action, self.num_envs)
-        # For the reward. `episodes.step` makes new arrays, so these values stay.
+        # The reward reads the agent's observations before clipping and normalization, so its units
+        # do not depend on `normalize`. `episodes.step` makes new arrays, so these values stay.
         observation = episodes.ego_observation
         episodes.num_clipped += clipped.was_clipped & episodes.is_running
         episodes.step(clipped.values)
@@ -272,8 +277,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             verdicts = episodes.judge(np.flatnonzero(ended))
         reward = np.zeros(self.num_envs)
         if self._reward is not None:
-            outcome = self._outcome(ends, verdicts)
-            values = self._reward(observation, clipped.values, episodes.ego_observation, outcome)
+            step_outcome = self._step_outcome(ends, verdicts)
+            next_observation = episodes.ego_observation
+            values = self._reward(observation, clipped.values, next_observation, step_outcome)
             # In the mode NEXT_STEP the step after an end only begins the next episode.
             reward = np.where(was_over, 0.0, values)
         info = self._describe(episodes, ended, verdicts)
@@ -348,7 +354,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             raise _option_error("reset_mask", expected, "some of them")
         return mask
 
-    def _outcome(self, ends: _EpisodeEnds, verdicts: EpisodeVerdicts | None) -> StepOutcome:
+    def _step_outcome(self, ends: _EpisodeEnds, verdicts: EpisodeVerdicts | None) -> StepOutcome:
         """The outcome of the last step, which rewards read; `verdicts` has a value for each end."""
         assert self._episodes is not None
         ended = ends.has_ended
@@ -535,15 +541,17 @@ class OvertakingEnv(Env[F32, Any]):
 def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
     """Episodes that ended in the last step.
 
-    An accident ends an episode at once, although the engine would simulate two more seconds.
+    An accident ends the episode with the step in which it happens, although the engine would
+    simulate two more seconds. Labels judge the whole simulation, with these two seconds.
 
     Args:
         episodes: The episodes after the step.
         was_over: Episodes that had ended before it and were not replaced, shape (env,).
     """
     has_crashed = episodes.has_crashed & ~was_over
-    # The overtake is over in the stage DONE. An episode that reaches its horizon in this stage
-    # counts as terminated, too.
+    # The stage DONE begins when the ego has returned. The simulation then goes on for
+    # `ModelConstants.after_overtake`, because some rules judge the time after the return. If it
+    # reaches its horizon earlier, the episode counts as terminated, too.
     is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
     terminated = has_crashed | (is_done & ~was_over)
     truncated = ~episodes.is_running & ~terminated & ~was_over

@@ -236,7 +236,8 @@ class EpisodeBatch:
         scenario_index: Scenario index of each episode, shape (env,).
         num_decisions: Number of decisions since the start of each episode, shape (env,).
         num_step_decisions: Number of decisions in the last step, shape (env,): `action_repeat`, or
-            fewer where the episode ended within the step.
+            fewer where the simulation ended within the step. After an accident it goes on for two
+            seconds.
         num_clipped: Number of actions of each episode that were outside their limits, shape (env,);
             `environments` counts them.
 
@@ -260,6 +261,7 @@ class EpisodeBatch:
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
         # The ego's parameters, shape (parameter, env); each had shape (vehicle, env).
         self._vehicle = np.array([values[EGO_SLOT] for values in params.vehicles])
+        # int64, because most functions of PyTorch do not support uint64.
         self.scenario_index = params.scenario_index.astype(np.int64)
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)

@@ -2,9 +2,12 @@
 
 The ego is the vehicle whose overtaking is studied. A reward is a function of the observations
 before and after a step, the action and the outcome of the step; it computes one number for each
-environment of a batch. A step lasts one or several decisions of 50 ms. `REWARDS` names the
-functions; users may pass a function of their own. To add one, write it like `progress`, and list it
-in `REWARDS`, and in `NEED_LABELS` if it reads `is_legal` or `is_completed`.
+environment of a batch. A step lasts one or several decisions of 50 ms. An action has one or more
+parts, such as acceleration and lane change. Observations are those of the agent, but neither
+clipped nor normalized.
+
+`REWARDS` names the functions; users may pass a function of their own. To add one, write it like
+`progress`, and list it in `REWARDS`, and in `NEED_LABELS` if it reads `is_legal` or `is_completed`.
 """
 
 from collections.abc import Callable
@@ -35,7 +38,8 @@ class StepOutcome:
     the judgement of the whole simulation after the end: its outcome and its breaches of the law.
 
     Attributes:
-        seconds: Duration of the step [s]; if the episode ended within it, the time until then.
+        seconds: Duration of the step [s]; shorter if the simulation ended within it. A step with an
+            accident has its full duration.
         terminated: The ego has had an accident, or its overtake is over.
         truncated: The simulated time has reached its end (the horizon), or the deadline by which
             an overtake has to begin.
@@ -76,6 +80,7 @@ def progress(
     del action
     # Observations are float32; rewards are float64, as Gymnasium expects.
     distance = next_observation.ego.s.astype(np.float64) - observation.ego.s
+    # `vehicle` holds the parameters of the ego's vehicle and of the scenario's driver.
     desired_speed = observation.vehicle.desired_speed.astype(np.float64)
     time_at_desired_speed = distance / np.maximum(desired_speed, 1.0)  # 1 m/s: no division by 0.
     lost_time = np.maximum(outcome.seconds - time_at_desired_speed, 0.0)
@@ -121,8 +126,9 @@ def overtake_once(
 
     The result has shape (env,).
 
-    The label decides whether the overtake was completed. The ego's stage does not suffice: it
-    belongs to the last pull-out, which may be for another vehicle than the overtake of the label.
+    The label decides whether the overtake was completed, not the ego's stage. If the ego pulls out
+    twice, the stage describes the second time; the overtake of the label may have begun with the
+    first time, behind another vehicle.
 
     Args:
         observation: Observation before the step; not used.
@@ -140,7 +146,12 @@ def overtake_once(
 
 
 def _check_judged(outcome: StepOutcome, reward: str) -> None:
-    """Raise a `ConfigError` if an episode has ended and has no label; `reward` is its function."""
+    """Raise a `ConfigError` if an episode has ended and has no label.
+
+    Args:
+        outcome: Outcome of the step.
+        reward: Name of the reward that needs the label, for the message.
+    """
     ended = outcome.terminated | outcome.truncated
     if (ended & ~outcome.is_judged).any():
         raise ConfigError(
@@ -158,4 +169,8 @@ REWARDS: Final[dict[str, RewardFunction]] = {
 """Rewards by name."""
 
 NEED_LABELS: Final[tuple[RewardFunction, ...]] = (progress_legal, overtake_once)
-"""Rewards that need environments with `with_labels=True`."""
+"""Rewards that need environments with `with_labels=True`.
+
+Other environments reject them at once, not at the end of the first episode. A reward of the user is
+not checked: without labels, its `is_judged` is always False.
+"""

@@ -480,6 +480,18 @@ def test_a_step_in_which_an_episode_ends_is_as_long_as_the_episode():
     assert (lengths[2] > 0.0).all()
 
 
+def test_a_step_with_an_accident_has_its_full_length():
+    """The observation after the step is that of the wreck at the end of the step."""
+    env = made(8, action_repeat=20, reward=step_length, action="accel_steer")
+    env.reset(seed=1)
+    num_crashes = 0
+    while num_crashes == 0:
+        _, lengths, terminated, _, info = env.step(np.tile([0.0, 0.02], (8, 1)))
+        has_crashed = terminated & (info["stage"] == Stage.CRASHED)
+        num_crashes += has_crashed.sum()
+        assert (lengths[has_crashed] == 1.0).all()
+
+
 def step_length(before, action, after, events) -> np.ndarray:
     return events.seconds
 
