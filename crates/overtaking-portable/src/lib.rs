@@ -2,30 +2,8 @@
 //! SIMD level; see `overtaking-avx`.
 
 use fearless_simd::Level;
-use overtaking_core::run::stepped_batch::Talk;
-use overtaking_core::{Inputs, Output, ParameterSwitch};
-
-/// Call what is compiled for a SIMD level of this CPU: the functions for AVX-512, for AVX2, and for others.
-macro_rules! at_level {
-    ($level:expr, $avx512:path, $avx2:path, $other:path, ($($argument:expr),*)) => {
-        match $level {
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx512(simd) => $avx512(simd, $($argument),*),
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            Level::Avx2(simd) => $avx2(simd, $($argument),*),
-            #[cfg(all(portable, any(target_arch = "x86", target_arch = "x86_64")))]
-            Level::Sse4_2(_) | Level::Sse2(_) => match $level.as_sse2() {
-                Some(simd) => $other(simd, $($argument),*),
-                None => unreachable!("a level above SSE2 has SSE2"),
-            },
-            #[cfg(target_arch = "aarch64")]
-            Level::Neon(simd) => $other(simd, $($argument),*),
-            #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-            Level::Fallback(simd) => $other(simd, $($argument),*),
-            _ => Err(overtaking_avx::NOT_COMPILED.to_string()),
-        }
-    };
-}
+use overtaking_core::run::stepped_batch::{Talk, stepped_batch};
+use overtaking_core::{Inputs, Output, ParameterSwitch, dispatch, simulate};
 
 /// Whether a SIMD level is compiled, by its name.
 pub fn is_compiled(name: &str) -> bool {
@@ -43,16 +21,13 @@ pub fn is_compiled(name: &str) -> bool {
 pub fn simulate_at(
     level: Level,
     inputs: &Inputs<'_>,
-    later: &[ParameterSwitch<'_>],
+    switches: &[ParameterSwitch<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
-    at_level!(
-        level,
-        overtaking_avx::avx512,
-        overtaking_avx::avx2,
-        overtaking_core::simulate,
-        (inputs, later, out)
-    )
+    dispatch!(level, |simd|
+        avx512: overtaking_avx::avx512(simd, inputs, switches, out),
+        avx2: overtaking_avx::avx2(simd, inputs, switches, out),
+        portable: if_compiled(simd, |simd| simulate(simd, inputs, switches, out)))
 }
 
 /// Serve another driver of a batch at a SIMD level of this CPU.
@@ -60,11 +35,19 @@ pub fn simulate_at(
 /// # Errors
 /// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
 pub fn serve_at(level: Level, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
-    at_level!(
-        level,
-        overtaking_avx::serve_avx512,
-        overtaking_avx::serve_avx2,
-        overtaking_core::run::stepped_batch::stepped_batch,
-        (inputs, talk)
-    )
+    dispatch!(level, |simd|
+        avx512: overtaking_avx::serve_avx512(simd, inputs, talk),
+        avx2: overtaking_avx::serve_avx2(simd, inputs, talk),
+        portable: if_compiled(simd, |simd| stepped_batch(simd, inputs, talk)))
+}
+
+/// Run the engine at the level of every CPU; `NOT_COMPILED` where that level is not compiled.
+#[cfg(portable)]
+fn if_compiled<S, T>(simd: S, run: impl FnOnce(S) -> Result<T, String>) -> Result<T, String> {
+    run(simd)
+}
+
+#[cfg(not(portable))]
+fn if_compiled<S, T>(_: S, _: impl FnOnce(S) -> Result<T, String>) -> Result<T, String> {
+    Err(overtaking_avx::NOT_COMPILED.to_string())
 }

@@ -123,26 +123,30 @@ impl<T: CopyLane, const K: usize> CopyLane for [T; K] {
 
 /// Evaluate an expression with the SIMD type of a level.
 ///
-/// SSE4.2 uses the code of SSE2, so that one portable variant is compiled for x86.
+/// The second form has an expression of its own for AVX-512 and for AVX2, which `overtaking-avx` compiles. SSE4.2 uses
+/// the code of SSE2, so that one portable variant is compiled for x86.
 #[macro_export]
 macro_rules! dispatch {
     ($level:expr, |$simd:ident| $body:expr) => {
+        $crate::dispatch!($level, |$simd| avx512: $body, avx2: $body, portable: $body)
+    };
+    ($level:expr, |$simd:ident| avx512: $avx512:expr, avx2: $avx2:expr, portable: $portable:expr) => {
         match $level {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            fearless_simd::Level::Avx512($simd) => $body,
+            fearless_simd::Level::Avx512($simd) => $avx512,
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-            fearless_simd::Level::Avx2($simd) => $body,
+            fearless_simd::Level::Avx2($simd) => $avx2,
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             fearless_simd::Level::Sse4_2(_) | fearless_simd::Level::Sse2(_) => {
                 match $level.as_sse2() {
-                    Some($simd) => $body,
+                    Some($simd) => $portable,
                     None => unreachable!("a level above SSE2 has SSE2"),
                 }
             }
             #[cfg(target_arch = "aarch64")]
-            fearless_simd::Level::Neon($simd) => $body,
+            fearless_simd::Level::Neon($simd) => $portable,
             #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
-            fearless_simd::Level::Fallback($simd) => $body,
+            fearless_simd::Level::Fallback($simd) => $portable,
             _ => unreachable!("every level of this architecture is handled"),
         }
     };
