@@ -24,7 +24,7 @@ from typing import Annotated, Final, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, I32, I64
+from overtaking.core.arrays import F32, I32, I64, Mask
 from overtaking.model.batch import Batch, Constraint, FieldSpec
 from overtaking.model.neighbours import NeighbourRole
 
@@ -276,6 +276,22 @@ def split_observation(table: F32) -> SplitObservation:
         *table.shape[:-1], len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)
     )
     return SplitObservation(table[..., :ego_end], neighbours, table[..., passing_start:])
+
+
+class SteppedObservation(NamedTuple):
+    """Observations of the egos of a batch after the decisions of one call of a stepper.
+
+    Attributes:
+        table: Observations of the egos, shape (simulation, `OBSERVATION_SIZE`). A simulation that
+            ended during the call is observed at its end; one that ended earlier has zeros.
+        runs: Whether each simulation continues, shape (simulation,).
+        num_decisions: Number of decisions that each simulation carried out in this call, shape
+            (simulation,).
+    """
+
+    table: F32
+    runs: Mask
+    num_decisions: NDArray[np.uint32]
 
 
 class Move(IntEnum):

@@ -23,6 +23,7 @@ from overtaking.model.driver_interface import (
     ACTION_KINDS,
     MAX_ACTION_PARTS,
     Actions,
+    SteppedObservation,
     split_observation,
 )
 from overtaking.model.scenario import Scenario
@@ -36,7 +37,6 @@ from overtaking.sim.action_spaces import (
 )
 from overtaking.sim.branching import Simulate
 from overtaking.sim.ego_observation import DriverFunction, Observation
-from overtaking.sim.reference.simulation import SteppedObservation
 from overtaking.sim.sensors import Sensor, SensorArray
 from overtaking.sim.stepping import new_stepper
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS

@@ -13,10 +13,12 @@ import numpy as np
 
 from overtaking import _core
 from overtaking.core.native import simd_level
-from overtaking.model.driver_interface import MAX_ACTION_PARTS, split_observation
+from overtaking.model.driver_interface import (
+    MAX_ACTION_PARTS,
+    SteppedObservation,
+    split_observation,
+)
 from overtaking.sim.engine import road_values
-from overtaking.sim.reference.simulation import ReferenceStepper as ReferenceStepper
-from overtaking.sim.reference.simulation import SteppedObservation
 from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
@@ -134,6 +136,9 @@ def new_stepper(
         ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
     if simulator == "reference":
+        # Production loads the reference only on request.
+        from overtaking.sim.reference.simulation import ReferenceStepper
+
         return ReferenceStepper(params, kind, observes_truth=observes_truth)
     return EngineStepper(params, kind, observes_truth=observes_truth, level=level)
 

@@ -2,14 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import minimum
-from overtaking.model.driver_interface import OBSERVATION_SIZE, Actions
+from overtaking.model.driver_interface import OBSERVATION_SIZE, Actions, SteppedObservation
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import EGO_SLOT
@@ -46,22 +45,6 @@ from overtaking.world.step_parameters import (
     VehicleParameters,
     step_parameters,
 )
-
-
-class SteppedObservation(NamedTuple):
-    """The observations of the egos of a batch after a step.
-
-    Attributes:
-        table: Observations of the egos, shape (simulation, `OBSERVATION_SIZE`). A simulation that
-            ended within the step is observed at its end; one that ended earlier has zeros.
-        runs: Whether each simulation continues, shape (simulation,).
-        num_decisions: Number of decisions that each simulation carried out in this step, shape
-            (simulation,).
-    """
-
-    table: F32
-    runs: Mask
-    num_decisions: NDArray[np.uint32]
 
 
 class ReferenceStepper:
