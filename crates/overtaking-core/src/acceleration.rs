@@ -18,14 +18,14 @@ use crate::steering::start_path;
 const NO_ACCEL_LIMIT: f32 = 1e9;
 
 #[inline(always)]
-fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
+fn is_before_return<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
     state.overtake.stage[i].simd_eq(stage::PULL_OUT) | state.overtake.stage[i].simd_eq(stage::PASS)
 }
 
 #[inline(always)]
 fn current_desired_speed<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     passed: Mask<S>,
 ) -> F32<S> {
@@ -53,8 +53,8 @@ fn current_desired_speed<S: Simd, const N: usize>(
 /// Time gap kept; who is about to pull out accepts a smaller one, and to trucks of two-way roads more room is left.
 #[inline(always)]
 fn kept_time_gap<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     near: &Neighbours<S>,
 ) -> F32<S> {
@@ -80,13 +80,13 @@ fn kept_time_gap<S: Simd, const N: usize>(
 /// Acceleration behind the leader of the lane that is driven in or being entered; somebody may pass the driver.
 #[inline(always)]
 pub fn accel_behind_leader<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     (near, believed): (&Neighbours<S>, &Beliefs<S>),
     passed: Mask<S>,
 ) -> F32<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let desired = current_desired_speed(state, params, i, passed);
     let kept = kept_time_gap(state, params, i, near);
     let (gap, closing) = (believed.gap[LEADER], believed.closing_speed[LEADER]);
@@ -125,15 +125,15 @@ pub fn accel_behind_leader<S: Simd, const N: usize>(
 /// Acceleration behind the one whose lane is being left, while the bodies overlap.
 #[inline(always)]
 fn accel_behind_old_leader<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
     passed: Mask<S>,
 ) -> F32<S> {
     let (constants, vehicle, n) = (
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         params.num_slots_in_use,
     );
@@ -199,7 +199,7 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn braking_until_clear<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     room: F32<S>,
     closing: F32<S>,
     time: F32<S>,
@@ -216,8 +216,8 @@ fn braking_until_clear<S: Simd, const N: usize>(
 /// The acceleration that driver `i` wants behind the leader, and behind the one whose lane is being left.
 #[inline(always)]
 pub fn requested_accel<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     (near, believed): (&Neighbours<S>, &Beliefs<S>),
     passed: Mask<S>,
@@ -232,12 +232,12 @@ pub fn requested_accel<S: Simd, const N: usize>(
 /// Move the pedals of vehicle `i` towards the wanted acceleration.
 #[inline(always)]
 pub fn apply_pedals<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     wanted: F32<S>,
 ) {
-    let constants = params.constants;
+    let constants = &params.constants;
     let wanted = max(
         wanted,
         -(params.vehicles[i].max_brake_force * params.vehicles[i].inverse_mass),
@@ -263,12 +263,12 @@ const MIN_MEETING_TIME: f32 = 0.1;
 /// The acceleration that driver `i` does not go beyond for who comes in its lane; it may move aside, too.
 #[inline(always)]
 pub fn accel_for_oncoming<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     met: &OncomingTraffic<S>,
 ) -> F32<S> {
-    let constants = params.constants;
+    let constants = &params.constants;
     let splat = |value: f32| splat(params.simd, value);
     let out = is_overtaking(state, i);
     let meets = met.meets_in_own_lane & state.motion.is_wreck[i].simd_eq(0.0) & !out;
@@ -298,14 +298,14 @@ pub fn accel_for_oncoming<S: Simd, const N: usize>(
 /// to the way of that.
 #[inline(always)]
 fn shift_to_edge<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     brakes: Mask<S>,
     passed: Mask<S>,
     out: Mask<S>,
 ) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let splat = |value: f32| splat(params.simd, value);
     let room = select(passed, vehicle.edge_shift_when_passed, splat(0.0));
     let wanted = select(brakes, splat(constants.edge_shift), room);

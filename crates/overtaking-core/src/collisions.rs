@@ -36,11 +36,11 @@ struct OrientedBox<S: Simd> {
 /// Which pairs may touch before the next decision.
 #[inline(always)]
 pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     pairs: &mut Pairs<S>,
 ) {
-    let (constants, vehicles) = (params.constants, &params.vehicles);
+    let (constants, vehicles) = (&params.constants, &params.vehicles);
     pairs.clear();
     for i in 0..params.num_slots_in_use {
         for j in i + 1..params.num_slots_in_use {
@@ -63,11 +63,11 @@ pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
 /// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
 #[inline(always)]
 pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     step: u32,
 ) {
-    let (constants, road) = (params.constants, params.road);
+    let (constants, road) = (&params.constants, &params.road);
     for i in 0..params.num_slots_in_use {
         let beyond = state.motion.d[i].simd_lt(road.boundaries[0] - constants.edge_margin)
             | state.motion.d[i].simd_gt(road.boundaries[road.num_lanes] + constants.edge_margin);
@@ -84,12 +84,12 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
 /// An accident of the ego ends the simulation soon.
 #[inline(always)]
 fn end_after_ego_accident<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     crashed: Mask<S>,
     step: u32,
 ) {
-    let constants = params.constants;
+    let constants = &params.constants;
     assign_where(
         &mut state.overtake.stage[EGO_SLOT],
         crashed,
@@ -106,8 +106,8 @@ fn end_after_ego_accident<S: Simd, const N: usize>(
 /// Exchange momentum in every near pair that touched during the last step.
 #[inline(always)]
 pub fn resolve_contacts<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     pairs: &[(usize, usize, Mask<S>)],
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
@@ -126,14 +126,14 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn resolve_pair<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     near: Mask<S>,
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     (step, stride): (u32, &StepLength),
     (i, j): (usize, usize),
 ) {
-    let (constants, vehicles) = (params.constants, &params.vehicles);
+    let (constants, vehicles) = (&params.constants, &params.vehicles);
     let turn = pair_frame(params, i, j);
     let (a, b) = (
         oriented_box(state, params, i, None),
@@ -238,11 +238,7 @@ fn resolve_pair<S: Simd, const N: usize>(
 type PairFrame<S> = Option<F32<S>>;
 
 #[inline(always)]
-fn pair_frame<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
-    i: usize,
-    j: usize,
-) -> PairFrame<S> {
+fn pair_frame<S: Simd, const N: usize>(params: &Params<S, N>, i: usize, j: usize) -> PairFrame<S> {
     params
         .road
         .directions
@@ -253,7 +249,7 @@ fn pair_frame<S: Simd, const N: usize>(
 /// A position of the second vehicle of a pair in the frame of the first.
 #[inline(always)]
 fn in_first_frame<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     turn: PairFrame<S>,
     s: F32<S>,
     d: F32<S>,
@@ -299,8 +295,8 @@ fn extent<S: Simd>(body: &OrientedBox<S>) -> Vector<S> {
 
 #[inline(always)]
 fn oriented_box<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     turn: PairFrame<S>,
 ) -> OrientedBox<S> {
@@ -323,8 +319,8 @@ fn oriented_box<S: Simd, const N: usize>(
 /// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
 #[inline(always)]
 fn box_at<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     before: &(PerVehicle<S, N>, PerVehicle<S, N>),
     (share, left): (F32<S>, F32<S>),
@@ -420,7 +416,7 @@ fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: F32<S>, aside: F32<S>) -
 /// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
 #[inline(always)]
 fn point_velocity<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
+    state: &State<S, N>,
     i: usize,
     arm: Vector<S>,
     turn: PairFrame<S>,
@@ -438,8 +434,8 @@ fn point_velocity<S: Simd, const N: usize>(
 /// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
 #[inline(always)]
 fn apply_impulse<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     impulse: F32<S>,
     normal: Vector<S>,

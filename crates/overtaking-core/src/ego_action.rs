@@ -119,8 +119,8 @@ impl<S: Simd> EgoAction<S> {
 /// Whether there is a faster lane, and no lane change under way.
 #[inline(always)]
 pub fn can_pull_out<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
 ) -> Mask<S> {
     let settled =
         is_in_stage(state, EGO_SLOT, stage::FOLLOW) | is_in_stage(state, EGO_SLOT, stage::PASS);
@@ -131,7 +131,7 @@ pub fn can_pull_out<S: Simd, const N: usize>(
 
 /// Whether there is a slower lane, and no lane change under way that cannot be given up.
 #[inline(always)]
-pub fn can_return<S: Simd, const N: usize>(state: &State<'_, S, N>) -> Mask<S> {
+pub fn can_return<S: Simd, const N: usize>(state: &State<S, N>) -> Mask<S> {
     let follows =
         is_in_stage(state, EGO_SLOT, stage::FOLLOW) & has_finished_lane_change(state, EGO_SLOT);
     (follows | is_in_stage(state, EGO_SLOT, stage::PASS))
@@ -141,8 +141,8 @@ pub fn can_return<S: Simd, const N: usize>(state: &State<'_, S, N>) -> Mask<S> {
 /// What the ego sets out to do: what another driver asks for, where that is possible.
 #[inline(always)]
 pub fn intent_from_action<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     orders: &EgoAction<S>,
 ) -> Intent<S> {
     if orders.kind.steers_wheels() {
@@ -188,7 +188,7 @@ pub fn intent_from_action<S: Simd, const N: usize>(
 /// Light the indicator that another driver asks for, if that is a part of its action.
 #[inline(always)]
 pub fn set_requested_indicator<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
+    state: &mut State<S, N>,
     orders: &EgoAction<S>,
 ) {
     if !matches!(
@@ -230,8 +230,8 @@ fn requested_side<S: Simd>(orders: &EgoAction<S>) -> F32<S> {
 /// What the ego has set out to do, told from the lane that it is in: nothing is shown before.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
 ) -> Intent<S> {
     let mut lane = splat(params.simd, 0.0);
     for k in 1..params.road.num_lanes {

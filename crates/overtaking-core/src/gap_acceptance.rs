@@ -49,8 +49,8 @@ struct GapAcceptanceInputs<'a, S: Simd> {
 /// What driver `i` believes, and how much it demands after its wait.
 #[inline(always)]
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &'a Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &'a Params<S, N>,
     mind: &DriverContext<'a, S>,
     i: usize,
 ) -> GapAcceptanceInputs<'a, S> {
@@ -96,15 +96,15 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
 
 /// Whether the ego is told to change lanes, as in the study: it demands no gap.
 #[inline(always)]
-pub fn is_scripted<S: Simd, const N: usize>(params: &Params<'_, S, N>) -> Mask<S> {
+pub fn is_scripted<S: Simd, const N: usize>(params: &Params<S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
 /// By how much the ego is in truth faster than its leader, which decides where it is told.
 #[inline(always)]
 pub fn true_closing_speed_to_leader<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
 ) -> F32<S> {
     state.motion.vx[EGO_SLOT]
@@ -115,14 +115,14 @@ pub fn true_closing_speed_to_leader<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn imposed_accel_on_driver<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
     gap: F32<S>,
     closing: F32<S>,
 ) -> F32<S> {
     let time_gap = view.vehicle.time_gap * view.gap_factor;
     imposed_accel(
-        params.constants,
+        &params.constants,
         view.vehicle,
         view.speed,
         gap,
@@ -133,14 +133,14 @@ fn imposed_accel_on_driver<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn imposed_accel_by_driver<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
     gap: F32<S>,
     closing: F32<S>,
 ) -> F32<S> {
     let time_gap = view.vehicle.time_gap * view.gap_factor;
     imposed_accel(
-        params.constants,
+        &params.constants,
         view.vehicle,
         view.speed + closing,
         gap,
@@ -151,7 +151,7 @@ fn imposed_accel_by_driver<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn wants_to_overtake<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
     let own = view.vehicle;
@@ -166,10 +166,10 @@ fn wants_to_overtake<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn accepts_pull_out_gaps<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
-    let (constants, own) = (params.constants, view.vehicle);
+    let (constants, own) = (&params.constants, view.vehicle);
     let front = imposed_accel_on_driver(
         params,
         view,
@@ -197,7 +197,7 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
 /// Whether the slower lane has room; `room_left` is how much more is left behind than to a car.
 #[inline(always)]
 fn accepts_return_gaps<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
     room_left: F32<S>,
 ) -> Mask<S> {
@@ -226,12 +226,12 @@ fn accepts_return_gaps<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn lane_change_is_dangerous<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
     lead: usize,
     rear: usize,
 ) -> Mask<S> {
-    let (constants, own) = (params.constants, view.vehicle);
+    let (constants, own) = (&params.constants, view.vehicle);
     let imposed = imposed_accel_by_driver(
         params,
         view,
@@ -256,10 +256,10 @@ fn lane_change_is_dangerous<S: Simd, const N: usize>(
 /// Whether the lane beside has room enough for a driver in a hurry when the line is crossed.
 #[inline(always)]
 fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     view: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
-    let (constants, closing) = (params.constants, view.closing_speed[RIGHT_LEADER]);
+    let (constants, closing) = (&params.constants, view.closing_speed[RIGHT_LEADER]);
     let crossing = 0.5 * params.simulations.urgent_change_duration;
     let front = view.gap[RIGHT_LEADER] - crossing * closing;
     let rear =
@@ -280,15 +280,15 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
 /// What driver `i` wants, and what of it is done now that it has signalled long enough.
 #[inline(always)]
 pub fn form_intent<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     mind: &DriverContext<'_, S>,
     i: usize,
     plight: Option<&PassContinuation<S>>,
 ) -> Intent<S> {
     let view = &gap_acceptance_inputs(state, params, mind, i);
     let (constants, looks, told, command) = (
-        params.constants,
+        &params.constants,
         mind.checks_mirrors,
         view.is_scripted,
         view.forced_decision,
@@ -397,28 +397,21 @@ pub struct Intent<S: Simd> {
 
 /// Whether driver `i` is sound and in a stage.
 #[inline(always)]
-pub fn is_in_stage<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    i: usize,
-    which: f32,
-) -> Mask<S> {
+pub fn is_in_stage<S: Simd, const N: usize>(state: &State<S, N>, i: usize, which: f32) -> Mask<S> {
     state.motion.is_wreck[i].simd_eq(0.0) & state.overtake.stage[i].simd_eq(which)
 }
 
 /// Whether the last lane change of driver `i` is over.
 #[inline(always)]
-pub fn has_finished_lane_change<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    i: usize,
-) -> Mask<S> {
+pub fn has_finished_lane_change<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
     state.path.elapsed[i].simd_ge(state.path.duration[i])
 }
 
 /// Whether the front of the target of driver `i` is visibly behind the own rear.
 #[inline(always)]
 pub fn has_passed_target<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> Mask<S> {
     let target = state.overtake.target_slot[i];
@@ -432,8 +425,8 @@ pub fn has_passed_target<S: Simd, const N: usize>(
 /// Whether the target of driver `i` is ahead.
 #[inline(always)]
 pub fn is_behind_target<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> Mask<S> {
     let target_slot = state.overtake.target_slot[i];
@@ -444,8 +437,8 @@ pub fn is_behind_target<S: Simd, const N: usize>(
 /// Whether going back is shorter than going on.
 #[inline(always)]
 fn is_quicker_to_turn_back<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> Mask<S> {
     state.path.elapsed[i].simd_lt(params.constants.abort_until * state.path.duration[i])
@@ -454,8 +447,8 @@ fn is_quicker_to_turn_back<S: Simd, const N: usize>(
 /// Whether driver `i` pulls out, and going back is shorter than going on.
 #[inline(always)]
 pub fn can_cancel_pull_out<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> Mask<S> {
     is_in_stage(state, i, stage::PULL_OUT) & is_quicker_to_turn_back(state, params, i)
@@ -464,8 +457,8 @@ pub fn can_cancel_pull_out<S: Simd, const N: usize>(
 /// Whether driver `i` changes back by a whole lane, and going back is shorter than going on.
 #[inline(always)]
 pub fn can_cancel_return<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> Mask<S> {
     let comes_back = is_in_stage(state, i, stage::RETURN) | is_in_stage(state, i, stage::ABORT);
@@ -477,8 +470,8 @@ pub fn can_cancel_return<S: Simd, const N: usize>(
 /// Remember the side that is wanted, and for how long it has been shown.
 #[inline(always)]
 pub fn update_indicator<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     start: Mask<S>,
     back: Mask<S>,

@@ -18,14 +18,14 @@ const MIN_SPEED: f32 = 0.1;
 
 #[inline(always)]
 fn imposed_accel_on_follower<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     speed: F32<S>,
     gap: F32<S>,
     closing: F32<S>,
 ) -> F32<S> {
     imposed_accel(
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         speed + closing,
         gap,
@@ -36,13 +36,13 @@ fn imposed_accel_on_follower<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn mobil_incentives<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     believed: &Beliefs<S>,
     own: F32<S>,
 ) -> (F32<S>, F32<S>) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
     let steady = splat(params.simd, 0.0);
     let desired = state.desired_speed(params, i);
@@ -99,14 +99,14 @@ fn mobil_incentives<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn is_safe_lane_change<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     believed: &Beliefs<S>,
     front: usize,
     rear: usize,
 ) -> Mask<S> {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
     let (later, faster) = anticipated_follower(params, gap[rear], closing[rear]);
     let braking = min(
@@ -129,11 +129,11 @@ fn is_safe_lane_change<S: Simd, const N: usize>(
 /// Gap to a follower, and how fast it closes, if it speeds up for some seconds.
 #[inline(always)]
 pub fn anticipated_follower<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     gap: F32<S>,
     closing: F32<S>,
 ) -> (F32<S>, F32<S>) {
-    let constants = params.constants;
+    let constants = &params.constants;
     let faster = constants.foresight_accel * constants.foresight;
     (
         gap - constants.foresight * (closing + 0.5 * faster),
@@ -145,8 +145,8 @@ pub fn anticipated_follower<S: Simd, const N: usize>(
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
     believed: &Beliefs<S>,
@@ -154,7 +154,7 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     looks: Mask<S>,
     decision: u32,
 ) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (to_fast, to_slow) = mobil_incentives(state, params, i, believed, own);
     let ready = looks
         & state.path.elapsed[i].simd_ge(state.path.duration[i])
@@ -203,8 +203,8 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
 /// Whether vehicle `i` lets somebody first who signals for the same place from the other side of it.
 #[inline(always)]
 pub fn gives_way<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
     signed_side: F32<S>,
@@ -228,8 +228,8 @@ pub fn gives_way<S: Simd, const N: usize>(
 /// go.
 #[inline(always)]
 pub fn lane_change_direction<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> (Mask<S>, Mask<S>) {
     let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
@@ -241,12 +241,12 @@ pub fn lane_change_direction<S: Simd, const N: usize>(
 /// side.
 #[inline(always)]
 fn cancels_lane_change<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     believed: &Beliefs<S>,
 ) -> (Mask<S>, Mask<S>) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing_speed);
     let early = state.path.elapsed[i].simd_lt(constants.abort_until * state.path.duration[i])
         & state.motion.is_wreck[i].simd_eq(0.0)
@@ -282,8 +282,8 @@ fn cancels_lane_change<S: Simd, const N: usize>(
 /// Whether vehicle `i` has wanted the same for as long as it signals; remembers what it wants.
 #[inline(always)]
 fn update_wanted_side<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     wanted: F32<S>,
     looks: Mask<S>,
@@ -301,7 +301,7 @@ fn update_wanted_side<S: Simd, const N: usize>(
 /// 1 towards the fast side, -1 towards the slow side, 0 for neither.
 #[inline(always)]
 fn signed_side<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     fast: Mask<S>,
     slow: Mask<S>,
 ) -> F32<S> {
@@ -313,8 +313,8 @@ fn signed_side<S: Simd, const N: usize>(
 /// in less than its usual time where the leader would be reached before, or in a time for who is in a hurry.
 #[inline(always)]
 pub fn start_lane_changes<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     (fast, slow, back): (Mask<S>, Mask<S>, Mask<S>),
     believed: &Beliefs<S>,
@@ -329,7 +329,7 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
     let step = signed_side(params, fast, slow);
     state.lane_choice.lane[i] += step;
     let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
-    let constants = params.constants;
+    let constants = &params.constants;
     let left = believed.gap[LEADER] / at_least(believed.closing_speed[LEADER], MIN_SPEED);
     let hurried = at_least(
         (left - constants.lane_clearance_time) / constants.lane_cleared_share,

@@ -37,7 +37,7 @@ mod vehicle_dynamics;
 
 pub use math::vectors::SIMD_LANES;
 pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, neighbour_role};
-pub use params::{MAX_STATIONS, RoadDirections};
+pub use params::{CourseTable, MAX_STATIONS, Road, RoadDirections};
 pub use recorder::frame_tiles::prefetch;
 pub use recorder::output::{MAX_PERCEPTS, Output};
 pub use road_conditions::{friction_at_film, friction_at_speed};

@@ -76,12 +76,8 @@ impl<S: Simd> VisibleBody<S> {
 
     /// Vehicle `j`.
     #[inline(always)]
-    pub fn new<const N: usize>(
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
-        j: usize,
-    ) -> Self {
-        let (constants, vehicle) = (params.constants, &params.vehicles[j]);
+    pub fn new<const N: usize>(state: &State<S, N>, params: &Params<S, N>, j: usize) -> Self {
+        let (constants, vehicle) = (&params.constants, &params.vehicles[j]);
         let moves =
             state.path.elapsed[j].simd_gt(constants.visible_fraction * state.path.duration[j]);
         let (sound, zero) = (
@@ -108,7 +104,7 @@ impl<S: Simd> VisibleBody<S> {
 /// Borders of the lane `shift` lanes from a vehicle's own [m].
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     lane: F32<S>,
     shift: f32,
 ) -> (F32<S>, F32<S>) {
@@ -121,10 +117,7 @@ pub fn lane_borders<S: Simd, const N: usize>(
 
 /// A distance along the road; on a ring that to the nearest image [m].
 #[inline(always)]
-pub fn nearest_image<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
-    distance: F32<S>,
-) -> F32<S> {
+pub fn nearest_image<S: Simd, const N: usize>(params: &Params<S, N>, distance: F32<S>) -> F32<S> {
     if !params.is_ring {
         return distance;
     }
@@ -137,8 +130,8 @@ pub fn nearest_image<S: Simd, const N: usize>(
 /// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
 #[inline(always)]
 pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
     near: &mut Neighbours<S>,
@@ -182,8 +175,8 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_
 /// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
 #[inline(always)]
 fn nearest_in_lane<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     bodies: &[VisibleBody<S>; N],
     i: usize,
     (low, high): (F32<S>, F32<S>),

@@ -85,8 +85,8 @@ pub type ObservationTable<S> = [F32<S>; OBSERVATION_SIZE];
 /// Observations of the ego in each simulation of a block.
 #[inline(always)]
 pub fn observation_table<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     source: ObservationSource,
     decision: usize,
@@ -121,8 +121,8 @@ pub fn observation_table<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn ego_columns<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
 ) -> EgoColumns<S> {
     let flag = |mask| flag(params.simd, mask);
@@ -167,8 +167,8 @@ struct NeighbourMotion<S: Simd> {
 /// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
 #[inline(always)]
 fn believed_motion<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     role: usize,
 ) -> NeighbourMotion<S> {
@@ -193,8 +193,8 @@ fn believed_motion<S: Simd, const N: usize>(
 /// The true motion of a neighbour; a large gap and zeros without one.
 #[inline(always)]
 fn true_motion<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     role: usize,
 ) -> NeighbourMotion<S> {
@@ -226,8 +226,8 @@ fn true_motion<S: Simd, const N: usize>(
 /// One oncoming vehicle; a large gap and zeros without one.
 #[inline(always)]
 fn oncoming_columns<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     vehicle: &OncomingVehicle<S>,
     source: ObservationSource,
 ) -> NeighbourColumns<S> {
@@ -288,8 +288,8 @@ fn oncoming_columns<S: Simd, const N: usize>(
 /// The model driver's knowledge about a pass against oncoming traffic.
 #[inline(always)]
 fn passing_columns<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
 ) -> PassingColumns<S> {
     let flag = |mask| flag(params.simd, mask);
@@ -327,8 +327,8 @@ fn passing_columns<S: Simd, const N: usize>(
 /// A neighbour's motion and appearance; without a vehicle the appearance is zero.
 #[inline(always)]
 fn neighbour_columns<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     role: usize,
     motion: NeighbourMotion<S>,

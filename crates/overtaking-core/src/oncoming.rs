@@ -90,8 +90,8 @@ impl<S: Simd> OncomingTraffic<S> {
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 pub fn observe_oncoming<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     (bodies, traffic): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
     near: &Neighbours<S>,
     i: usize,
@@ -127,15 +127,15 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
 /// Whether driver `i` has looked for long enough to know who comes in some lanes; advances the time in view.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     lanes: usize,
     slot: F32<S>,
     view: &Sighting<S>,
 ) -> Mask<S> {
     let (constants, simulation, effort) = (
-        params.constants,
+        &params.constants,
         &params.simulations,
         view.sight_range_ratio,
     );
@@ -150,8 +150,8 @@ fn is_certain<S: Simd, const N: usize>(
 /// Count for how long driver `i` has seen whom it sees now in some lanes.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     lanes: usize,
     seen: F32<S>,
@@ -172,8 +172,8 @@ fn update_time_in_view<S: Simd, const N: usize>(
 /// alone, another driver is told of the next one. It is noticed with the nearest, where it can be seen.
 #[inline(always)]
 pub fn observe_second_oncoming<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     first: &OncomingVehicle<S>,
     decision: usize,
@@ -205,8 +205,8 @@ struct Sighting<S: Simd> {
 /// What there is to see of an oncomer, as far as a range.
 #[inline(always)]
 fn sighting<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     i: usize,
     (slot, distance): (F32<S>, F32<S>),
@@ -236,8 +236,8 @@ fn sighting<S: Simd, const N: usize>(
 /// Speed of approach that driver `i` expects of who comes.
 #[inline(always)]
 pub fn expected_closing_speed<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> F32<S> {
     state.road_velocity(i).0 + params.simulations.expected_oncoming_speed
@@ -247,8 +247,8 @@ pub fn expected_closing_speed<S: Simd, const N: usize>(
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 fn believe<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     slot: F32<S>,
     sight: F32<S>,
@@ -257,7 +257,7 @@ fn believe<S: Simd, const N: usize>(
     decision: usize,
 ) -> OncomingVehicle<S> {
     let (constants, simulation, vehicle) =
-        (params.constants, &params.simulations, &params.vehicles[i]);
+        (&params.constants, &params.simulations, &params.vehicles[i]);
     let [width, two_wheeler, their_vx] = each_at_slot!(params.num_slots_in_use, slot, |j| [
         params.vehicles[j].looming_width,
         params.vehicles[j].two_wheeler,
@@ -302,12 +302,12 @@ fn believe<S: Simd, const N: usize>(
 /// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
 #[inline(always)]
 fn sight_distance<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     i: usize,
 ) -> F32<S> {
-    let (constants, road) = (params.constants, params.road);
+    let (constants, road) = (&params.constants, &params.road);
     let (place, _) = state.road_position(params, i);
     let turned = params.vehicles[i].travel_sign.simd_lt(0.0);
     let [along, against] = &road.directions.sight;
@@ -414,11 +414,11 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     #[inline(always)]
     pub fn update(
         &mut self,
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
+        state: &State<S, N>,
+        params: &Params<S, N>,
         bodies: &[VisibleBody<S>; N],
     ) {
-        let (constants, road) = (params.constants, params.road);
+        let (constants, road) = (&params.constants, &params.road);
         let low = splat(params.simd, road.boundaries[0] + constants.corridor_margin);
         let home = (
             low,
@@ -458,8 +458,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     #[inline(always)]
     pub fn nearest_oncoming(
         &self,
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
+        state: &State<S, N>,
+        params: &Params<S, N>,
         bodies: &[VisibleBody<S>; N],
         i: usize,
     ) -> [NearestOncoming<S>; 2] {
@@ -521,8 +521,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     /// The nearest oncomer of vehicle `i` in any lane, but for who is in a slot.
     #[inline(always)]
     pub fn nearest_except(
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
+        state: &State<S, N>,
+        params: &Params<S, N>,
         i: usize,
         slot: F32<S>,
     ) -> NearestOncoming<S> {
@@ -544,12 +544,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
 
     /// Whether somebody is passing vehicle `i`, as its driver notices it.
     #[inline(always)]
-    pub fn is_being_passed(
-        &self,
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
-        i: usize,
-    ) -> Mask<S> {
+    pub fn is_being_passed(&self, state: &State<S, N>, params: &Params<S, N>, i: usize) -> Mask<S> {
         let vehicle = &params.vehicles[i];
         let mut passed = self.overtakes[i] & !self.overtakes[i];
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
@@ -567,7 +562,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
 /// Whom vehicle `i` meets, where there is a vehicle `i`.
 #[inline(always)]
 fn where_vehicle_exists<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     (slot, distance): NearestOncoming<S>,
 ) -> NearestOncoming<S> {
@@ -580,7 +575,7 @@ fn where_vehicle_exists<S: Simd, const N: usize>(
 
 /// Whether vehicle `i` is overtaking, or on its way back from there.
 #[inline(always)]
-pub fn is_overtaking<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
+pub fn is_overtaking<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
     let away = state.overtake.stage[i].simd_ne(stage::FOLLOW)
         & state.overtake.stage[i].simd_ne(stage::DONE);
     away & state.motion.is_wreck[i].simd_eq(0.0)

@@ -23,8 +23,8 @@ use crate::state::{
 /// One decision of every ego of the block; what it intends holds until it looks around again.
 #[inline(always)]
 pub fn decide_ego<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     recorder: &mut Recorder<'_, N>,
     step: u32,
@@ -109,8 +109,8 @@ pub fn decide_ego<S: Simd, const N: usize>(
 /// One decision of vehicle `i`, not the ego, on a two-way road; who has overtaken may do so again.
 #[inline(always)]
 pub fn decide_other<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     mind: DriverContext<'_, S>,
     i: usize,
     step: u32,
@@ -146,8 +146,8 @@ pub fn decide_other<S: Simd, const N: usize>(
 /// How driver `i` stands to oncoming traffic, remembered.
 #[inline(always)]
 fn update_pass_continuation<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     mind: &DriverContext<'_, S>,
     i: usize,
 ) -> PassContinuation<S> {
@@ -161,8 +161,8 @@ fn update_pass_continuation<S: Simd, const N: usize>(
 /// Go on to the next stage, or stay.
 #[inline(always)]
 fn set_stage<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     next: F32<S>,
 ) {
@@ -178,8 +178,8 @@ fn set_stage<S: Simd, const N: usize>(
 /// Count the time behind a slower leader.
 #[inline(always)]
 fn count_waiting_time<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     believed: &Beliefs<S>,
 ) {
@@ -197,8 +197,8 @@ fn count_waiting_time<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn next_stage<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     i: usize,
     intent: &Intent<S>,
@@ -250,14 +250,14 @@ fn next_stage<S: Simd, const N: usize>(
 /// Move over and show it.
 #[inline(always)]
 fn carry_out_intent<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     mind: &DriverContext<'_, S>,
     i: usize,
     intent: &Intent<S>,
     decision: u32,
 ) {
-    let (constants, zero) = (params.constants, splat(params.simd, 0.0));
+    let (constants, zero) = (&params.constants, splat(params.simd, 0.0));
     let (faster, slower) = (
         intent.starts_pull_out | intent.cancels_return,
         intent.starts_return | intent.cancels_pull_out,
@@ -314,13 +314,13 @@ fn carry_out_intent<S: Simd, const N: usize>(
 /// End the simulation some time after the overtake, or at the deadline if the ego follows then.
 #[inline(always)]
 fn set_end_step<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     intent: &Intent<S>,
     next: F32<S>,
     step: u32,
 ) {
-    let constants = params.constants;
+    let constants = &params.constants;
     let now = splat(params.simd, step as f32);
     let over = next.simd_eq(stage::DONE) & state.overtake.stage[EGO_SLOT].simd_ne(stage::DONE);
     let after = now + (constants.after_overtake / constants.step).round_ties_even();

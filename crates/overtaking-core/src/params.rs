@@ -5,16 +5,17 @@
 //! counts towards the overtaking side [m]. *Along* means in the road's own direction, *against* in the direction of
 //! oncoming traffic.
 
+use std::sync::Arc;
+
 use fearless_simd::Simd;
 
 use crate::math::vectors::{CopyLane, SIMD_LANES};
 use crate::names::{ModelConstants, SimulationParams, VehicleParams};
-use crate::run::engine::Inputs;
 use crate::state::EGO_SLOT;
 
 /// The road of all simulations of a batch, with the lateral axis towards the overtaking side.
-#[derive(Clone, Copy, Debug)]
-pub struct Road<'a> {
+#[derive(Clone, Debug)]
+pub struct Road {
     /// Number of lanes that vehicles use, including the opposing lane if there is oncoming traffic.
     pub num_lanes: usize,
     /// Lane borders from the kerb side to the overtaking side, padded with copies of the last one [m].
@@ -28,41 +29,45 @@ pub struct Road<'a> {
     /// Own direction and oncoming traffic.
     pub directions: RoadDirections,
     /// Geometry, sight distances and speed limits by station.
-    pub course_table: CourseTable<'a>,
+    pub course_table: CourseTable,
 }
 
 /// Geometry, sight distances and speed limits of a road at stations 2 m apart, from s = 0.
 ///
-/// The slices are empty if the road is straight and level and has one speed limit. `CourseTable` in
+/// The rows are empty if the road is straight and level and has one speed limit. `CourseTable` in
 /// `overtaking.world.road_parameters` has the formulas.
-#[derive(Clone, Copy, Debug)]
-pub struct CourseTable<'a> {
+#[derive(Clone, Debug, Default)]
+pub struct CourseTable {
     /// Curvature, positive where the road bends towards the overtaking side [1/m].
-    pub curvature: &'a [f32],
+    pub curvature: Box<[f32]>,
     /// Sine of the slope, positive where the road rises along `s` [1].
-    pub sine_of_slope: &'a [f32],
+    pub sine_of_slope: Box<[f32]>,
     /// Radius by which drivers choose their speed; large where bends are wide or far ahead [m].
-    pub radius_along: &'a [f32],
-    pub radius_against: &'a [f32],
+    pub radius_along: Box<[f32]>,
+    /// The same for traffic against the road.
+    pub radius_against: Box<[f32]>,
     /// Length of road that a car driver sees past bends and over crests [m].
-    pub sight_along: &'a [f32],
-    pub sight_against: &'a [f32],
-    /// The same for a truck driver, whose eyes are higher [m].
-    pub truck_sight_along: &'a [f32],
-    pub truck_sight_against: &'a [f32],
+    pub sight_along: Box<[f32]>,
+    /// The same for traffic against the road.
+    pub sight_against: Box<[f32]>,
+    /// Length of road that a truck driver sees, whose eyes are higher [m].
+    pub truck_sight_along: Box<[f32]>,
+    /// The same for traffic against the road.
+    pub truck_sight_against: Box<[f32]>,
     /// Largest speed from which a driver can slow down in time for each speed limit here and ahead [m/s].
-    pub allowed_speed_along: &'a [f32],
-    pub allowed_speed_against: &'a [f32],
+    pub allowed_speed_along: Box<[f32]>,
+    /// The same for traffic against the road.
+    pub allowed_speed_against: Box<[f32]>,
 }
 
 /// Number of fields of a `CourseTable`.
 const COURSE_ROWS: usize = 10;
 
-impl<'a> CourseTable<'a> {
+impl CourseTable {
     /// Split the flat array of the Python table, (row, station), into its rows.
-    fn from_rows(table: &'a [f32]) -> Self {
+    pub fn from_rows(table: &[f32]) -> Self {
         let stations = table.len() / COURSE_ROWS;
-        let row = |index: usize| &table[index * stations..(index + 1) * stations];
+        let row = |index: usize| table[index * stations..(index + 1) * stations].into();
         Self {
             curvature: row(0),
             sine_of_slope: row(1),
@@ -78,20 +83,7 @@ impl<'a> CourseTable<'a> {
     }
 }
 
-impl<'a> Road<'a> {
-    /// The road of a batch.
-    pub fn of(inputs: &Inputs<'a>) -> Self {
-        Self {
-            num_lanes: inputs.num_lanes,
-            boundaries: inputs.boundaries,
-            film_path: inputs.film_path,
-            overtaking_sign: inputs.overtaking_sign,
-            pose: inputs.pose,
-            directions: inputs.directions,
-            course_table: CourseTable::from_rows(inputs.course_table),
-        }
-    }
-
+impl Road {
     /// Whether the driver of slot `i` overtakes through the stages of the ego's model.
     ///
     /// With oncoming traffic all drivers do. Otherwise only the ego does, and other drivers change lanes by MOBIL.
@@ -199,12 +191,12 @@ impl DerivedConstants {
 }
 
 /// All parameters of a block. Only a `ParameterSwitch`, for a branch, changes their values.
-pub struct Params<'a, S: Simd, const N: usize> {
+pub struct Params<S: Simd, const N: usize> {
     /// Token of the SIMD level, which vectors are made with.
     pub simd: S,
-    pub constants: &'a ModelConstants,
+    pub constants: Arc<ModelConstants>,
     pub derived: DerivedConstants,
-    pub road: &'a Road<'a>,
+    pub road: Arc<Road>,
     /// Parameters of the vehicle and driver in each slot (number of a vehicle in its simulation).
     pub vehicles: [VehicleParams<S>; N],
     /// Parameters of each simulation, such as its weather.
@@ -221,7 +213,7 @@ pub struct Params<'a, S: Simd, const N: usize> {
     pub scenario_index_high: [u32; SIMD_LANES],
 }
 
-impl<S: Simd, const N: usize> CopyLane for Params<'_, S, N> {
+impl<S: Simd, const N: usize> CopyLane for Params<S, N> {
     fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
         self.vehicles.copy_lane(lane, &source.vehicles, source_lane);
         self.simulations

@@ -32,13 +32,13 @@ pub struct PassContinuation<S: Simd> {
 /// Whether driver `i` goes on with its pass, and how.
 #[inline(always)]
 pub fn decide_pass_continuation<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
 ) -> PassContinuation<S> {
     let (constants, own, near, coming) = (
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         mind.neighbours,
         &mind.oncoming.nearest,
@@ -99,8 +99,8 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
 /// brake behind that.
 #[inline(always)]
 fn must_return_before_next<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
 ) -> Mask<S> {
@@ -109,7 +109,7 @@ fn must_return_before_next<S: Simd, const N: usize>(
         return passes;
     }
     let (constants, own, coming) = (
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         &mind.oncoming.nearest,
     );
@@ -147,8 +147,8 @@ fn must_return_before_next<S: Simd, const N: usize>(
 /// Whether driver `i` is past the one that it overtakes and comes beside the next one: it overtakes that now.
 #[inline(always)]
 pub fn overtakes_next_vehicle<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
 ) -> Mask<S> {
@@ -168,15 +168,15 @@ pub fn overtakes_next_vehicle<S: Simd, const N: usize>(
 
 /// Whether driver `i` is on its way past another.
 #[inline(always)]
-fn is_before_return<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> Mask<S> {
+fn is_before_return<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
     is_in_stage(state, i, stage::PULL_OUT) | is_in_stage(state, i, stage::PASS)
 }
 
 /// Whether the ego of a two-way road can give up its pass: it is behind who is overtaken.
 #[inline(always)]
 pub fn can_abort_pass<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
 ) -> Mask<S> {
     let (lead, bodies) = target_lead(state, params, EGO_SLOT);
     is_before_return(state, EGO_SLOT) & lead.simd_gt(bodies)
@@ -185,8 +185,8 @@ pub fn can_abort_pass<S: Simd, const N: usize>(
 /// How far ahead the target is, and has to be for driver `i` to fall in behind it [m].
 #[inline(always)]
 fn target_lead<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> (F32<S>, F32<S>) {
     let [place, half_length] = each_at_slot!(
@@ -202,8 +202,8 @@ fn target_lead<S: Simd, const N: usize>(
 /// where no time is left to pass the next one, too.
 #[inline(always)]
 pub fn accel_limit_while_passing<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     mind: &DriverContext<'_, S>,
 ) -> F32<S> {
@@ -213,7 +213,7 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
         return free;
     }
     let (constants, own, near, believed) = (
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         mind.neighbours,
         mind.beliefs,

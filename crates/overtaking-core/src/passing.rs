@@ -48,8 +48,8 @@ fn expected_accel<S: Simd>(
 /// The speed that driver `i` passes at: well above that of the other, if the vehicle can; the limit counts as on a free road.
 #[inline(always)]
 fn passing_speed<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     leader: F32<S>,
 ) -> F32<S> {
@@ -65,11 +65,11 @@ fn passing_speed<S: Simd, const N: usize>(
 /// The speed that driver `i` wants now, if it passes.
 #[inline(always)]
 pub fn current_passing_speed<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> F32<S> {
-    let (constants, own) = (params.constants, &params.vehicles[i]);
+    let (constants, own) = (&params.constants, &params.vehicles[i]);
     let other = at_slot!(
         params.num_slots_in_use,
         state.overtake.target_slot[i],
@@ -88,15 +88,15 @@ pub fn current_passing_speed<S: Simd, const N: usize>(
 /// and the speed of the other.
 #[inline(always)]
 pub fn time_to_pass<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     way: F32<S>,
     (speed, faster): (F32<S>, F32<S>),
     other: F32<S>,
 ) -> F32<S> {
     let top = passing_speed(state, params, i, other);
-    let accel = expected_accel(params.constants, &params.vehicles[i], speed, top);
+    let accel = expected_accel(&params.constants, &params.vehicles[i], speed, top);
     time_to_gain(way, faster, top - other, accel)
 }
 
@@ -115,7 +115,7 @@ pub fn assumed_oncoming_gap<S: Simd>(
 /// How much more room drivers leave to the vehicle in a slot than to a car.
 #[inline(always)]
 pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     slot: F32<S>,
 ) -> F32<S> {
     let tall = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
@@ -131,15 +131,15 @@ pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
 /// at a gap, and at a speed.
 #[inline(always)]
 pub fn accepts_oncoming_gap<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     near: &Neighbours<S>,
     coming: &OncomingVehicle<S>,
     (gap, leader): (F32<S>, F32<S>),
     impatience: F32<S>,
 ) -> Mask<S> {
-    let (constants, own, speed) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, own, speed) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let bodies = 2.0 * (near.half_length[LEADER] + own.half_length);
     let returns = own.return_time_gap
         * impatience
@@ -167,8 +167,8 @@ pub fn accepts_oncoming_gap<S: Simd, const N: usize>(
 /// Gap that driver `i` finds between the vehicle in a slot and the one ahead of it.
 #[inline(always)]
 pub fn gap_ahead_of<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     slot: F32<S>,
 ) -> F32<S> {
@@ -196,8 +196,8 @@ pub fn gap_ahead_of<S: Simd, const N: usize>(
 /// Whether the line is not to be crossed where driver `i` is, or at a way ahead of it.
 #[inline(always)]
 pub fn line_is_solid<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     ahead: F32<S>,
 ) -> Mask<S> {

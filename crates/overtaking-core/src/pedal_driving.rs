@@ -2,6 +2,8 @@
 //!
 //! Here the lanes of a vector are not simulations: all of them hold the same one.
 
+use std::sync::Arc;
+
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
@@ -10,11 +12,11 @@ use crate::math::vectors::{
     F32, SIMD_LANES, at_least, clamp, clamp_to, dispatch, min, select, splat,
 };
 use crate::names::SimulationParams;
-use crate::params::{DerivedConstants, Params, Road};
+use crate::params::{DerivedConstants, Params};
 use crate::road_conditions;
 use crate::run::block::load;
 use crate::run::engine::{Inputs, find_level};
-use crate::state::{History, State};
+use crate::state::{State, new_history};
 use crate::vehicle_dynamics;
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
@@ -25,7 +27,7 @@ macro_rules! table_fields {
         pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
 
         #[inline(always)]
-        fn read_table<S: Simd, const N: usize>(state: &mut State<'_, S, N>, table: &[f32], simd: S) {
+        fn read_table<S: Simd, const N: usize>(state: &mut State<S, N>, table: &[f32], simd: S) {
             let mut rows = table.chunks_exact(table.len() / TABLE_FIELDS.len());
             $(for (mine, value) in state.$group.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
                 *mine = splat(simd, *value);
@@ -35,7 +37,7 @@ macro_rules! table_fields {
         /// Put back what lane `of` a vehicle says of it.
         #[inline(always)]
         fn write_table<S: Simd, const N: usize>(
-            state: &State<'_, S, N>,
+            state: &State<S, N>,
             table: &mut [f32],
             of: impl Fn(usize) -> Option<usize>,
         ) {
@@ -134,7 +136,6 @@ fn with_state<S: Simd, const N: usize>(
     deed: Deed<'_>,
     table: &mut [f32],
 ) {
-    let road = Road::of(inputs);
     let (p, q) = load(
         simd,
         inputs.vehicle,
@@ -144,9 +145,9 @@ fn with_state<S: Simd, const N: usize>(
     );
     let world = Params::<S, N> {
         simd,
-        constants: inputs.constants,
-        derived: DerivedConstants::of(inputs.constants),
-        road: &road,
+        constants: Arc::clone(&inputs.constants),
+        derived: DerivedConstants::of(&inputs.constants),
+        road: Arc::clone(&inputs.road),
         vehicles: p,
         simulations: q,
         num_slots_in_use: inputs.num_slots,
@@ -155,10 +156,9 @@ fn with_state<S: Simd, const N: usize>(
         scenario_index_low: [inputs.scenario_index[0] as u32; SIMD_LANES],
         scenario_index_high: [(inputs.scenario_index[0] >> 32) as u32; SIMD_LANES],
     };
-    let mut history = History::default();
     match deed {
-        Deed::Weather(decision) => update_weather(world, decision, &mut history, table),
-        Deed::Drive(controls, steps) => drive(&world, controls, steps, &mut history, table),
+        Deed::Weather(decision) => update_weather(world, decision, table),
+        Deed::Drive(controls, steps) => drive(&world, controls, steps, table),
     }
 }
 
@@ -167,18 +167,18 @@ fn with_state<S: Simd, const N: usize>(
 /// Vehicles head anywhere, so the wind has other axes for each. Lane `k` has it as one of them feels it,
 /// and only that one takes its numbers from there.
 fn update_weather<S: Simd, const N: usize>(
-    mut params: Params<'_, S, N>,
+    mut params: Params<S, N>,
     decision: u32,
-    history: &mut History<N>,
     table: &mut [f32],
 ) {
     let before = table.to_vec();
     let steady = params.simulations;
+    let mut history = new_history();
     for first in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
-        params.simd.vectorize(
+        history = params.simd.vectorize(
             #[inline(always)]
             || {
-                let mut state = State::at_start(&params, &mut history.0);
+                let mut state = State::at_start(&params, history);
                 read_table(&mut state, &before, params.simd);
                 wind_in_vehicle_axes(&mut params.simulations, &steady, &state, first);
                 road_conditions::update_random_processes(&mut state, &params, decision);
@@ -187,6 +187,7 @@ fn update_weather<S: Simd, const N: usize>(
                 write_table(&state, table, |i| {
                     i.checked_sub(first).filter(|lane| *lane < SIMD_LANES)
                 });
+                state.attention.history
             },
         );
     }
@@ -197,7 +198,7 @@ fn update_weather<S: Simd, const N: usize>(
 fn wind_in_vehicle_axes<S: Simd, const N: usize>(
     turned: &mut SimulationParams<S>,
     steady: &SimulationParams<S>,
-    state: &State<'_, S, N>,
+    state: &State<S, N>,
     first: usize,
 ) {
     for (lane, psi) in state.motion.heading[first..]
@@ -214,16 +215,15 @@ fn wind_in_vehicle_axes<S: Simd, const N: usize>(
 }
 
 fn drive<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     controls: PedalControls<'_>,
     steps: u32,
-    history: &mut History<N>,
     table: &mut [f32],
 ) {
     params.simd.vectorize(
         #[inline(always)]
         || {
-            let mut state = State::at_start(params, &mut history.0);
+            let mut state = State::at_start(params, new_history());
             read_table(&mut state, table, params.simd);
             for i in 0..params.num_slots_in_use {
                 (state.motion.sin_heading[i], state.motion.cos_heading[i]) =
@@ -254,13 +254,13 @@ fn drive<S: Simd, const N: usize>(
 /// From pedals, at a speed, to the acceleration that is asked for.
 #[inline(always)]
 fn apply_throttle_and_brake<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     controls: PedalControls<'_>,
     speed: F32<S>,
 ) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let air = speed - state.friction_and_wind.tail_wind[i];
     let resistance = vehicle.drag * air * air.abs() + vehicle.rolling;
     let engine = min(
@@ -275,13 +275,13 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
 /// Turn the front wheels, or lean into the curve that they stand for; the angle in the middle of the step.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     controls: PedalControls<'_>,
     speed: F32<S>,
 ) -> F32<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let angle: F32<S> = splat(params.simd, controls.wheel_angle[i]);
     let most = controls.wheel_rate * constants.step;
     let turn = clamp_to(angle - state.controls.wheel_angle[i], -most, most);

@@ -56,8 +56,8 @@ impl<S: Simd> Beliefs<S> {
 /// Write down where everybody is now.
 #[inline(always)]
 pub fn record_history<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     decision: usize,
 ) {
     let row = decision % HISTORY_LENGTH;
@@ -75,12 +75,12 @@ pub fn record_history<S: Simd, const N: usize>(
 /// Which simulations' driver `i` looks into the mirrors and at the other lanes now.
 #[inline(always)]
 pub fn checks_mirrors_now<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     decision: u32,
 ) -> Mask<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let interval = constants.glance_interval as u32;
     let turn = decision + i as u32 * constants.glance_stagger as u32;
     if decision >= interval && turn.is_multiple_of(interval) {
@@ -102,8 +102,8 @@ pub fn checks_mirrors_now<S: Simd, const N: usize>(
 /// Draw whether driver `i` looks over the shoulder before the next lane change.
 #[inline(always)]
 pub fn draw_shoulder_check<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     drawn: Mask<S>,
     decision: u32,
@@ -129,13 +129,13 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
 
 #[inline(always)]
 pub fn extinction_ahead<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     leader_speed: F32<S>,
     i: usize,
 ) -> (F32<S>, F32<S>) {
-    let (constants, simulation) = (params.constants, &params.simulations);
+    let (constants, simulation) = (&params.constants, &params.simulations);
     let air = simulation.fog_extinction
         + simulation.rain_extinction * (1.0 + state.motion.vx[i] / constants.rain_speed);
     let path = value_of_lane(
@@ -166,7 +166,7 @@ struct TallLeader<S: Simd> {
 
 impl<S: Simd> TallLeader<S> {
     #[inline(always)]
-    fn new<const N: usize>(params: &Params<'_, S, N>, near: &Neighbours<S>) -> Self {
+    fn new<const N: usize>(params: &Params<S, N>, near: &Neighbours<S>) -> Self {
         let slot = near.slot[LEADER];
         let [tall, half_width] = each_at_slot!(params.num_slots_in_use, slot, |j| [
             params.vehicles[j].blocks_view,
@@ -196,13 +196,13 @@ fn is_occluded<S: Simd>(near: &Neighbours<S>, leader: &TallLeader<S>, role: usiz
 /// How close to the limit of sight somebody at a gap is, by contrast or by lamps.
 #[inline(always)]
 pub fn sight_range_ratio<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     gap: F32<S>,
     is_front: bool,
     [contrast, lamp]: [F32<S>; 2],
     (air, spray): (F32<S>, F32<S>),
 ) -> F32<S> {
-    let (constants, simulation) = (params.constants, &params.simulations);
+    let (constants, simulation) = (&params.constants, &params.simulations);
     let distance = clamp_to(gap, NEAREST_GAP, FARTHEST_GAP);
     let mut depth = air * distance;
     let mut sensitivity = simulation.log_contrast_sensitivity_behind;
@@ -223,8 +223,8 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn detect<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     near: &Neighbours<S>,
     i: usize,
     role: usize,
@@ -233,7 +233,7 @@ fn detect<S: Simd, const N: usize>(
     before: &([F32<S>; NUM_ROLES], [F32<S>; NUM_ROLES]),
     (steadily, now): (Mask<S>, Mask<S>),
 ) -> Mask<S> {
-    let constants = params.constants;
+    let constants = &params.constants;
     let zero = splat(params.simd, 0.0);
     let (slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
@@ -289,7 +289,7 @@ fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
 /// Where and how fast the vehicles in `slot` were at decision `then`.
 #[inline(always)]
 pub fn recall_motion<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
+    state: &State<S, N>,
     simd: S,
     then: F32<S>,
     slot: F32<S>,
@@ -319,14 +319,14 @@ pub fn recall_motion<S: Simd, const N: usize>(
 /// misjudgements as contact comes near, and the speed of approach that is sensed.
 #[inline(always)]
 pub fn sense_looming<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     gap: F32<S>,
     closing: F32<S>,
     width: F32<S>,
 ) -> (Mask<S>, F32<S>, F32<S>, F32<S>) {
-    let constants = params.constants;
+    let constants = &params.constants;
     let distance = at_least(gap, NEAREST_GAP);
     let expansion = width * closing.abs() / (distance * distance);
     let excess = expansion - constants.looming_threshold;
@@ -343,8 +343,8 @@ pub fn sense_looming<S: Simd, const N: usize>(
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn form_beliefs<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     bodies: &[VisibleBody<S>; N],
     near: &Neighbours<S>,
     i: usize,
@@ -353,7 +353,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     believed: &mut Beliefs<S>,
 ) {
     let (constants, simulation, vehicle) =
-        (params.constants, &params.simulations, &params.vehicles[i]);
+        (&params.constants, &params.simulations, &params.vehicles[i]);
     let zero = splat(params.simd, 0.0);
     let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
         .motion

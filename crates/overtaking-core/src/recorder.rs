@@ -71,8 +71,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
     #[inline(always)]
     pub fn record_frame<S: Simd>(
         &mut self,
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
+        state: &State<S, N>,
+        params: &Params<S, N>,
         active: Mask<S>,
         number: usize,
         tile: &mut FrameTile<N>,
@@ -143,7 +143,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     /// Sixteen frames are turned at once; what is written beyond the end of a simulation is cleared when
     /// it is finished.
     #[inline(always)]
-    pub fn write_tile<S: Simd>(&mut self, params: &Params<'_, S, N>, tile: &FrameTile<N>) {
+    pub fn write_tile<S: Simd>(&mut self, params: &Params<S, N>, tile: &FrameTile<N>) {
         let start = self.flushed;
         if self.frames.iter().all(|frames| *frames <= start) {
             return;
@@ -167,8 +167,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
     #[inline(always)]
     pub fn record_percepts<S: Simd>(
         &mut self,
-        state: &mut State<'_, S, N>,
-        params: &Params<'_, S, N>,
+        state: &mut State<S, N>,
+        params: &Params<S, N>,
         near: &Neighbours<S>,
         believed: &Beliefs<S>,
         mask: Mask<S>,
@@ -237,12 +237,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     /// Write what is left of a simulation that has ended: zeros behind its frames, contacts and hash.
     ///
     /// The lane is free afterwards.
-    pub fn finish<S: Simd>(
-        &mut self,
-        lane: usize,
-        state: &State<'_, S, N>,
-        params: &Params<'_, S, N>,
-    ) {
+    pub fn finish<S: Simd>(&mut self, lane: usize, state: &State<S, N>, params: &Params<S, N>) {
         let Some(mut out) = self.out[lane].take() else {
             return;
         };
@@ -283,7 +278,7 @@ fn clear_behind<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     frames: usize,
     lane: usize,
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
 ) {
     let room = out.frames;
     for i in 0..out.slots {
@@ -304,8 +299,8 @@ fn put_contacts<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     hash: &mut [u32; 4],
     lane: usize,
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
 ) {
     for i in 0..out.slots {
         let partner = state.first_contact.partner[i][lane];
@@ -382,11 +377,11 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
 /// The recorded integers of vehicle `i`.
 #[inline(always)]
 pub fn state_words<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> [i32x16<S>; NUM_STATE_WORDS] {
-    let (road, vehicle) = (params.road, &params.vehicles[i]);
+    let (road, vehicle) = (&params.road, &params.vehicles[i]);
     let [x0, y0, heading, cosine, sine] = road.pose;
     let (s, from_slow) = state.road_position(params, i);
     let d = road.overtaking_sign * from_slow;
@@ -441,8 +436,8 @@ pub fn state_words<S: Simd, const N: usize>(
 
 #[inline(always)]
 fn recorded_lights<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> i32x16<S> {
     let towards_left = params.road.overtaking_sign * state.controls.indicator[i];

@@ -31,11 +31,11 @@ fn ornstein_uhlenbeck_step<S: Simd>(process: F32<S>, keep: F32<S>, word: F32<S>)
 /// Advance gusts, errors of judgement and wander in the lane by one decision.
 #[inline(always)]
 pub fn update_random_processes<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     decision: u32,
 ) {
-    let (constants, simulation) = (params.constants, &params.simulations);
+    let (constants, simulation) = (&params.constants, &params.simulations);
     // The first draw is the stationary state: nothing of a past is kept.
     let kept = if decision == 0 { 0.0 } else { 1.0 };
     let keep_error = kept
@@ -82,7 +82,7 @@ pub fn update_random_processes<S: Simd, const N: usize>(
 /// A number along or across the road, in the direction of vehicle `i`.
 #[inline(always)]
 fn in_travel_direction<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     value: F32<S>,
 ) -> F32<S> {
@@ -109,7 +109,7 @@ pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
 
 /// Film on a lane outside puddles [mm].
 #[inline(always)]
-pub fn lane_film<S: Simd, const N: usize>(params: &Params<'_, S, N>, path: F32<S>) -> F32<S> {
+pub fn lane_film<S: Simd, const N: usize>(params: &Params<S, N>, path: F32<S>) -> F32<S> {
     max(
         params.simulations.min_wet_film,
         params.simulations.film_rain_factor * path - params.simulations.texture_depth,
@@ -124,11 +124,11 @@ fn triangle_wave<S: Simd>(x: F32<S>) -> F32<S> {
 /// Depth of the puddle at a point, 0 to 1.
 #[inline(always)]
 fn puddle_depth_share<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     s: F32<S>,
     path: F32<S>,
 ) -> F32<S> {
-    let (constants, simulation) = (params.constants, &params.simulations);
+    let (constants, simulation) = (&params.constants, &params.simulations);
     let wave = triangle_wave(
         s * constants.inverse_puddle_wave_1 + simulation.puddle_phase_1 + PHASE_STEP_1 * path,
     );
@@ -196,12 +196,12 @@ pub fn friction_at_film<S: Simd>(
 /// What the road does to vehicle `i` until the next decision: it bends, rises, shows itself, has limits.
 #[inline(always)]
 pub fn update_road_course<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) {
     let (constants, vehicle, ways) = (
-        params.constants,
+        &params.constants,
         &params.vehicles[i],
         &params.road.directions,
     );
@@ -223,22 +223,22 @@ pub fn update_road_course<S: Simd, const N: usize>(
     };
     let (here, there, now) = (station(here), station(there), station(s));
     let is_oncoming = |lane: usize| usize::from(vehicle.travel_sign[lane] < 0.0);
-    let radii = [table.radius_along, table.radius_against];
+    let radii = [&table.radius_along, &table.radius_against];
     let sights = [
-        table.sight_along,
-        table.sight_against,
-        table.truck_sight_along,
-        table.truck_sight_against,
+        &table.sight_along,
+        &table.sight_against,
+        &table.truck_sight_along,
+        &table.truck_sight_against,
     ];
-    let allowed_speeds = [table.allowed_speed_along, table.allowed_speed_against];
+    let allowed_speeds = [&table.allowed_speed_along, &table.allowed_speed_against];
     let stretch = |bend: F32<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
-    let bend = vehicle.travel_sign * interpolate_course(here, last, |_| table.curvature);
-    let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| table.curvature);
+    let bend = vehicle.travel_sign * interpolate_course(here, last, |_| &table.curvature);
+    let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| &table.curvature);
     state.road.station_per_metre[i] = stretch(bend);
     state.road.curvature[i] = bend * state.road.station_per_metre[i];
     state.road.curvature_ahead[i] = ahead * stretch(ahead);
     state.road.sin_slope[i] =
-        vehicle.travel_sign * interpolate_course(here, last, |_| table.sine_of_slope);
+        vehicle.travel_sign * interpolate_course(here, last, |_| &table.sine_of_slope);
     let radius = interpolate_course(now, last, |lane| radii[is_oncoming(lane)]);
     state.road.bend_speed[i] =
         (at_most(params.simulations.max_lateral_accel, constants.bend_accel) * radius).sqrt();
@@ -265,7 +265,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
 /// Speed that driver `i` wants under a limit in its weather and light.
 #[inline(always)]
 fn adapted_speed<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     limit: F32<S>,
 ) -> F32<S> {
@@ -297,11 +297,8 @@ fn interpolate_course<'a, S: Simd>(
 
 /// Friction under the wheels of either side.
 #[inline(always)]
-pub fn update_friction<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
-) {
-    let (road, n) = (params.road, params.road.num_lanes);
+pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
+    let (road, n) = (&params.road, params.road.num_lanes);
     let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
     let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
     for i in 0..params.num_slots_in_use {
@@ -316,14 +313,14 @@ pub fn update_friction<S: Simd, const N: usize>(
         }
         let water = lane_film(params, value_of_lane(&road.film_path[..n], lane));
         let columns = friction_at_speed(
-            params.constants,
+            &params.constants,
             state.motion.vx[i],
             vehicle.tyre_wear,
             vehicle.has_truck_tyres,
         );
         if !has_puddles {
             let friction = min(
-                friction_at_film(params.constants, &columns, water),
+                friction_at_film(&params.constants, &columns, water),
                 vehicle.max_friction,
             );
             (
@@ -345,7 +342,7 @@ pub fn update_friction<S: Simd, const N: usize>(
             let depth = puddle_depth_share(params, s, wheel_path);
             *friction = min(
                 friction_at_film(
-                    params.constants,
+                    &params.constants,
                     &columns,
                     water + params.simulations.puddle_film * depth,
                 ),
@@ -358,11 +355,11 @@ pub fn update_friction<S: Simd, const N: usize>(
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
 fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> F32<S> {
-    let constants = params.constants;
+    let constants = &params.constants;
     let wind = in_travel_direction(params, i, params.simulations.wind_across);
     let mut share = splat(params.simd, 1.0);
     for j in 0..params.num_slots_in_use {
@@ -397,8 +394,8 @@ fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
 /// The discrete gusts of bridges and cuttings, 0 to 1.
 #[inline(always)]
 fn discrete_gust<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> F32<S> {
     let (s, _) = state.road_position(params, i);
@@ -416,8 +413,8 @@ fn discrete_gust<S: Simd, const N: usize>(
 /// Push sideways for a part of each interval, after drivers answered the wind.
 #[inline(always)]
 pub fn apply_study_push<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     decision: u32,
 ) {
     let simulation = &params.simulations;
@@ -434,11 +431,8 @@ pub fn apply_study_push<S: Simd, const N: usize>(
 
 /// Side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
-pub fn update_wind<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
-) {
-    let (constants, simulation) = (params.constants, &params.simulations);
+pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
+    let (constants, simulation) = (&params.constants, &params.simulations);
     let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
     for i in 0..params.num_slots_in_use {
         let vehicle = &params.vehicles[i];

@@ -33,17 +33,16 @@ pub const EGO_SLOT: usize = 0;
 /// A number of every vehicle of every simulation of a block.
 pub type PerVehicle<S, const N: usize> = [F32<S>; N];
 
-/// Memory for the history; what is in it before it is written means nothing.
-pub struct History<const N: usize>(pub Box<HistoryRows<N>>);
+/// Station and speed along the road at the last decisions, (vehicle, simulation, decision, 2): a driver recalls
+/// successive decisions, so these are adjacent.
+///
+/// A history is boxed, because a thread uses the memory of an ended block for the next one. Each decision is written
+/// before it is read, so old numbers need not be cleared.
+pub type History<const N: usize> = Box<[[[[f32; 2]; HISTORY_STRIDE]; SIMD_LANES]; N]>;
 
-/// Position and speed along the road by vehicle, simulation and decision: what a driver recalls next lies beside
-/// what it recalls now.
-pub type HistoryRows<const N: usize> = [[[[f32; 2]; HISTORY_STRIDE]; SIMD_LANES]; N];
-
-impl<const N: usize> Default for History<N> {
-    fn default() -> Self {
-        Self(Box::new([[[[0.0; 2]; HISTORY_STRIDE]; SIMD_LANES]; N]))
-    }
+/// Allocate a history.
+pub fn new_history<const N: usize>() -> History<N> {
+    Box::new([[[[0.0; 2]; HISTORY_STRIDE]; SIMD_LANES]; N])
 }
 
 /// Declares a group of the state: a struct of arrays by vehicle, each with its value at the first frame.
@@ -228,7 +227,7 @@ state_group! {
 }
 
 /// What drivers have seen and remember.
-pub struct Attention<'a, S: Simd, const N: usize> {
+pub struct Attention<S: Simd, const N: usize> {
     /// Neighbour in each role at the last look, `NEVER_LOOKED` at first.
     pub slot_in_view: [[F32<S>; NUM_ROLES]; N],
     /// Time for which it has been in view [s].
@@ -238,10 +237,10 @@ pub struct Attention<'a, S: Simd, const N: usize> {
     /// Time for which the view has been the same [s].
     pub oncoming_time_in_view: [[F32<S>; 2]; N],
     /// Station and speed along the road of all vehicles at the last decisions.
-    pub history: &'a mut HistoryRows<N>,
+    pub history: History<N>,
 }
 
-impl<S: Simd, const N: usize> CopyLane for Attention<'_, S, N> {
+impl<S: Simd, const N: usize> CopyLane for Attention<S, N> {
     fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
         self.slot_in_view.copy_lane(lane, &from.slot_in_view, other);
         self.time_in_view.copy_lane(lane, &from.time_in_view, other);
@@ -272,7 +271,7 @@ state_group! {
 /// Everything that changes between two steps, in groups.
 ///
 /// The groups that a step touches come first and next to each other.
-pub struct State<'a, S: Simd, const N: usize> {
+pub struct State<S: Simd, const N: usize> {
     pub motion: Motion<S, N>,
     pub controls: Controls<S, N>,
     pub path: LateralPath<S, N>,
@@ -281,7 +280,7 @@ pub struct State<'a, S: Simd, const N: usize> {
     pub noise: RandomProcesses<S, N>,
     pub lane_choice: LaneChoice<S, N>,
     pub overtake: OvertakeState<S, N>,
-    pub attention: Attention<'a, S, N>,
+    pub attention: Attention<S, N>,
     pub first_contact: FirstContact<S, N>,
     /// 1 once the ego has begun an overtake, else 0.
     pub has_attempted: F32<S>,
@@ -291,7 +290,7 @@ pub struct State<'a, S: Simd, const N: usize> {
     pub num_percepts: F32<S>,
 }
 
-impl<S: Simd, const N: usize> CopyLane for State<'_, S, N> {
+impl<S: Simd, const N: usize> CopyLane for State<S, N> {
     fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
         self.motion.copy_lane(lane, &from.motion, other);
         self.controls.copy_lane(lane, &from.controls, other);
@@ -315,7 +314,7 @@ impl<S: Simd, const N: usize> CopyLane for State<'_, S, N> {
 /// A place in the frame of the other direction, where the mask holds.
 #[inline(always)]
 pub fn in_opposite_frame<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     turned: Mask<S>,
     s: F32<S>,
     d: F32<S>,
@@ -327,10 +326,10 @@ pub fn in_opposite_frame<S: Simd, const N: usize>(
     )
 }
 
-impl<'a, S: Simd, const N: usize> State<'a, S, N> {
-    /// The state at the first frame.
+impl<S: Simd, const N: usize> State<S, N> {
+    /// The state at the first frame. `history` is memory, whatever it holds.
     #[inline(always)]
-    pub fn at_start(params: &Params<'_, S, N>, history: &'a mut HistoryRows<N>) -> Self {
+    pub fn at_start(params: &Params<S, N>, history: History<N>) -> Self {
         let simd = params.simd;
         let mut state = Self {
             motion: Motion::at_start(simd),
@@ -386,7 +385,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     #[inline(always)]
     pub fn position_of<const TWO_WAY: bool>(
         &self,
-        params: &Params<'_, S, N>,
+        params: &Params<S, N>,
         i: usize,
         j: usize,
     ) -> (F32<S>, F32<S>) {
@@ -402,7 +401,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// Where vehicle `i` is in the frame of the road.
     #[inline(always)]
-    pub fn road_position(&self, params: &Params<'_, S, N>, i: usize) -> (F32<S>, F32<S>) {
+    pub fn road_position(&self, params: &Params<S, N>, i: usize) -> (F32<S>, F32<S>) {
         let (s, d) = (self.motion.s[i], self.motion.d[i]);
         if !params.road.directions.has_oncoming_traffic {
             return (s, d);
@@ -412,7 +411,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// Speed that driver `i` wants where it is.
     #[inline(always)]
-    pub fn desired_speed(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
+    pub fn desired_speed(&self, params: &Params<S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
             self.road.desired_speed[i]
         } else {
@@ -422,7 +421,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// The same while it passes.
     #[inline(always)]
-    pub fn passing_speed(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
+    pub fn passing_speed(&self, params: &Params<S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
             self.road.passing_speed[i]
         } else {
@@ -432,7 +431,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// The limit that driver `i` heeds where it is.
     #[inline(always)]
-    pub fn speed_limit(&self, params: &Params<'_, S, N>, i: usize) -> F32<S> {
+    pub fn speed_limit(&self, params: &Params<S, N>, i: usize) -> F32<S> {
         if params.road.varies_along_road() {
             self.road.speed_limit[i]
         } else {
@@ -442,7 +441,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
 
     /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
     #[inline(always)]
-    pub fn limit_accel(&self, params: &Params<'_, S, N>, i: usize, accel: F32<S>) -> F32<S> {
+    pub fn limit_accel(&self, params: &Params<S, N>, i: usize, accel: F32<S>) -> F32<S> {
         if params.road.varies_along_road() {
             min(accel, self.road.accel_limit[i])
         } else {

@@ -11,7 +11,7 @@ use crate::state::{EGO_SLOT, State};
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]
 pub fn start_path<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
+    state: &mut State<S, N>,
     i: usize,
     moved: Mask<S>,
     centre: F32<S>,
@@ -44,7 +44,7 @@ pub fn start_path<S: Simd, const N: usize>(
 /// Position and velocity of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
 pub fn path_position<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
+    state: &State<S, N>,
     i: usize,
     ahead: f32,
 ) -> (F32<S>, F32<S>) {
@@ -57,7 +57,7 @@ pub fn path_position<S: Simd, const N: usize>(
 
 /// Acceleration of the lateral path of vehicle `i`, a time `ahead`.
 #[inline(always)]
-fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead: F32<S>) -> F32<S> {
+fn path_accel<S: Simd, const N: usize>(state: &State<S, N>, i: usize, ahead: F32<S>) -> F32<S> {
     let t = min(state.path.elapsed[i] + ahead, state.path.duration[i]);
     let [_, _, c2, c3, c4, c5] = state.path.coefficients[i];
     2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
@@ -66,8 +66,8 @@ fn path_accel<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, ahead:
 /// Answer the side wind after a lag; at the first frame it is held already.
 #[inline(always)]
 pub fn update_wind_trim<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     step: u32,
 ) {
@@ -86,8 +86,8 @@ pub fn update_wind_trim<S: Simd, const N: usize>(
 /// How far the front wheels may turn from the slip angle on the friction of this decision.
 #[inline(always)]
 pub fn slip_reach<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) -> F32<S> {
     params.constants.slip_share
@@ -99,11 +99,11 @@ pub fn slip_reach<S: Simd, const N: usize>(
 /// Drive vehicle `i` steadily along the bend at the first frame, as who came into it before.
 #[inline(always)]
 pub fn settle_into_bend<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
 ) {
-    let (constants, vehicle, v) = (params.constants, &params.vehicles[i], state.motion.vx[i]);
+    let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let rides = vehicle.two_wheeler.simd_gt(0.0);
     let rate = state.road.curvature[i] * v;
     let accel = rate * v;
@@ -119,8 +119,8 @@ pub fn settle_into_bend<S: Simd, const N: usize>(
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     stride: &StepLength,
 ) -> F32<S> {
@@ -131,8 +131,8 @@ pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
 /// The same for the ego, where another driver has ordered an angle of the front wheels.
 #[inline(always)]
 pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     ordered: F32<S>,
     stride: &StepLength,
 ) -> F32<S> {
@@ -145,8 +145,8 @@ pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
 /// Turn the front wheels of vehicle `i`, or lean, as asked, with a lag.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     (angle, lean): (F32<S>, F32<S>),
     stride: &StepLength,
@@ -171,12 +171,12 @@ fn turn_wheels<S: Simd, const N: usize>(
 /// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
 #[inline(always)]
 fn requested_steering<S: Simd, const N: usize, const VARIES: bool>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     ahead: f32,
 ) -> (F32<S>, F32<S>) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let (place, speed) = path_position(state, i, ahead);
     let late = select(
         vehicle.two_wheeler.simd_gt(0.0),

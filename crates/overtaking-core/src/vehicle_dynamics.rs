@@ -66,14 +66,14 @@ fn fiala_force<S: Simd>(
 
 #[inline(always)]
 fn requested_force<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     accel: F32<S>,
     resistance: F32<S>,
     speed: F32<S>,
     inverse_speed: F32<S>,
 ) -> F32<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let wanted = vehicle.mass * accel + resistance;
     let engine = min(vehicle.launch_force, vehicle.power * inverse_speed);
     let throttle = clamp_to(
@@ -118,7 +118,7 @@ fn axle_forces<S: Simd>(
 /// Share of the load on the front axle at an acceleration.
 #[inline(always)]
 fn front_load_share<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     i: usize,
     accel: F32<S>,
 ) -> F32<S> {
@@ -131,7 +131,7 @@ fn front_load_share<S: Simd, const N: usize>(
 /// Largest acceleration that friction allows.
 #[inline(always)]
 fn max_friction_accel<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
+    state: &State<S, N>,
     constants: &ModelConstants,
     i: usize,
 ) -> F32<S> {
@@ -143,14 +143,14 @@ fn max_friction_accel<S: Simd, const N: usize>(
 /// Loads and forces of the front and the rear axle.
 #[inline(always)]
 fn axles<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     force: F32<S>,
     resistance: F32<S>,
     angle: F32<S>,
 ) -> (Axle<S>, Axle<S>) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let rides = vehicle.two_wheeler.simd_gt(0.0);
     let brakes = force.simd_lt(0.0);
     let weight = front_load_share(params, i, state.motion.accel_lon[i]);
@@ -199,13 +199,13 @@ fn axles<S: Simd, const N: usize>(
 /// the accelerations are kept in the state.
 #[inline(always)]
 pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     angle: F32<S>,
     stride: &StepLength,
 ) -> MotionStep<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let speed = at_least(
         state.motion.vx[i] + stride.half * state.motion.accel_lon[i],
         0.0,
@@ -266,8 +266,8 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn single_track_step<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     (front, rear): &(Axle<S>, Axle<S>),
     resistance: F32<S>,
@@ -338,13 +338,13 @@ fn single_track_step<S: Simd, const N: usize>(
 /// Yaw moment of stability control, which brakes single wheels.
 #[inline(always)]
 fn stability_control<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     speed: F32<S>,
     angle: F32<S>,
 ) -> F32<S> {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let grip = max_friction_accel(state, constants, i);
     let reach = grip / at_least(speed, constants.slip_speed);
     let asked = speed * angle / (vehicle.wheelbase + vehicle.understeer * (speed * speed));
@@ -367,8 +367,8 @@ fn stability_control<S: Simd, const N: usize>(
 #[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn leaning_step<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     rides: Mask<S>,
     accel_lon: F32<S>,
@@ -376,7 +376,7 @@ fn leaning_step<S: Simd, const N: usize>(
     stride: &StepLength,
     motion: &mut MotionStep<S>,
 ) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let grip = max_friction_accel(state, constants, i);
     let lean = clamp(
         angle + state.friction_and_wind.wind_force[i] * vehicle.inverse_mass,
@@ -396,8 +396,8 @@ fn leaning_step<S: Simd, const N: usize>(
 /// New place of vehicle `i` with the mean of the old and the new velocity.
 #[inline(always)]
 pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     motion: MotionStep<S>,
     stride: &StepLength,
@@ -455,15 +455,15 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
 /// A wreck slides to rest with locked wheels: its new yaw rate, and the share of its velocity that is kept.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     i: usize,
     wrecked: Mask<S>,
     (along, across): (F32<S>, F32<S>),
     r: F32<S>,
     stride: &StepLength,
 ) -> (F32<S>, F32<S>) {
-    let (constants, vehicle) = (params.constants, &params.vehicles[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let friction = constants.sliding_ratio * max_friction_accel(state, constants, i);
     let speed = (along * along + across * across).sqrt();
     let lost = min(friction * stride.length, speed) / at_least(speed, MIN_SLIDING_SPEED);

@@ -6,10 +6,11 @@
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufReader, Read};
+use std::sync::Arc;
 
 use overtaking_core::{
-    Inputs, ModelConstants, Output, ParameterSwitch, RoadDirections, SIMULATION_NAMES,
-    VEHICLE_NAMES, require_level, with_outputs,
+    CourseTable, Inputs, ModelConstants, Output, ParameterSwitch, Road, RoadDirections,
+    SIMULATION_NAMES, VEHICLE_NAMES, require_level, with_outputs,
 };
 use overtaking_portable::simulate_at;
 
@@ -94,7 +95,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     let (boundaries, film_path) = (floats(file)?, floats(file)?);
     let ([overtaking_sign], pose) = (floats(file)?, floats(file)?);
     let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = floats(file)?;
-    let ways = RoadDirections {
+    let directions = RoadDirections {
         num_own_lanes: num_own_lanes as usize,
         has_oncoming_traffic: has_oncoming_traffic > 0.0,
         length,
@@ -124,14 +125,16 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         simulation: &simulation,
         scenario_index: &index,
         num_slots: slots,
-        constants: &constants,
-        num_lanes,
-        boundaries,
-        film_path,
-        overtaking_sign,
-        pose,
-        directions: ways,
-        course_table: &[],
+        constants: Arc::new(constants),
+        road: Arc::new(Road {
+            num_lanes,
+            boundaries,
+            film_path,
+            overtaking_sign,
+            pose,
+            directions,
+            course_table: CourseTable::default(),
+        }),
         seed,
         steps_per_frame: steps_per_frame as u32,
         action_log: None,

@@ -4,7 +4,7 @@ use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn,
     PyUntypedArrayMethods, ndarray::Axis,
 };
-use overtaking_core::{MAX_STATIONS, ModelConstants, RoadDirections};
+use overtaking_core::{CourseTable, MAX_STATIONS, ModelConstants, Road, RoadDirections};
 use overtaking_labels::{MAX_LANES, NO_VEHICLE, PackedRecording, SignalViews, with_signal_views};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
@@ -211,10 +211,10 @@ pub fn expect_slots(what: &str, slots: &[u8], num_slots: usize) -> PyResult<()> 
     Err(PyValueError::new_err(format!("{what}: no vehicle {slot}")))
 }
 
-/// The road of a batch, lateral axis towards the fast side.
+/// The numbers of a road by name, with the lateral axis towards the overtaking side.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Road {
+pub struct RoadValues {
     pub num_lanes: usize,
     pub boundaries: [f32; 9],
     pub film_path: [f32; 8],
@@ -229,15 +229,24 @@ pub struct Road {
     pub course_table: Vec<f32>,
 }
 
-impl Road {
-    pub fn ways(&self) -> RoadDirections {
-        RoadDirections {
-            num_own_lanes: self.num_own_lanes.clamp(1, 8),
-            has_oncoming_traffic: self.has_oncoming_traffic,
-            length: self.length,
-            edge_sum: self.edge_sum,
-            sight: self.sight,
-            solid_line: self.solid_line,
+impl RoadValues {
+    /// The road as the engine reads it.
+    pub fn road(&self) -> Road {
+        Road {
+            num_lanes: self.num_lanes.clamp(1, 8),
+            boundaries: self.boundaries,
+            film_path: self.film_path,
+            overtaking_sign: self.overtaking_sign,
+            pose: self.pose,
+            directions: RoadDirections {
+                num_own_lanes: self.num_own_lanes.clamp(1, 8),
+                has_oncoming_traffic: self.has_oncoming_traffic,
+                length: self.length,
+                edge_sum: self.edge_sum,
+                sight: self.sight,
+                solid_line: self.solid_line,
+            },
+            course_table: CourseTable::from_rows(&self.course_table),
         }
     }
 }

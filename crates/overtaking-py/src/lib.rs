@@ -10,6 +10,8 @@ mod pedal_driving;
 mod spread;
 mod stepper;
 
+use std::sync::Arc;
+
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
 use overtaking_core::pool::process_pool;
@@ -22,7 +24,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::inputs::{Numbers, Road, expect_length, output};
+use crate::inputs::{Numbers, RoadValues, expect_length, output};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// Borrow every output array, call `$body` with an `Output` over them.
@@ -108,7 +110,7 @@ fn simulate(
     frames: usize,
     seed: u64,
     steps_per_frame: u32,
-    road: Road,
+    road: RoadValues,
     constants: Numbers,
     outputs: &Bound<'_, PyDict>,
     switches: Vec<SwitchArrays<'_>>,
@@ -136,7 +138,6 @@ fn simulate(
         simulation.len(),
         SIMULATION_NAMES.len() * batch,
     )?;
-    let constants = constants.constants()?;
     let switches: Vec<_> = switches
         .iter()
         .map(|(vehicle, simulation, scenario_index, errors, step)| {
@@ -173,14 +174,8 @@ fn simulate(
         simulation,
         scenario_index,
         num_slots,
-        constants: &constants,
-        num_lanes: road.num_lanes.clamp(1, 8),
-        boundaries: road.boundaries,
-        film_path: road.film_path,
-        overtaking_sign: road.overtaking_sign,
-        pose: road.pose,
-        directions: road.ways(),
-        course_table: &road.course_table,
+        constants: Arc::new(constants.constants()?),
+        road: Arc::new(road.road()),
         seed,
         steps_per_frame,
         action_log,

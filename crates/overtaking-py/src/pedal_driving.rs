@@ -1,12 +1,14 @@
 //! Binding of `overtaking_core::driven`: a table of vehicles, changed in place.
 
+use std::sync::Arc;
+
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use overtaking_core::pedal_driving::{Deed, PedalControls};
 use overtaking_core::{Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::inputs::{Numbers, Road, expect_length};
+use crate::inputs::{Numbers, RoadValues, expect_length};
 
 /// Vehicles of one simulation that somebody else drives, and what they stand on.
 #[derive(FromPyObject)]
@@ -17,7 +19,7 @@ pub struct Driven<'py> {
     scenario_index: PyReadonlyArray1<'py, u64>,
     num_slots: usize,
     seed: u64,
-    road: Road,
+    road: RoadValues,
     constants: Numbers,
 }
 
@@ -42,20 +44,13 @@ impl Driven<'_> {
         )?;
         expect_length("simulation", simulation.len(), SIMULATION_NAMES.len())?;
         expect_length("scenario_index", self.scenario_index.len(), 1)?;
-        let constants = self.constants.constants()?;
         let inputs = Inputs {
             vehicle,
             simulation,
             scenario_index: self.scenario_index.as_slice()?,
             num_slots: self.num_slots,
-            constants: &constants,
-            num_lanes: self.road.num_lanes.clamp(1, 8),
-            boundaries: self.road.boundaries,
-            film_path: self.road.film_path,
-            overtaking_sign: self.road.overtaking_sign,
-            pose: self.road.pose,
-            directions: self.road.ways(),
-            course_table: &self.road.course_table,
+            constants: Arc::new(self.constants.constants()?),
+            road: Arc::new(self.road.road()),
             seed: self.seed,
             steps_per_frame: 1,
             action_log: None,

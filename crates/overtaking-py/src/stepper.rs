@@ -2,8 +2,8 @@
 
 use std::mem::forget;
 use std::process::id;
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 
 use numpy::ndarray::Array2;
@@ -14,13 +14,13 @@ use overtaking_core::observation_table::{OBSERVATION_SIZE, ObservationSource};
 use overtaking_core::pool::process_pool;
 use overtaking_core::run::stepped_batch::{Fresh, Observed, Request, Talk};
 use overtaking_core::{
-    Inputs, MAX_VEHICLES, ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, require_level,
+    Inputs, MAX_VEHICLES, ModelConstants, Road, SIMULATION_NAMES, VEHICLE_NAMES, require_level,
 };
 use overtaking_portable::serve_at;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::inputs::{Numbers, Road, expect_length};
+use crate::inputs::{Numbers, RoadValues, expect_length};
 use crate::spread::{expect_room, no_threads};
 
 /// Memory for a simulation of a batch that waits between calls, at most: with 32 vehicles, their parameters and
@@ -37,7 +37,7 @@ struct Batch<'py> {
     num_slots: usize,
     seed: u64,
     steps_per_frame: u32,
-    road: Road,
+    road: RoadValues,
     constants: Numbers,
 }
 
@@ -49,8 +49,8 @@ struct Kept {
     num_slots: usize,
     seed: u64,
     steps_per_frame: u32,
-    road: Road,
-    constants: ModelConstants,
+    road: Arc<Road>,
+    constants: Arc<ModelConstants>,
 }
 
 impl Batch<'_> {
@@ -79,8 +79,8 @@ impl Batch<'_> {
             num_slots: slots,
             seed: self.seed,
             steps_per_frame: self.steps_per_frame,
-            constants: self.constants.constants()?,
-            road: self.road,
+            constants: Arc::new(self.constants.constants()?),
+            road: Arc::new(self.road.road()),
         })
     }
 }
@@ -92,14 +92,8 @@ impl Kept {
             simulation: &self.simulation,
             scenario_index: &self.scenario_index,
             num_slots: self.num_slots,
-            constants: &self.constants,
-            num_lanes: self.road.num_lanes.clamp(1, 8),
-            boundaries: self.road.boundaries,
-            film_path: self.road.film_path,
-            overtaking_sign: self.road.overtaking_sign,
-            pose: self.road.pose,
-            directions: self.road.ways(),
-            course_table: &self.road.course_table,
+            constants: Arc::clone(&self.constants),
+            road: Arc::clone(&self.road),
             seed: self.seed,
             steps_per_frame: self.steps_per_frame,
             action_log: None,

@@ -9,6 +9,8 @@
 //! of the drivers comes every `SUBSTEPS` steps, and a *frame* is a recorded state. A *tile* buffers the last sixteen
 //! frames. A *slot* is the number of a vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`.
 
+use std::sync::Arc;
+
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
@@ -17,14 +19,14 @@ use crate::collisions::Pairs;
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::{ActionLog, EgoAction};
 use crate::math::vectors::{CopyLane, F32, SIMD_LANES, splat, with_cpu_features};
-use crate::names::{ModelConstants, SimulationParams, VehicleParams};
-use crate::params::{DerivedConstants, Params, Road, SUBSTEPS, StepLength};
+use crate::names::{SimulationParams, VehicleParams};
+use crate::params::{DerivedConstants, Params, SUBSTEPS, StepLength};
 use crate::recorder::Recorder;
 use crate::recorder::frame_tiles::{FRAMES_PER_TILE, FrameTile};
 use crate::recorder::output::Output;
 use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput};
 use crate::run::step::{advance, decide, drive_ego, update_slip_reach};
-use crate::state::{EGO_SLOT, History, HistoryRows, State};
+use crate::state::{EGO_SLOT, History, State, new_history};
 
 /// Number of tiles between two pauses, at least one. Chosen: 1, 2 or 4 tiles for blocks of 8, 16 or 32 slots, because
 /// the caches take longer to load the state of a larger block again after a pause.
@@ -36,6 +38,7 @@ const fn tiles_between_pauses(slots: usize) -> u32 {
 #[derive(Default)]
 pub struct ThreadMemory<const N: usize> {
     tile: FrameTile<N>,
+    /// Histories of blocks that have ended.
     histories: Vec<History<N>>,
 }
 
@@ -51,25 +54,13 @@ pub fn run<'a, S: Simd, const N: usize>(
     share: Vec<SimulationOutput<'a>>,
     memory: &mut ThreadMemory<N>,
 ) {
-    let road = Road::of(inputs);
     let ThreadMemory { tile, histories } = memory;
-    histories.resize_with(
-        histories.len().max(share.len().div_ceil(SIMD_LANES)),
-        History::default,
-    );
-    let mut share = share.into_iter();
-    let mut blocks: Vec<_> = histories
-        .iter_mut()
-        .map_while(|history| {
-            Block::new(
-                simd,
-                inputs,
-                (inputs.constants, &road),
-                &mut share,
-                &mut history.0,
-            )
-        })
-        .collect();
+    let mut share = share.into_iter().peekable();
+    let mut blocks = Vec::new();
+    while share.peek().is_some() {
+        let history = histories.pop().unwrap_or_else(new_history);
+        blocks.extend(Block::new(simd, inputs, &mut share, history));
+    }
     let mut context = DecisionContext::new(simd);
     let length = steps_between_pauses(tiles_between_pauses(N), inputs.steps_per_frame);
     let mut step = 0;
@@ -78,8 +69,14 @@ pub fn run<'a, S: Simd, const N: usize>(
             block.advance((step, step + length), inputs, switches, tile, &mut context);
         }
         step += length;
-        blocks.retain_mut(|block| block.finish_ended(step));
-        merge(&mut blocks);
+        for block in &mut blocks {
+            block.finish_ended(step);
+        }
+        histories.extend(
+            merge(&mut blocks)
+                .into_iter()
+                .map(|block| block.state.attention.history),
+        );
     }
 }
 
@@ -95,8 +92,8 @@ fn steps_between_pauses(tiles: u32, steps_per_frame: u32) -> u32 {
 
 /// Up to sixteen simulations that advance together.
 pub(crate) struct Block<'a, S: Simd, const N: usize> {
-    pub(crate) params: Params<'a, S, N>,
-    pub(crate) state: State<'a, S, N>,
+    pub(crate) params: Params<S, N>,
+    pub(crate) state: State<S, N>,
     pub(crate) recorder: Recorder<'a, N>,
     /// Pairs of vehicles that may collide before the next decision.
     pub(crate) pairs: Pairs<S>,
@@ -112,9 +109,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     pub(crate) fn new(
         simd: S,
         inputs: &Inputs<'_>,
-        (constants, road): (&'a ModelConstants, &'a Road),
         share: &mut impl Iterator<Item = SimulationOutput<'a>>,
-        history: &'a mut HistoryRows<N>,
+        history: History<N>,
     ) -> Option<Box<Self>> {
         let mut out: [Option<Output<'a>>; SIMD_LANES] = core::array::from_fn(|_| None);
         let mut simulations = [0; SIMD_LANES];
@@ -137,9 +133,9 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         );
         let mut params = Params {
             simd,
-            constants,
-            derived: DerivedConstants::of(constants),
-            road,
+            constants: Arc::clone(&inputs.constants),
+            derived: DerivedConstants::of(&inputs.constants),
+            road: Arc::clone(&inputs.road),
             vehicles: vehicle_params,
             simulations: simulation_params,
             num_slots_in_use: 1,
@@ -298,8 +294,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         }
     }
 
-    /// Finish the recordings of simulations that have ended before `step`; returns whether any simulation still runs.
-    pub(crate) fn finish_ended(&mut self, step: u32) -> bool {
+    /// Finish the recordings of simulations that have ended before `step`, and free their lanes.
+    fn finish_ended(&mut self, step: u32) {
         for lane in 0..SIMD_LANES {
             if self.state.end_step[lane] < step as f32 {
                 let (simd, state, params) = (self.params.simd, &self.state, &self.params);
@@ -307,7 +303,6 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             }
         }
         self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
-        self.num_running() > 0
     }
 
     /// Free the lanes where `is_over` holds, without finishing a recording.
@@ -354,7 +349,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
 /// Number of slots up to the last one that a running simulation uses, at least one.
 fn slots_in_use<S: Simd, const N: usize>(
-    params: &Params<'_, S, N>,
+    params: &Params<S, N>,
     recorder: &Recorder<'_, N>,
 ) -> usize {
     let is_used = |slot: &usize| {
@@ -429,7 +424,7 @@ fn has_ring<S: Simd>(simulation: &SimulationParams<S>) -> bool {
 }
 
 /// Whether any simulation of a block has not ended before `step`.
-fn any_runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {
+fn any_runs<S: Simd, const N: usize>(state: &State<S, N>, simd: S, step: u32) -> bool {
     with_cpu_features!(
         simd,
         splat(simd, step as f32).simd_le(state.end_step).any_true()

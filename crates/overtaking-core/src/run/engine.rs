@@ -4,13 +4,15 @@
 //! advance together in the lanes of SIMD vectors (`block`). Array shapes are in row-major order, flat: in (field, slot,
 //! simulation), the numbers of one field and slot are adjacent.
 
+use std::sync::Arc;
+
 use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 use crate::ego_action::ActionLog;
 use crate::math::vectors::SIMD_LANES;
 use crate::names::{ModelConstants, SIMULATION_NAMES};
-use crate::params::RoadDirections;
+use crate::params::Road;
 use crate::recorder::output::Output;
 use crate::run::block::{self, ThreadMemory};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
@@ -23,7 +25,7 @@ const BLOCKS_PER_SHARE: usize = 4;
 pub(crate) type SimulationOutput<'a> = (usize, Output<'a>);
 
 /// All inputs of a batch. `overtaking.world.step_parameters` computes them.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Inputs<'a> {
     /// Parameters of vehicles and drivers, (field, slot, simulation).
     pub vehicle: &'a [f32],
@@ -34,21 +36,9 @@ pub struct Inputs<'a> {
     /// Number of vehicle slots of each simulation.
     pub num_slots: usize,
     /// Constants of the model.
-    pub constants: &'a ModelConstants,
-    /// Number of lanes that vehicles use.
-    pub num_lanes: usize,
-    /// Lane borders from the kerb side to the overtaking side, padded with copies of the last one [m].
-    pub boundaries: [f32; 9],
-    /// Factor on the thickness of the water film in each lane, padded [1].
-    pub film_path: [f32; 8],
-    /// +1 in right-hand traffic, -1 in left-hand traffic.
-    pub overtaking_sign: f32,
-    /// World x and y of the point (s, d) = (0, 0) [m], heading of the road [rad], cosine and sine of the heading.
-    pub pose: [f32; 5],
-    /// Own direction and oncoming traffic.
-    pub directions: RoadDirections,
-    /// Rows of `params::CourseTable`, (row, station); empty for a straight, level road with one speed limit.
-    pub course_table: &'a [f32],
+    pub constants: Arc<ModelConstants>,
+    /// Road of all simulations.
+    pub road: Arc<Road>,
     /// Seed of the data set: the key of the random numbers.
     pub seed: u64,
     /// Number of steps of 10 ms between recorded frames.

@@ -32,8 +32,8 @@ use crate::{perception, steering};
 /// `orders` are the actions of an external driver of the ego, `None` if the model drives. Each part is compiled as a
 /// separate function: inlining all parts into one makes compilation slow and the code no faster.
 pub fn decide<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     context: &mut DecisionContext<S, N>,
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S>,
@@ -58,8 +58,8 @@ pub fn decide<S: Simd, const N: usize>(
 /// With `ego_may_change_any_time`, an external driver decides for the ego. The ego's neighbours in the adjacent lanes
 /// are then found at every decision, not only when the driver of the model would look at them.
 pub fn perceive<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     context: &mut DecisionContext<S, N>,
     step: u32,
     ego_may_change_any_time: bool,
@@ -164,8 +164,8 @@ pub fn perceive<S: Simd, const N: usize>(
 /// looks there, where a lane change is under way, or where the ego may change lanes without a look.
 #[inline(always)]
 fn update_gaze<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     (i, decision, ego_may_change_any_time): (usize, u32, bool),
     checks_mirrors: &mut Mask<S>,
 ) -> bool {
@@ -193,8 +193,8 @@ fn update_gaze<S: Simd, const N: usize>(
 /// On a road with oncoming traffic, other drivers overtake through the stages of the ego's model. On a road of one
 /// direction they change lanes by MOBIL, a lane-change model that compares accelerations.
 pub fn drive_others<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     context: &DecisionContext<S, N>,
     step: u32,
 ) {
@@ -278,8 +278,8 @@ pub fn drive_others<S: Simd, const N: usize>(
 /// `orders` are the actions of an external driver, `None` if the model drives the ego. Orders without an acceleration
 /// leave the pedals to the model.
 pub fn drive_ego<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     driver: DriverContext<'_, S>,
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S>,
@@ -338,8 +338,8 @@ pub fn drive_ego<S: Simd, const N: usize>(
 
 /// Update timers, remembered states, wrecks, gusts, friction and wind before the drivers decide.
 fn update_surroundings<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     step: u32,
 ) {
     let decision = step / SUBSTEPS;
@@ -392,10 +392,7 @@ fn update_surroundings<S: Simd, const N: usize>(
 }
 
 /// Update how far each driver may turn the front wheels: it depends on friction and on the parameters of the vehicle.
-pub fn update_slip_reach<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
-) {
+pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
             state.controls.slip_reach[i] = steering::slip_reach(state, params, i);
@@ -409,8 +406,8 @@ pub fn update_slip_reach<S: Simd, const N: usize>(
 /// external driver ordered, `None` if the model steers. `positions` is memory for `s` and `d` before the step.
 #[allow(clippy::too_many_arguments)]
 pub fn advance<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     pairs: &Pairs<S>,
     positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     step: u32,
@@ -438,8 +435,8 @@ pub fn advance<S: Simd, const N: usize>(
 /// Steer and move all vehicles for one step. `VARIES` is whether the road bends, rises or has several speed limits.
 #[inline(always)]
 fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
-    state: &mut State<'_, S, N>,
-    params: &Params<'_, S, N>,
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
     pairs: &Pairs<S>,
     positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
     stride: &StepLength,

@@ -21,13 +21,13 @@ use crate::observation_table::{
     OBSERVATION_SIZE, ObservationSource, ObservationTable, observation_table,
 };
 use crate::oncoming::OncomingTraffic;
-use crate::params::{Road, SUBSTEPS};
+use crate::params::SUBSTEPS;
 use crate::perception::Beliefs;
 use crate::recorder::output::{Output, Storage};
 use crate::run::block::{Block, merge};
 use crate::run::engine::{Inputs, SimulationOutput, divide_into_shares, order_by_similarity};
 use crate::run::step::{drive_others, perceive};
-use crate::state::{History, HistoryRows};
+use crate::state::{History, new_history};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
 /// Number of decisions between two attempts to merge blocks whose simulations have ended. Chosen.
@@ -121,15 +121,10 @@ pub fn stepped_batch<S: Simd>(simd: S, inputs: &Inputs<'_>, talk: &Talk) -> Resu
 /// Answer requests with a batch compiled for `N` vehicle slots; an invalid request ends the batch.
 fn answer_requests<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) {
     let batch = inputs.scenario_index.len();
-    let road = Road::of(inputs);
     let mut storage = Storage::new(batch, inputs.num_slots, SIMD_LANES);
-    // Each block has a history and at least one simulation, so `batch` histories are enough.
-    let mut histories = Vec::new();
-    histories.resize_with(batch, || None::<History<N>>);
-    let mut stepped = SteppedBatch {
+    let mut stepped = SteppedBatch::<S, N> {
         simd,
         inputs,
-        road: &road,
         action_kind: talk.kind,
         source: talk.source,
         outputs: storage
@@ -138,7 +133,6 @@ fn answer_requests<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: 
             .into_iter()
             .map(Some)
             .collect(),
-        unused_histories: histories.iter_mut(),
         free_histories: Vec::new(),
         shares: Vec::new(),
         places: vec![0; batch],
@@ -161,7 +155,7 @@ fn answer_requests<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: 
                     vehicle: &fresh.vehicle,
                     simulation: &fresh.simulation,
                     scenario_index: &fresh.index,
-                    ..*inputs
+                    ..inputs.clone()
                 };
                 stepped.begin_simulations(&inputs, &rows)
             }
@@ -174,16 +168,13 @@ fn answer_requests<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: 
 struct SteppedBatch<'a, S: Simd, const N: usize> {
     simd: S,
     inputs: &'a Inputs<'a>,
-    road: &'a Road<'a>,
     /// Meaning of the numbers of an action; `None` if the model drives the egos.
     action_kind: Option<ActionKind>,
     source: ObservationSource,
     /// Output memory of each row without a running simulation; `None` while a block uses the memory.
     outputs: Vec<Option<Output<'a>>>,
-    /// Histories that no block has used yet.
-    unused_histories: std::slice::IterMut<'a, Option<History<N>>>,
-    /// Histories of blocks that have ended, to be used again first.
-    free_histories: Vec<&'a mut HistoryRows<N>>,
+    /// Histories of blocks that have ended, for the next blocks.
+    free_histories: Vec<History<N>>,
     shares: Vec<StepGroup<'a, S, N>>,
     /// Position of each row in `initial_rows` of its share.
     places: Vec<usize>,
@@ -268,18 +259,8 @@ impl<'a, S: Simd, const N: usize> SteppedBatch<'a, S, N> {
         let mut blocks = Vec::new();
         let mut simulations = simulations.into_iter().peekable();
         while simulations.peek().is_some() {
-            let unused_histories = &mut self.unused_histories;
-            let new_history = || {
-                unused_histories
-                    .next()
-                    .map(|history| &mut *history.get_or_insert_default().0)
-            };
-            let Some(history) = self.free_histories.pop().or_else(new_history) else {
-                return;
-            };
-            let shared = (self.inputs.constants, self.road);
-            if let Some(mut block) = Block::new(self.simd, fresh, shared, &mut simulations, history)
-            {
+            let history = self.free_histories.pop().unwrap_or_else(new_history);
+            if let Some(mut block) = Block::new(self.simd, fresh, &mut simulations, history) {
                 block.simulations = block.simulations.map(|index| rows[index]);
                 blocks.push(block);
             }
@@ -439,7 +420,7 @@ struct StepGroup<'a, S: Simd, const N: usize> {
     /// Rows of simulations that have left the share, with their outputs, until `SteppedBatch` takes them back.
     released: Vec<(usize, Output<'a>)>,
     /// Histories of blocks that have ended, until `SteppedBatch` takes them back.
-    free_histories: Vec<&'a mut HistoryRows<N>>,
+    free_histories: Vec<History<N>>,
 }
 
 impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
