@@ -126,7 +126,7 @@ fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
         Deed::Weather(_) => true,
         Deed::Drive(controls, _) => [controls.throttle, controls.brake, controls.wheel_angle]
             .iter()
-            .all(|each| each.len() == vehicles),
+            .all(|values| values.len() == vehicles),
     }
 }
 
@@ -171,7 +171,7 @@ fn update_weather<S: Simd, const N: usize>(
     decision: u32,
     table: &mut [f32],
 ) {
-    let before = table.to_vec();
+    let old_table = table.to_vec();
     let steady = params.simulations;
     let mut history = new_history();
     for first in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
@@ -179,7 +179,7 @@ fn update_weather<S: Simd, const N: usize>(
             #[inline(always)]
             || {
                 let mut state = State::at_start(&params, history);
-                read_table(&mut state, &before, params.simd);
+                read_table(&mut state, &old_table, params.simd);
                 wind_in_vehicle_axes(&mut params.simulations, &steady, &state, first);
                 road_conditions::update_random_processes(&mut state, &params, decision);
                 road_conditions::update_friction(&mut state, &params);
@@ -283,8 +283,8 @@ fn turn_wheels<S: Simd, const N: usize>(
 ) -> F32<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
     let angle: F32<S> = splat(params.simd, controls.wheel_angle[i]);
-    let most = controls.wheel_rate * constants.step;
-    let turn = clamp_to(angle - state.controls.wheel_angle[i], -most, most);
+    let max_turn = controls.wheel_rate * constants.step;
+    let turn = clamp_to(angle - state.controls.wheel_angle[i], -max_turn, max_turn);
     let (sine, cosine) = sincos(angle);
     let curve = speed * speed * sine / (cosine * vehicle.wheelbase);
     let grip = constants.gravity
@@ -293,7 +293,7 @@ fn turn_wheels<S: Simd, const N: usize>(
     let lean =
         (clamp(curve, -grip, grip) - state.controls.wheel_angle[i]) * params.derived.fine.leaning;
     let moved = select(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
-    let before = state.controls.wheel_angle[i];
-    state.controls.wheel_angle[i] = before + moved;
-    before + 0.5 * moved
+    let old_angle = state.controls.wheel_angle[i];
+    state.controls.wheel_angle[i] = old_angle + moved;
+    old_angle + 0.5 * moved
 }

@@ -64,8 +64,8 @@ macro_rules! state_group {
         }
 
         impl<S: Simd, const N: usize> CopyLane for $name<S, N> {
-            fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-                $(self.$field.copy_lane(lane, &from.$field, other);)*
+            fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+                $(self.$field.copy_lane(lane, &source.$field, source_lane);)*
             }
         }
     };
@@ -127,10 +127,11 @@ pub struct LateralPath<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> CopyLane for LateralPath<S, N> {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self.coefficients.copy_lane(lane, &from.coefficients, other);
-        self.elapsed.copy_lane(lane, &from.elapsed, other);
-        self.duration.copy_lane(lane, &from.duration, other);
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self.coefficients
+            .copy_lane(lane, &source.coefficients, source_lane);
+        self.elapsed.copy_lane(lane, &source.elapsed, source_lane);
+        self.duration.copy_lane(lane, &source.duration, source_lane);
     }
 }
 
@@ -241,15 +242,17 @@ pub struct Attention<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> CopyLane for Attention<S, N> {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self.slot_in_view.copy_lane(lane, &from.slot_in_view, other);
-        self.time_in_view.copy_lane(lane, &from.time_in_view, other);
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self.slot_in_view
+            .copy_lane(lane, &source.slot_in_view, source_lane);
+        self.time_in_view
+            .copy_lane(lane, &source.time_in_view, source_lane);
         self.oncoming_slot
-            .copy_lane(lane, &from.oncoming_slot, other);
+            .copy_lane(lane, &source.oncoming_slot, source_lane);
         self.oncoming_time_in_view
-            .copy_lane(lane, &from.oncoming_time_in_view, other);
-        for (mine, theirs) in self.history.iter_mut().zip(from.history.iter()) {
-            mine[lane] = theirs[other];
+            .copy_lane(lane, &source.oncoming_time_in_view, source_lane);
+        for (target, from_source) in self.history.iter_mut().zip(source.history.iter()) {
+            target[lane] = from_source[source_lane];
         }
     }
 }
@@ -291,23 +294,26 @@ pub struct State<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> CopyLane for State<S, N> {
-    fn copy_lane(&mut self, lane: usize, from: &Self, other: usize) {
-        self.motion.copy_lane(lane, &from.motion, other);
-        self.controls.copy_lane(lane, &from.controls, other);
-        self.path.copy_lane(lane, &from.path, other);
-        self.road.copy_lane(lane, &from.road, other);
+    fn copy_lane(&mut self, lane: usize, source: &Self, source_lane: usize) {
+        self.motion.copy_lane(lane, &source.motion, source_lane);
+        self.controls.copy_lane(lane, &source.controls, source_lane);
+        self.path.copy_lane(lane, &source.path, source_lane);
+        self.road.copy_lane(lane, &source.road, source_lane);
         self.friction_and_wind
-            .copy_lane(lane, &from.friction_and_wind, other);
-        self.noise.copy_lane(lane, &from.noise, other);
-        self.lane_choice.copy_lane(lane, &from.lane_choice, other);
-        self.overtake.copy_lane(lane, &from.overtake, other);
-        self.attention.copy_lane(lane, &from.attention, other);
+            .copy_lane(lane, &source.friction_and_wind, source_lane);
+        self.noise.copy_lane(lane, &source.noise, source_lane);
+        self.lane_choice
+            .copy_lane(lane, &source.lane_choice, source_lane);
+        self.overtake.copy_lane(lane, &source.overtake, source_lane);
+        self.attention
+            .copy_lane(lane, &source.attention, source_lane);
         self.first_contact
-            .copy_lane(lane, &from.first_contact, other);
+            .copy_lane(lane, &source.first_contact, source_lane);
         self.has_attempted
-            .copy_lane(lane, &from.has_attempted, other);
-        self.end_step.copy_lane(lane, &from.end_step, other);
-        self.num_percepts.copy_lane(lane, &from.num_percepts, other);
+            .copy_lane(lane, &source.has_attempted, source_lane);
+        self.end_step.copy_lane(lane, &source.end_step, source_lane);
+        self.num_percepts
+            .copy_lane(lane, &source.num_percepts, source_lane);
     }
 }
 
