@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from generators.knowledge import numbers_of, source_link
-from generators.markdown import page, section, table
+from generators.markdown import page, section, table, unit
 
+from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
@@ -79,8 +81,28 @@ def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
             overview,
         ),
         section(f"The rules of {country}", *map(_rule, pack.rules)),
-        section(f"Numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),
+        section(f"Numbers of {country}", NUMBERS, _numbers_of_rules(pack)),
+        section(f"Other numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),
     )
+
+
+def _numbers_of_rules(pack: Pack) -> str:
+    """Every number of a criterion, with its unit, source and reason."""
+    rows = [
+        (
+            rule.code,
+            f"`{field.name}`",
+            value.bare(),
+            unit(value.quoted_unit),
+            source_link(value.source),
+            value.rationale or "",
+        )
+        for rule in pack.rules
+        if rule.criterion is not None
+        for field in fields(rule.criterion)
+        if isinstance(value := getattr(rule.criterion, field.name), Quantity)
+    ]
+    return table(("rule", "number", "value", "unit", "source", "why"), rows)
 
 
 def _text(of: TextSource) -> tuple[str, str]:
@@ -120,7 +142,7 @@ def _rule(rule: Rule) -> str:
         ("what it asks", rule.gloss),
         ("what is checked", rule.predicate),
         ("unit of the margin", rule.unit),
-        ("standard error", rule.spread.formula if rule.spread else "0"),
+        ("standard error", rule.error_formula),
         ("a breach is", rule.grade.value),
         ("it costs", rule.fine),
         ("undecidable without", _list(rule.required_inputs)),

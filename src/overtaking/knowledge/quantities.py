@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeAlias, TypeGuard, cast
 
+import numpy as np
+
 from overtaking.core.errors import KnowledgeError
 from overtaking.core.units import si_unit, unit_converter, unit_of_suffix
 
@@ -103,6 +105,46 @@ class Quantity:
     def __float__(self) -> float:
         """The same as `number`."""
         return self.number
+
+    @property
+    def f32(self) -> np.float32:
+        """`number`, rounded to float32, in which the labels are computed."""
+        return np.float32(self.number)
+
+    def __str__(self) -> str:
+        """The number with its unit, as its source states them: `80 km/h`."""
+        return self.in_unit(self.quoted_unit)
+
+    def bare(self) -> str:
+        """The number alone, in the unit of its source: `80`."""
+        return self._in_unit_without_symbol(self.quoted_unit)
+
+    def in_unit(self, unit: str) -> str:
+        """The number in a unit, with the unit: `8.33 m/s` is `30 km/h`.
+
+        Args:
+            unit: A unit of the same dimension.
+
+        Raises:
+            KnowledgeError: The unit has another dimension.
+        """
+        return f"{self._in_unit_without_symbol(unit)} {unit}"
+
+    def _in_unit_without_symbol(self, unit: str) -> str:
+        if unit == self.unit:
+            number = self.number
+        elif si_unit(unit) == self.unit:
+            number = self.number / unit_converter(unit, where="quantity")(1.0)
+        else:
+            raise KnowledgeError(
+                what="unit",
+                where="quantity",
+                expected=f"a unit of the dimension of {self.unit}",
+                got=repr(unit),
+                next_step="ask for one of them",
+            )
+        # Three digits turn 8.33 m/s into 30 km/h, and take back the rounding of a conversion to SI.
+        return f"{number:.3g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,6 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.labels.explain.breach import RequiredChange
     from overtaking.labels.explain.explanation import (
         BelievedFinding,
         Breach,
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
         UndecidedRule,
     )
     from overtaking.labels.labelling import LabelledTrajectories
+    from overtaking.labels.law.remedies import RequiredChange
 
 Values = dict[str, Any]
 """A JSON object: names with units, plain Python values."""

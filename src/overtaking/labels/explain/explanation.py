@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.breach import BreachContext, Remedy
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.labelling import LabelledTrajectories
@@ -13,6 +12,7 @@ from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believ
 from overtaking.labels.law.following import L3
 from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.labels.law.remedies import BreachContext, Remedy
 from overtaking.labels.law.returning import L8
 from overtaking.labels.law.rule import Pack, Rule, TextSource
 from overtaking.labels.law.safe_distance import (
@@ -98,19 +98,33 @@ def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:
         return ()
+    margins = _believed_margins(pack)
     comparisons = list[BelievedFinding]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = ManoeuvreKind(int(percepts.kind[0, row]))
         for perceived in PerceivedVehicle:
             has_neighbour = percepts.slot[0, row, perceived] != NO_VEHICLE
-            if has_neighbour and (kind, perceived) in _MARGINS:
-                check, margin = _MARGINS[kind, perceived]
-                codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
-                # One comparison is enough: rules with the same check have the same margin.
-                comparisons += [
-                    _believed_finding(case, row, perceived, code, margin) for code in codes[:1]
-                ]
+            if has_neighbour and (kind, perceived) in margins:
+                code, margin = margins[kind, perceived]
+                comparisons.append(_believed_finding(case, row, perceived, code, margin))
     return tuple(comparisons)
+
+
+def _believed_margins(
+    pack: Pack,
+) -> dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]:
+    """By the kind of decision and the neighbour: code and margin of the first rule of the pack."""
+    margins = dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]()
+    for rule in pack.deciding_rules:
+        if rule.criterion is not None:
+            margins_of_rule = rule.criterion.believed_margins
+        else:
+            margins_of_rule = {
+                key: margin for key, (check, margin) in _MARGINS.items() if rule.check is check
+            }
+        for key, margin in margins_of_rule.items():
+            margins.setdefault(key, (rule.code, margin))
+    return margins
 
 
 def _believed_finding(

@@ -3,21 +3,26 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray
-from overtaking.core.float32_math import TWO, as_f32
+from overtaking.core.float32_math import TWO
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.explain.breach import (
-    BreachContext,
-    Remedy,
-    RemedyQuantity,
-    RequiredChange,
-    single_change,
-)
 from overtaking.labels.law.case import is_regaining_gap, opposing_lane_span
 from overtaking.labels.law.oncoming_traffic import (
     back_frame,
     margins_at_return,
     oncoming_margins,
     return_gap,
+)
+from overtaking.labels.law.remedies import (
+    NO_SPEED,
+    BreachContext,
+    Remedy,
+    RemedyQuantity,
+    RequiredChange,
+    gap_and_closing_speed,
+    max_following_speed,
+    min_speed_before_follower,
+    more_gap,
+    single_change,
 )
 from overtaking.labels.law.safe_distance import (
     GapMargin,
@@ -29,11 +34,7 @@ from overtaking.labels.law.speed import speed_limits
 from overtaking.labels.snapshots import other_vehicles_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.world.road_surface import stoppable_speed
 from overtaking.world.surrogate_safety import drac
-
-_NO_SPEED = np.float32(-1.0)
-"""Where no speed is lawful [m/s]."""
 
 
 def safe_distance(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -49,19 +50,19 @@ def safe_distance(facts: BreachContext) -> tuple[Remedy, ...]:
 def room_ahead(facts: BreachContext) -> tuple[Remedy, ...]:
     """L4: more distance to the one ahead on the left, or slower."""
     neighbour, frames = NeighbourRole.LEFT_LEADER, np.array([facts.first_frame])
-    gap, closing = _gaps(facts, neighbour, frames)
+    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
     in_time = ahead + gap / constant("law.entry.ttc")
     allowed = np.minimum(max_following_speed(gap, ahead, _decel(facts, frames)), in_time)
     farther = more_gap(facts, neighbour, facts.first_frame, facts.margin)
-    return *farther, *facts.remedy_slower_ego(frames, np.where(gap < 0, _NO_SPEED, allowed))
+    return *farther, *facts.remedy_slower_ego(frames, np.where(gap < 0, NO_SPEED, allowed))
 
 
 def room_behind(facts: BreachContext) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
     neighbour, frames = NeighbourRole.LEFT_FOLLOWER, np.array([facts.first_frame])
     farther = more_gap(facts, neighbour, facts.first_frame, facts.margin)
-    gap, closing = _gaps(facts, neighbour, frames)
+    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
     rear = facts.case.signals.speed[0, frames] + closing
     slowest = min_speed_before_follower(np.maximum(gap, 0), rear, _decel(facts, frames))[0]
     if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0, facts.first_frame]:
@@ -89,7 +90,7 @@ def no_obstruction(facts: BreachContext) -> tuple[Remedy, ...]:
     """L23: so much more distance to the one behind that it need not brake hard."""
     neighbour, limit = NeighbourRole.FOLLOWER, constant("law.obstruction.braking")
     frames = facts.frames_with_neighbour(neighbour)
-    gap, closing = _gaps(facts, neighbour, frames)
+    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
     forced = np.minimum(drac(gap, closing), constant("law.obstruction.most"))
     needed = closing * closing / (TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
@@ -129,7 +130,7 @@ def to_return(facts: BreachContext) -> tuple[Remedy, ...]:
 def slow_vehicle(facts: BreachContext) -> tuple[Remedy, ...]:
     """L28: farther behind the vehicle ahead."""
     frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
-    gap, _ = _gaps(facts, NeighbourRole.LEADER, frames)
+    gap, _ = gap_and_closing_speed(facts, NeighbourRole.LEADER, frames)
     # The smallest gap may lie in a frame in which the ego is too fast for the rule (above 40 km/h).
     # The frame that decides is the one whose gap gives the margin of the finding.
     worst = int(np.abs(gap - constant("law.slow.distance") - facts.margin).argmin())
@@ -138,54 +139,16 @@ def slow_vehicle(facts: BreachContext) -> tuple[Remedy, ...]:
 
 def _followable(facts: BreachContext, frames: IndexArray) -> F32:
     """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
-    gap, closing = _gaps(facts, NeighbourRole.LEADER, frames)
+    gap, closing = gap_and_closing_speed(facts, NeighbourRole.LEADER, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
-    return np.where(gap < 0, _NO_SPEED, max_following_speed(gap, ahead, _decel(facts, frames)))
-
-
-def max_following_speed(gap: F32, ahead: F32, decel: F32) -> F32:
-    """Highest speed that a gap to a vehicle of speed `ahead` allows, as `lawful_gap` [m/s]."""
-    distance = np.maximum(gap, np.float32(0.0)) + ahead * ahead / (TWO * decel)
-    return stoppable_speed(distance, as_f32(constant("law.safe_distance.reaction_time")), decel)
-
-
-def min_speed_before_follower(gap: F32, rear: F32, decel: F32) -> F32:
-    """Lowest speed at a gap before a vehicle of speed `rear`, as `entry_margin_behind` [m/s]."""
-    reaction = constant("law.safe_distance.reaction_time")
-    square = rear * rear + TWO * decel * (rear * reaction - gap)
-    calm = rear - np.sqrt(TWO * constant("law.entry.braking") * gap)
-    return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
-
-
-def more_gap(
-    facts: BreachContext,
-    neighbour: NeighbourRole,
-    frame: int | np.integer,
-    margin: float | np.floating,
-) -> tuple[Remedy]:
-    """More distance to a neighbour, by what the margin lacks."""
-    signals, ahead = (
-        facts.case.signals,
-        neighbour in (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER),
-    )
-    quantity = RemedyQuantity.GAP_AHEAD if ahead else RemedyQuantity.GAP_BEHIND
-    gap = float(signals.gap[0, neighbour, frame])
-    return single_change(
-        quantity, gap, gap - float(margin), frame, int(signals.neighbour_slot[0, neighbour, frame])
-    )
+    return np.where(gap < 0, NO_SPEED, max_following_speed(gap, ahead, _decel(facts, frames)))
 
 
 def _margins(
     facts: BreachContext, neighbour: NeighbourRole, frames: IndexArray, margin: GapMargin
 ) -> F32:
-    gap, closing = _gaps(facts, neighbour, frames)
+    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
     return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
-
-
-def _gaps(facts: BreachContext, neighbour: NeighbourRole, frames: IndexArray) -> tuple[F32, F32]:
-    """Gap and closing speed of a neighbour, shape (frame,)."""
-    signals = facts.case.signals
-    return signals.gap[0, neighbour, frames], signals.closing_speed[0, neighbour, frames]
 
 
 def _decel(facts: BreachContext, frames: IndexArray) -> F32:

@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.explain import gaps
-from overtaking.labels.explain.breach import RemedyQuantity, single_change
 from overtaking.labels.explain.remedies import (
     REMEDIES,
     at_limit,
     elsewhere,
-    more_lateral_distance,
-    pass_on_the_left,
     see_oncoming_traffic,
 )
 from overtaking.labels.law.case import is_regaining_gap
@@ -31,25 +27,21 @@ from overtaking.labels.law.germany.distances import (
 from overtaking.labels.law.germany.driving import B1, V2, V3, limits
 from overtaking.labels.law.germany.opposite import O9, O16, O17
 from overtaking.labels.law.germany.overtaking import (
-    O1,
     O2,
     O5,
     O6,
-    O7,
-    O10,
     O12,
-    bicycle_distance,
-    motor_vehicle_distance,
 )
 from overtaking.labels.law.lamps_and_indicators import L19
+from overtaking.labels.law.remedies import RemedyQuantity, more_gap, single_change
 from overtaking.model.neighbours import NeighbourRole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from overtaking.core.arrays import F32
-    from overtaking.labels.explain.breach import BreachContext, Remedy
     from overtaking.labels.explain.remedies import Find
+    from overtaking.labels.law.remedies import BreachContext, Remedy
     from overtaking.model.verdicts import Case, Finding
 
 
@@ -62,7 +54,7 @@ def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:
         signals = facts.case.signals
         margins = signals.gap[0, NeighbourRole.LEADER, frames] - required(signals.speed[0, frames])
         worst = frames[int(np.abs(margins - facts.margin).argmin())]
-        return gaps.more_gap(facts, NeighbourRole.LEADER, worst, facts.margin)
+        return more_gap(facts, NeighbourRole.LEADER, worst, facts.margin)
 
     return find
 
@@ -105,12 +97,12 @@ def _fined_gap(facts: BreachContext) -> tuple[Remedy, ...]:
     gaps_ahead, speed = signals.gap[0, NeighbourRole.LEADER, frames], signals.speed[0, frames]
     lacking = fined_distance(speed) - gaps_ahead
     worst = int(lacking.argmax())
-    return gaps.more_gap(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
+    return more_gap(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
 
 
 def _behind(neighbour: NeighbourRole) -> Callable[[BreachContext], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the vehicle behind."""
-    return lambda facts: gaps.more_gap(facts, neighbour, facts.first_frame, facts.margin)
+    return lambda facts: more_gap(facts, neighbour, facts.first_frame, facts.margin)
 
 
 GERMAN: dict[Callable[[Case], Finding], Find] = {
@@ -120,13 +112,10 @@ GERMAN: dict[Callable[[Case], Finding], Find] = {
         (A2, _fined_gap),
         (A3, _more_distance_ahead(truck_distance)),
         (A4, _more_distance_ahead(room_for_another)),
-        (O1, pass_on_the_left),
         (O2, _faster),
         (O5, _more_optical_range),
         (O6, _behind(NeighbourRole.LEFT_FOLLOWER)),
-        (O7, more_lateral_distance(motor_vehicle_distance)),
         (O9, elsewhere),
-        (O10, more_lateral_distance(bicycle_distance)),
         (O12, _behind(NeighbourRole.FOLLOWER)),
         (O16, see_oncoming_traffic),
         (O17, elsewhere),

@@ -3,21 +3,19 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64
 from overtaking.labels.labelling import LabelledTrajectories
-from overtaking.labels.law.alongside import L10, LateralDistance, motor_vehicle_distance
 from overtaking.labels.law.case import (
-    alongside,
     is_regaining_gap,
     judged_span,
     span_after_gap_recovery,
 )
 from overtaking.labels.law.following import L3
-from overtaking.labels.law.germany import distances, driving, overtaking
+from overtaking.labels.law.germany import distances, driving
+from overtaking.labels.law.margins import margins_within_span
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.rule import Pack, Rule
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
     margin_to_leader,
@@ -25,7 +23,6 @@ from overtaking.labels.law.safe_distance import (
 )
 from overtaking.labels.law.sight import L14, L14s
 from overtaking.labels.law.speed import L12, Limits, speed_limits, to_recorded_resolution
-from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case, Finding, Verdict
@@ -46,11 +43,19 @@ def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> d
     """
     case, findings = labelled.case(), labelled.findings
     verdicts = dict(zip(findings.rule_codes, findings.verdict[0].tolist(), strict=True))
-    return {
-        rule.code: _MARGINS[rule.check](case)
+    margins_by_code = {
+        rule.code: _margins_by_frame(rule, case)
         for rule in pack.rules
-        if rule.check in _MARGINS and verdicts[rule.code] in (Verdict.LEGAL, Verdict.ILLEGAL)
+        if verdicts[rule.code] in (Verdict.LEGAL, Verdict.ILLEGAL)
     }
+    return {code: margins for code, margins in margins_by_code.items() if margins is not None}
+
+
+def _margins_by_frame(rule: Rule, case: Case) -> F64 | None:
+    """Margins of one rule, as `Criterion.margins_by_frame`."""
+    if rule.criterion is not None:
+        return rule.criterion.margins_by_frame(case)
+    return _MARGINS[rule.check](case) if rule.check in _MARGINS else None
 
 
 def _safe_distance(case: Case) -> F64:
@@ -76,23 +81,12 @@ def _behind_leader(case: Case, margin: F32) -> F64:
     """Keep margins [m] in frames with a leader, except shortly after it cut in."""
     has_leader = case.signals.neighbour_slot[0, NeighbourRole.LEADER] != NO_VEHICLE
     is_judged = has_leader & ~is_regaining_gap(case)[0]
-    return np.where(is_judged, _margins_within(span_after_gap_recovery(case), margin), np.nan)
-
-
-def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
-    """Margins of the distance between the sides of ego and target while they overlap [m]."""
-
-    def margins_of(case: Case) -> F64:
-        beside, margin = alongside(case), np.full(case.signals.num_frames, np.nan)
-        margin[beside.frame] = beside.lateral_gap - distance(case)
-        return margin
-
-    return margins_of
+    return np.where(is_judged, margins_within_span(span_after_gap_recovery(case), margin), np.nan)
 
 
 def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
     """Margins of a law's speed limits [m/s]."""
-    return lambda case: _margins_within(
+    return lambda case: margins_within_span(
         judged_span(case), to_recorded_resolution(limits(case)[1]) - case.signals.speed
     )
 
@@ -103,27 +97,17 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
     def margins_of(case: Case) -> F64:
         signals = case.signals
         stop = stopping_distance_for_sight(signals.speed, signals.friction)
-        return _margins_within(judged_span(case), getattr(signals, sight) - stop)
+        return margins_within_span(judged_span(case), getattr(signals, sight) - stop)
 
     return margins_of
 
 
 _MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
     L3.check: _safe_distance,
-    L10.check: _lateral_distance(motor_vehicle_distance),
     L12.check: _speed_limit(speed_limits),
     L14.check: _stop_within("sight_lit"),
     L14s.check: _stop_within("sight_unlit"),
     distances.A1.check: _leader_distance(distances.courts_distance),
-    overtaking.O7.check: _lateral_distance(overtaking.motor_vehicle_distance),
-    overtaking.O10.check: _lateral_distance(overtaking.bicycle_distance),
     driving.V2.check: _speed_limit(driving.limits),
 }
 """Margins by the check of a rule; both read the same numbers of the law."""
-
-
-def _margins_within(span: FrameSpan, values: NDArray[np.floating]) -> F64:
-    """Values (simulation, time) of the first simulation, shape (time,); NaN outside the span."""
-    frame = np.arange(values.shape[1])
-    inside = (frame >= span.first[0]) & (frame <= span.last[0])
-    return np.where(inside, values[0], np.nan).astype(np.float64)

@@ -4,22 +4,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from overtaking.core.arrays import F32, IndexArray, Mask
+from overtaking.core.arrays import F32
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
-from overtaking.labels.explain.breach import BreachContext, Remedy, RemedyQuantity, single_change
-from overtaking.labels.law.alongside import (
-    L1,
-    L10,
-    L11,
-    L22,
-    LateralDistance,
-    bicycle_distance,
-    in_queue,
-    motor_vehicle_distance,
-)
-from overtaking.labels.law.case import alongside, signed_lane
+from overtaking.labels.law.case import signed_lane
 from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lamps_and_indicators import L18, L19
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
@@ -31,6 +20,13 @@ from overtaking.labels.law.oncoming_traffic import (
     L27,
     distance_over_outer_edge,
     near_oncoming_vehicles,
+)
+from overtaking.labels.law.remedies import (
+    BreachContext,
+    Remedy,
+    RemedyQuantity,
+    change_by_margin,
+    single_change,
 )
 from overtaking.labels.law.returning import L8, L9, L21, L23
 from overtaking.labels.law.rule import Rule
@@ -51,80 +47,6 @@ from overtaking.world.road_surface import stoppable_speed
 
 Find = Callable[[BreachContext], tuple[Remedy, ...]]
 """A function that finds the remedies for a breach."""
-
-
-def pass_in_next_lane(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L1: in the next lane to the left of the lane of the target."""
-    frames = _alongside(facts)
-    ego_lane, target_lane = (
-        signed_lane(signals.lane)[0, frames].astype(int)
-        for signals in (facts.case.signals, facts.case.target)
-    )
-    reference_lane = np.maximum(target_lane, signed_lane(facts.case.events.original_lane)[0])
-    too_far = ego_lane - reference_lane > 1
-    lanes = np.where(too_far, ego_lane - reference_lane, ego_lane - target_lane)
-    lacking = np.where(too_far, lanes - 1, 1 - lanes)
-    # A frame in queues lacks nothing, however the lanes lie.
-    worst = int(np.where(_is_queue(facts, frames), 0, lacking).argmax())
-    return single_change(
-        RemedyQuantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target_slot
-    )
-
-
-def pass_on_the_left(facts: BreachContext) -> tuple[Remedy, ...]:
-    """O1: in a lane to the left of the target's lane."""
-    frames = _alongside(facts)
-    ego_lane, target_lane = (
-        signed_lane(signals.lane)[0, frames].astype(int)
-        for signals in (facts.case.signals, facts.case.target)
-    )
-    lanes = np.where(_is_queue(facts, frames), 1, ego_lane - target_lane)
-    worst = int(lanes.argmin())
-    return single_change(
-        RemedyQuantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target_slot
-    )
-
-
-def _is_queue(facts: BreachContext, frames: IndexArray) -> Mask:
-    """Whether ego and target drive in queues, which exempts the frame; shape (frame,)."""
-    return in_queue(facts.case, np.zeros_like(frames), frames)
-
-
-def more_lateral_distance(distance: LateralDistance) -> Find:
-    """L10, O7 and O10: more lateral distance to the target.
-
-    Args:
-        distance: The lateral distance that the check of the rule requires [m].
-    """
-
-    def find(facts: BreachContext) -> tuple[Remedy, ...]:
-        return _farther_aside(facts, distance)
-
-    return find
-
-
-def _farther_aside(facts: BreachContext, distance: LateralDistance) -> tuple[Remedy]:
-    frames, needed = _alongside(facts), distance(facts.case)
-    gaps = facts.case.target.lateral_gap[0, frames]
-    nearest = int(gaps.argmin())
-    return single_change(
-        RemedyQuantity.LATERAL_GAP, gaps[nearest], needed, frames[nearest], facts.target_slot
-    )
-
-
-def apart_from_bicycle(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L11: farther to the side, and no faster than at the start, whichever was broken."""
-    frames, speed = _alongside(facts), facts.case.signals.speed[0]
-    ((room,),) = _farther_aside(facts, bicycle_distance)
-    at_start = speed[facts.case.events.attempt[0]]
-    ((slower,),) = facts.remedy_ego_speed(frames[int(speed[frames].argmax())], at_start)
-    lacking = ((room, room.by > 0), (slower, slower.by < 0))
-    return (tuple(change for change, lacks in lacking if lacks),)
-
-
-def _alongside(facts: BreachContext) -> IndexArray:
-    """Frames of the breach in which ego and target overlap along the road."""
-    return facts.frames_within_breach(alongside(facts.case).frame)
 
 
 def not_too_fast(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -184,7 +106,7 @@ def wider(facts: BreachContext) -> tuple[Remedy, ...]:
 
 def return_in_time(facts: BreachContext) -> tuple[Remedy, ...]:
     """L9: back in the original lane within the time that the rule allows."""
-    return _excess(facts, RemedyQuantity.TIME_OUT, float(constant("law.return.within")))
+    return change_by_margin(facts, RemedyQuantity.TIME_OUT, float(constant("law.return.within")))
 
 
 def slow_lanes(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -200,29 +122,12 @@ def next_slower_lane(facts: BreachContext) -> tuple[Remedy, ...]:
     return single_change(RemedyQuantity.LANE, lane, lane - 1, facts.first_frame)
 
 
-def target_keeps_speed(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L22: a target that accelerates less."""
-    limit = float(constant("law.overtaken.accel"))
-    margins = np.float32(limit) - facts.case.target.accel[0, facts.frames]
-    frame = facts.frame_of_margin(margins)
-    return _excess(facts, RemedyQuantity.TARGET_ACCEL, limit, frame, facts.target_slot)
-
-
-def _excess(
-    facts: BreachContext,
-    quantity: RemedyQuantity,
-    limit: float,
-    frame: int | None = None,
-    slot: int | None = None,
-) -> tuple[Remedy, ...]:
-    """A quantity that exceeded its limit by the margin."""
-    return single_change(quantity, limit - facts.margin, limit, frame, slot)
-
-
 def target_keeps_lane(facts: BreachContext) -> tuple[Remedy, ...]:
     """L7: a target that does not move to the left."""
     limit = float(constant("law.others.lateral_speed"))
-    return _excess(facts, RemedyQuantity.TARGET_DRIFT, limit, facts.first_frame, facts.target_slot)
+    return change_by_margin(
+        facts, RemedyQuantity.TARGET_DRIFT, limit, facts.first_frame, facts.target_slot
+    )
 
 
 def off_the_line(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -268,7 +173,6 @@ def let_them_pass(facts: BreachContext) -> tuple[Remedy, ...]:
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
-        (L1, pass_in_next_lane),
         (L2, off_the_line),
         (L3, gaps.safe_distance),
         (L4, gaps.room_ahead),
@@ -277,8 +181,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L7, target_keeps_lane),
         (L8, gaps.safe_return),
         (L9, return_in_time),
-        (L10, more_lateral_distance(motor_vehicle_distance)),
-        (L11, apart_from_bicycle),
         (L12, not_too_fast),
         (L13, not_too_slow),
         (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),
@@ -287,11 +189,10 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L15s, see_farther),
         (L16, wider),
         (L17, elsewhere_or_target_in_lane),
-        (L18, lambda facts: _excess(facts, RemedyQuantity.UNSIGNALLED, 0.0)),
-        (L19, lambda facts: _excess(facts, RemedyQuantity.WRONG_LAMPS, 0.0)),
+        (L18, lambda facts: change_by_margin(facts, RemedyQuantity.UNSIGNALLED, 0.0)),
+        (L19, lambda facts: change_by_margin(facts, RemedyQuantity.WRONG_LAMPS, 0.0)),
         (L20, slow_lanes),
         (L21, next_slower_lane),
-        (L22, target_keeps_speed),
         (L23, gaps.no_obstruction),
         (L24, gaps.oncoming),
         (L25, gaps.time_to_pass),
@@ -315,11 +216,14 @@ def remedies_of(
     Args:
         rule: The broken rule.
         facts: The breach.
-        remedies: Functions that find remedies, by the check of the rule.
+        remedies: Functions that find remedies, by the check of the rule, for rules without a
+            criterion.
 
     Returns:
         Alternative remedies; the first is the one whose size is the margin. Empty for a check
         without a remedy.
     """
+    if rule.criterion is not None:
+        return rule.criterion.remedies(facts)
     find = remedies.get(rule.check)
     return () if find is None else find(facts)

@@ -1,6 +1,6 @@
 """Judge a case by a rule or a pack of rules, and read the findings under a policy.
 
-`law_rules.toml` lists for each rule the policies that require it; `policies.toml` has the policies.
+A rule names the policies that require it; `policies.toml` has the policies.
 """
 
 import dataclasses
@@ -19,7 +19,6 @@ from overtaking.labels.law.margins import finding_from_margins
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Grade, Pack, Rule, Tolerance
-from overtaking.labels.law.texts import texts_by_code
 from overtaking.model.batch import Batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind, may_be_kind
@@ -37,14 +36,17 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
         errors: Of its measurement; a margin within its own is undecidable.
     """
     finding = _without_errors(rule, case)
-    if errors is None or rule.spread is None:
+    if errors is None:
         return finding
     is_decided = (finding.verdict == Verdict.LEGAL) | (finding.verdict == Verdict.ILLEGAL)
     if not is_decided.any():
         return finding
-    error = toml_reader.constant("law.errors.coverage") * rule.spread.standard_error(
-        case, finding, errors
-    )
+    standard_error = rule.standard_error(case, finding, errors)
+    if standard_error is None:
+        return finding
+    # Two standard errors, about 95 %: with one, a third of the verdicts at the limit would be
+    # wrong.
+    error = toml_reader.constant("law.errors.coverage") * standard_error
     return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < error))
 
 
@@ -194,7 +196,10 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     return Findings(rule_codes=pack.codes, version=version, **columns)
 
 
-_FILE, _TOLERANCES = "policies.toml", "tolerances.toml"
+_FILE = "policies.toml"
+
+LAWS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
+"""The packs of this package, by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,30 +255,22 @@ class _Reading:
 
 @cache
 def policies_of_law(pack: str) -> tuple[Policy, ...]:
-    """All policies of a pack of this package, by its name; none for a pack that is not here."""
-    policies_of_rule = {code: words.policies.split() for code, words in texts_by_code(pack).items()}
-    return tuple(
-        _policy(
-            name, pack, tuple(code for code, names in policies_of_rule.items() if name in names)
-        )
-        for name in load_toml(_FILE)["policies"]
-        if policies_of_rule
-    )
+    """All policies of a pack of this package, by its name; empty for the name of another pack."""
+    if pack not in LAWS:
+        return ()
+    return tuple(_policy(name, LAWS[pack].rules) for name in load_toml(_FILE)["policies"])
 
 
-def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
+def _policy(name: str, rules: Sequence[Rule]) -> Policy:
     reading = read_record(_Reading, _FILE, f"policies.{name}")
     return Policy(
         name=name,
-        required=required,
+        required=tuple(rule.code for rule in rules if name in rule.required_by),
         allows_undecided=reading.allows_undecided,
         censors_open=reading.censors_open,
         names_departures=reading.names_departures,
         min_severity=Severity[reading.least.upper()],
-        tolerances={
-            code: read_record(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
-            for code in load_toml(_TOLERANCES).get(name, {}).get(pack, {})
-        },
+        tolerances={rule.code: rule.tolerances[name] for rule in rules if name in rule.tolerances},
     )
 
 
@@ -376,8 +373,9 @@ def exceeds_tolerance(
     column, rule = findings.rule_codes.index(code), pack.rule(code)
     excess = -findings.margin[:, column]
     is_exceeded = (findings.verdict[:, column] == Verdict.ILLEGAL) & (excess > tolerance.margin)
-    if tolerance.share and rule.limit is not None:
-        is_exceeded &= excess > np.float32(tolerance.share) * (rule.limit(case) + excess)
+    limit = rule.limit(case) if tolerance.share and rule.limit is not None else None
+    if limit is not None:
+        is_exceeded &= excess > np.float32(tolerance.share) * (limit + excess)
     if tolerance.lasting:
         is_exceeded &= breach_duration(findings, column, case) > tolerance.lasting
     return is_exceeded
@@ -388,7 +386,3 @@ def breach_duration(findings: Findings, column: int, case: Case) -> F32:
     return findings.longest_run[:, column].astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
-
-
-LAWS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
-"""The packs of this package, by name."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.arrays import F32, F64, I32, U8, IndexArray, Mask
 from overtaking.core.native import simd_level
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.signals import (
@@ -312,6 +312,13 @@ def minimum_to_limit(
     )
     first, last, longest = frames
     return MarginMinimum(min_margin=low, first_frame=first, last_frame=last, longest_run=longest)
+
+
+def margins_within_span(span: FrameSpan, margins: NDArray[np.floating]) -> F64:
+    """Margins (simulation, time) of the first simulation, shape (time,); NaN outside the span."""
+    frame = np.arange(margins.shape[1])
+    is_in_span = (frame >= span.first[0]) & (frame <= span.last[0])
+    return np.where(is_in_span, margins[0], np.nan).astype(np.float64)
 
 
 def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:

@@ -1,22 +1,44 @@
-"""Numbers of the law, formatted for the sentences about its rules."""
+"""Numbers of the law: `quantity` declares one, and sentences about rules print them."""
 
 import re
+from typing import Any
 
-from overtaking.knowledge.toml_reader import load_toml
+from overtaking.knowledge.quantities import ENGINEERING_CHOICE, Quantity, parse_quantity
+from overtaking.knowledge.toml_reader import load_toml, sources
 
 _PLACEHOLDER = re.compile(r"\{((?:law|law_de|friction)\.[\w.]+)\}")
 _FACTORS = {("m/s", "km/h"): 3.6}
 """Factors from the unit of a file to another unit."""
 
 
+def quantity(
+    value: float, unit: str, source: str = ENGINEERING_CHOICE, *, why: str | None = None
+) -> Quantity:
+    """Declare a number of a law, with its unit and its source.
+
+    Args:
+        value: The number in `unit`, as its source states it.
+        unit: Unit of the number, such as "km/h"; the check of a rule reads it in SI.
+        source: Id of a source of `sources.toml`; by default the number is a choice of this package.
+        why: Reason for this value. A choice must state one.
+
+    Raises:
+        KnowledgeError: The unit or the source is unknown, or a choice has no reason.
+    """
+    entry: dict[str, Any] = {"value": value, "unit": unit, "source": source}
+    if why is not None:
+        entry["rationale"] = why
+    return parse_quantity(entry, name="", where=f"quantity({value:g}, {unit!r})", sources=sources())
+
+
 def amount(path: str, *, unit: str = "", times: float = 1.0) -> str:
-    """A number of the knowledge base with its unit, such as `0.8 m`.
+    """A number of the knowledge base with its unit, such as `50 m`.
 
     Sentences about a rule print the number that its check reads, so that the two cannot differ.
 
     Args:
-        path: File without suffix and dotted name of the entry: `law.side.motor` is `side.motor` in
-            `law.toml`.
+        path: File without suffix and dotted name of the entry: `law.slow.distance` is
+            `slow.distance` in `law.toml`.
         unit: Unit to print; the unit of the file if left out.
         times: Factor on the number.
     """
@@ -32,7 +54,7 @@ def bare(path: str, *, unit: str = "", times: float = 1.0) -> str:
 
 
 def fill_placeholders(text: str) -> str:
-    """Replace each placeholder such as `{law.side.motor}` by its `amount`."""
+    """Replace each placeholder such as `{law.slow.distance}` by its `amount`."""
     return _PLACEHOLDER.sub(lambda match: amount(match[1]), text)
 
 

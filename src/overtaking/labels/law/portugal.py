@@ -1,17 +1,91 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice."""
 
-from overtaking.labels.law.alongside import L1, L10, L11, L22
+from overtaking.labels.law.criteria.alongside import (
+    BicycleDistance,
+    LateralDistance,
+    PassingSide,
+    TargetSpeed,
+)
 from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lamps_and_indicators import L18, L19
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
+from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
 from overtaking.labels.law.returning import L8, L9, L21, L23
-from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.rule import EVERY_POLICY, NO_POLICY, Grade, Pack, Rule, TextSource
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speed import L12, L13
 from overtaking.labels.law.starting import L4, L5, L6, L7
 from overtaking.labels.law.texts import edition, with_texts
 from overtaking.labels.law.zones import L17, L29
+
+L1 = Rule(
+    id="pt.ce.36@2013",
+    code="L1",
+    article="Articles 36 and 38(3); exceptions 37 and 42",
+    title="Overtake on the left",
+    gloss="Overtaking is done on the left, in the lane next to that of the overtaken vehicle. "
+    "Parallel queues that move at different speeds do not overtake each other.",
+    criterion=PassingSide(max_lanes_left=1),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the place one lane to the left of the overtaken vehicle",
+    text_source=TextSource.SECONDARY,
+    consulted_source="36(1) quoted by dinheirovivo.pt (2021); 38(3) and 42 read in the decree "
+    "(pages 69, 70); 37 not found",
+)
+
+L10 = Rule(
+    id="pt.ce.18-2@2013",
+    code="L10",
+    article="Article 18(2)",
+    title="Lateral distance",
+    gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
+    criterion=LateralDistance(
+        min_outside=quantity(
+            0.8, "m", why="The Code says 'enough'; the monitor's hard floor is 0.5 m"
+        )
+    ),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the distance to the side of the overtaken vehicle",
+    text_source=TextSource.SECONDARY,
+    consulted_source="18(2) quoted by pplware.sapo.pt and circulaseguro.pt",
+)
+
+_BICYCLE_GAP = quantity(1.5, "m", "pt-highway-code-2013")
+
+L11 = Rule(
+    id="pt.ce.18-3@2013",
+    code="L11",
+    article="Articles 18(3) and 38(2)(e)",
+    title="Overtaking a bicycle",
+    gloss=f"Motor vehicles keep at least {_BICYCLE_GAP} to the side of bicycles, and slow down to "
+    "overtake them.",
+    criterion=BicycleDistance(min_gap=_BICYCLE_GAP),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the distance to the side of the bicycle, or the speed at the start, as a share "
+    "of it,",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(2)(e) read in the decree (page 69); 18(3) quoted by circulaseguro.pt",
+)
+
+L22 = Rule(
+    id="pt.ce.39@2013",
+    code="L22",
+    article="Article 39",
+    title="Let others overtake",
+    gloss="A driver being overtaken gives way to the right as far as possible and does not "
+    "accelerate.",
+    criterion=TargetSpeed(),
+    grade=Grade.BY_ROAD,
+    required_by=NO_POLICY,
+    is_duty_of_ego=False,
+    limit_phrase="the speed it had",
+    text_source=TextSource.READ,
+    consulted_source="39 in the decree (page 69)",
+)
 
 # fmt: off
 _RULES = (

@@ -1,13 +1,33 @@
-"""Classes of a law: rules, packs of rules, tolerances, and how well a text is known."""
+"""Classes of a law: rules, criteria, packs of rules, tolerances, and how well a text is known."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum, StrEnum
-from typing import Self
+from types import MappingProxyType
+from typing import ClassVar, Self
 
-from overtaking.core.arrays import F32
+from overtaking.core.arrays import F32, F64
 from overtaking.labels.law.measurement_errors import MeasurementErrors
+from overtaking.labels.law.remedies import BreachContext, Remedy
+from overtaking.labels.law.safe_distance import GapMargin
+from overtaking.model.trajectories import ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Case, Finding
+
+EVERY_POLICY = frozenset(["paper", "default", "strict", "serious", "enforced"])
+"""Policies that require the rules of the paper, or rules of the same weight."""
+
+DEFAULT_AND_STRICTER = EVERY_POLICY - {"paper"}
+"""Policies that require the rules which the paper does not have."""
+
+ALL_BUT_STRICT = EVERY_POLICY - {"strict"}
+"""Policies that require a reading which `strict` replaces by a stricter one."""
+
+STRICT_ONLY = frozenset(["strict"])
+"""The policy that also requires the rules with an uncertain reading."""
+
+NO_POLICY = frozenset[str]()
+"""For a rule that is judged and never required."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +85,104 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Criterion(ABC):
+    """How a duty is measured: which quantity is compared with which limit, and in which frames.
+
+    A subclass is one way of measuring. Its own fields are the numbers of the law, as `Quantity`, so
+    two laws can share a criterion and differ in its fields. The criterion reads only the case, so
+    the same case always has the same finding.
+
+    Attributes:
+        unit: Unit of the margin.
+        applies_without_attempt: Whether the criterion also judges a recording without an attempt.
+        only_two_way_roads: Whether tables of one-way roads leave it out.
+    """
+
+    unit: str
+    applies_without_attempt: bool = False
+    only_two_way_roads: bool = False
+
+    ERROR_FORMULA: ClassVar[str] = "0"
+    """`standard_error` in words. sp and sv are the standard deviations of positions and speeds; a
+    number of the law stands by the name of its field."""
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """Names of `UNKNOWNS` without which the duty is undecidable."""
+        return frozenset()
+
+    @property
+    def conditional_inputs(self) -> frozenset[str]:
+        """Names of `UNKNOWNS` without which the duty is undecidable in some simulations."""
+        return frozenset()
+
+    @property
+    def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
+        """Margins that the driver judges by its beliefs, by kind of decision and vehicle."""
+        return MappingProxyType({})
+
+    @abstractmethod
+    def predicate(self) -> str:
+        """The condition that `check` tests, in one sentence with the numbers of this law."""
+
+    @abstractmethod
+    def check(self, case: Case) -> Finding:
+        """Judge each simulation of a batch as if it had been measured without error."""
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32 | None:
+        """Standard deviation of the margins of a finding.
+
+        Args:
+            case: The batch.
+            finding: Result of `check` for this batch.
+            errors: Standard deviations of positions and speeds.
+
+        Returns:
+            Shape (simulation,), in the unit of the margin; None if these errors do not change it.
+        """
+        del case, finding, errors
+        return None
+
+    def limit(self, case: Case) -> F32 | None:
+        """Limit of the measured value, for policies that tolerate a share of it.
+
+        Returns:
+            Shape (simulation,), in the unit of the margin; None if no policy tolerates a share.
+        """
+        del case
+        return None
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """Alternative changes, each sufficient to keep the rule, all else unchanged.
+
+        Returns:
+            The first remedy has the size of the margin. Empty where no change is known.
+        """
+        del breach
+        return ()
+
+    def margins_by_frame(self, case: Case) -> F64 | None:
+        """Margins of a batch of one simulation, frame by frame, for charts.
+
+        Returns:
+            Shape (time,), NaN in frames that are not judged; None for a criterion that judges
+            single instants or durations.
+        """
+        del case
+        return None
+
+
+def _check_is_missing(case: Case) -> Finding:
+    del case
+    raise NotImplementedError("the rule has neither a criterion nor a check")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
     """One rule of law.
+
+    A rule has a criterion, or states the parts of one itself: `predicate`, `unit`, `check`,
+    `spread`, `limit`, the inputs, and where it applies. Both kinds are read in the same way.
 
     Attributes:
         id: Versioned id: jurisdiction, code of law, article, `@` and the year of the text.
@@ -74,24 +190,27 @@ class Rule:
         article: Article and paragraph.
         title: A few words.
         gloss: The duty in English, paraphrased.
-        predicate: The condition that the check tests, with events of `model.overtake_events`.
-        unit: Of the margin.
+        criterion: How the duty is measured, with the numbers of the law.
         grade: How severe a breach is.
+        required_by: Names of the policies that require the rule.
+        tolerances: By name of a policy, how far it tolerates a breach.
         source: Id of the source of the text.
-        required_inputs: Names of `UNKNOWNS` without which the rule is undecidable.
-        conditional_inputs: Names of `UNKNOWNS` without which it is undecidable in some simulations.
-        applies_without_attempt: Whether it also judges a recording without an attempt, all of it.
         is_duty_of_ego: Whether the duty is the ego's; no policy requires the others' duties.
-        check: The rule itself, for recordings that know all that it needs.
-        spread: The error of its margin; None if errors of positions and speeds that stay the same
-            do not change it.
         text_source: How the wording of the law is known.
         consulted_source: Where it was read, and in which edition.
         limit_phrase: The limit in words, for the sentence "missed ... by 2 m".
         fine: Fine for a breach, with its source; empty without a source.
+        predicate: The condition that the check tests, with events of `model.overtake_events`.
+        unit: Of the margin.
+        required_inputs: Names of `UNKNOWNS` without which the rule is undecidable.
+        conditional_inputs: Names of `UNKNOWNS` without which it is undecidable in some simulations.
+        applies_without_attempt: Whether it also judges a recording without an attempt, all of it.
         only_two_way_roads: Whether it is about roads with oncoming traffic alone.
-        limit: The limit of the measured value, (simulation,), in the unit of the margin;
-            None for rules of which no policy tolerates a share.
+        check: The rule itself, for recordings that know all that it needs.
+        spread: The error of its margin; None if errors of positions and speeds that stay the same
+            do not change it. Rules with a criterion have `Criterion.standard_error`.
+        limit: The limit of the measured value, (simulation,), in the unit of the margin; it gives
+            None, or is None, for rules of which no policy tolerates a share.
     """
 
     id: str
@@ -99,22 +218,56 @@ class Rule:
     article: str
     title: str
     gloss: str
-    predicate: str
-    unit: str
+    criterion: Criterion | None = None
     grade: Grade
+    required_by: frozenset[str] = NO_POLICY
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict[str, Tolerance], hash=False)
     source: str = "pt-highway-code-2013"
-    required_inputs: frozenset[str] = frozenset()
-    conditional_inputs: frozenset[str] = frozenset()
-    applies_without_attempt: bool = False
     is_duty_of_ego: bool = True
-    check: Callable[[Case], Finding]
-    spread: Spread | None = None
     text_source: TextSource = TextSource.READ
     consulted_source: str = ""
     limit_phrase: str = "its border"
     fine: str = ""
+    predicate: str = ""
+    unit: str = ""
+    required_inputs: frozenset[str] = frozenset()
+    conditional_inputs: frozenset[str] = frozenset()
+    applies_without_attempt: bool = False
     only_two_way_roads: bool = False
-    limit: Callable[[Case], F32] | None = None
+    check: Callable[[Case], Finding] = _check_is_missing
+    spread: Spread | None = None
+    limit: Callable[[Case], F32 | None] | None = None
+
+    def __post_init__(self) -> None:
+        """Take over the parts of the criterion, which replace stated ones."""
+        criterion = self.criterion
+        if criterion is None:
+            return
+        parts = {
+            "predicate": criterion.predicate(),
+            "unit": criterion.unit,
+            "required_inputs": criterion.required_inputs,
+            "conditional_inputs": criterion.conditional_inputs,
+            "applies_without_attempt": criterion.applies_without_attempt,
+            "only_two_way_roads": criterion.only_two_way_roads,
+            "check": criterion.check,
+            "limit": criterion.limit,
+        }
+        for name, part in parts.items():
+            object.__setattr__(self, name, part)
+
+    @property
+    def error_formula(self) -> str:
+        """`standard_error` in words, as `Criterion.ERROR_FORMULA`."""
+        if self.criterion is not None:
+            return self.criterion.ERROR_FORMULA
+        return "0" if self.spread is None else self.spread.formula
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32 | None:
+        """Standard deviation of the margins of a finding, as `Criterion.standard_error`."""
+        if self.criterion is not None:
+            return self.criterion.standard_error(case, finding, errors)
+        return None if self.spread is None else self.spread.standard_error(case, finding, errors)
 
 
 def adopt(
@@ -133,7 +286,7 @@ def adopt(
     required_inputs: frozenset[str] | None = None,
     check: Callable[[Case], Finding] | None = None,
     spread: Spread | None = None,
-    limit: Callable[[Case], F32] | None = None,
+    limit: Callable[[Case], F32 | None] | None = None,
 ) -> Rule:
     """Make a rule for another law with the check of an existing rule.
 

@@ -1,13 +1,13 @@
-"""Texts of the rules of a pack, from `law_rules.toml`."""
+"""Texts, policies and tolerances of the rules without a criterion, from TOML files."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.numbers import fill_placeholders
-from overtaking.labels.law.rule import Rule, TextSource
+from overtaking.labels.law.rule import Rule, TextSource, Tolerance
 
-_FILE = "law_rules.toml"
+_FILE, _TOLERANCES = "law_rules.toml", "tolerances.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,7 +17,7 @@ class Words:
     Attributes:
         text: How its wording is known.
         where: Where it was read.
-        border: As in `Rule`, with placeholders such as `{law.side.motor}` for numbers.
+        border: As in `Rule`, with placeholders such as `{law.others.arrival}` for numbers.
         policies: Names of the policies that require it, separated by blanks.
     """
 
@@ -42,23 +42,37 @@ def texts_by_code(pack: str) -> Mapping[str, Words]:
 
 
 def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
-    """Rules of a pack, each with how its wording is known and what its border is called.
+    """Complete the rules of a pack: a rule with a criterion states its texts itself.
+
+    The others get how their wording is known, the name of their limit, the policies that require
+    them, and the tolerances of these policies.
 
     Args:
         pack: Name of the pack.
         rules: Its rules.
 
     Raises:
-        KeyError: A rule has no entry.
+        KeyError: A rule has neither a criterion nor an entry.
     """
-    entries = texts_by_code(pack)
-    return tuple(
-        replace(
-            rule,
-            text_source=entry.text,
-            consulted_source=entry.where,
-            limit_phrase=fill_placeholders(entry.border),
+    entries, tolerances = texts_by_code(pack), load_toml(_TOLERANCES)
+    completed = list[Rule]()
+    for rule in rules:
+        if rule.criterion is not None:
+            completed.append(rule)
+            continue
+        entry = entries[rule.code]
+        completed.append(
+            replace(
+                rule,
+                text_source=entry.text,
+                consulted_source=entry.where,
+                limit_phrase=fill_placeholders(entry.border),
+                required_by=frozenset(entry.policies.split()),
+                tolerances={
+                    policy: read_record(Tolerance, _TOLERANCES, f"{policy}.{pack}.{rule.code}")
+                    for policy, packs in tolerances.items()
+                    if rule.code in packs.get(pack, {})
+                },
+            )
         )
-        for rule in rules
-        for entry in (entries[rule.code],)
-    )
+    return tuple(completed)

@@ -119,5 +119,5 @@ def test_a_lawful_overtake_is_lawful_under_every_policy():
 def test_every_number_of_the_german_law_is_used():
     text = "".join(path.read_text("utf-8") for path in SOURCES)
     for name in all_quantities("law_de.toml"):
-        if not name.startswith(("limits.", "excess.", "side.bicycle")):
+        if not name.startswith(("limits.", "excess.")):
             assert f'"law_de.{name}"' in text, name

@@ -34,7 +34,7 @@ from overtaking.model.trajectories import ManoeuvreKind
 from overtaking.model.verdicts import Severity, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
-RULE_FILES = sorted(Path(law.__file__).parent.glob("*.py"))
+RULE_FILES = sorted(Path(law.__file__).parent.rglob("*.py"))
 GRAVITY, DRY = 9.81, 0.9 * 9.81
 
 

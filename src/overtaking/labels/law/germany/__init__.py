@@ -4,25 +4,94 @@ A breach is serious where the catalogue of fines gives a point for it, very seri
 light. A rule whose text was not read is undecidable.
 """
 
+from overtaking.labels.law.criteria.alongside import LateralDistance, PassingSide, TargetSpeed
 from overtaking.labels.law.germany.distances import A1, A2, A3, A4
 from overtaking.labels.law.germany.driving import B1, F1, F2, G1, S1, V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
 from overtaking.labels.law.germany.overtaking import (
-    O1,
     O2,
     O3,
     O4,
     O5,
     O6,
-    O7,
     O8,
-    O10,
     O11,
     O12,
-    O13,
 )
-from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.numbers import quantity
+from overtaking.labels.law.rule import EVERY_POLICY, NO_POLICY, Grade, Pack, Rule, TextSource
 from overtaking.labels.law.texts import edition, with_texts
+
+O1 = Rule(
+    id="de.stvo.5-1@2013",
+    code="O1",
+    article="§ 5(1) StVO; exceptions § 7(2) and (2a)",
+    title="Overtake on the left",
+    gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
+    "right.",
+    criterion=PassingSide(),
+    grade=Grade.SERIOUS,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the left side of the overtaken vehicle",
+    text_source=TextSource.READ,
+    consulted_source="5(1) at dejure.org; 7(2) and (2a) at verkehrsportal.de",
+    fine="100 EUR, 1 point (BKat 17, Kraftfahrt-Bundesamt)",
+)
+
+_SIDE_GAP = quantity(1.0, "m", "olg-karlsruhe-2001", why="Enough under normal conditions")
+
+O7 = Rule(
+    id="de.stvo.5-4-2@2013",
+    code="O7",
+    article="§ 5(4) sentence 2 StVO",
+    title="Lateral distance",
+    gloss="Keep a sufficient distance to the side of others when overtaking.",
+    criterion=LateralDistance(min_outside=_SIDE_GAP),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_SIDE_GAP} to the side of the overtaken vehicle",
+    text_source=TextSource.READ,
+    consulted_source="5(4) at dejure.org",
+)
+
+_BICYCLE_GAP = quantity(2.0, "m", "de-stvo-2013", why="Outside built-up areas")
+_BICYCLE_GAP_IN_TOWN = quantity(1.5, "m", "de-stvo-2013", why="Inside built-up areas")
+
+O10 = Rule(
+    id="de.stvo.5-4-3@2013",
+    code="O10",
+    article="§ 5(4) sentence 3 StVO",
+    title="Overtaking a bicycle",
+    gloss=f"Motor vehicles keep at least {_BICYCLE_GAP_IN_TOWN} to the side of those who walk or "
+    f"cycle, outside built-up areas {_BICYCLE_GAP}.",
+    criterion=LateralDistance(
+        min_outside=_BICYCLE_GAP, min_in_town=_BICYCLE_GAP_IN_TOWN, is_for_bicycles=True
+    ),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the distance to the side of the bicycle",
+    text_source=TextSource.READ,
+    consulted_source="5(4) at dejure.org",
+)
+
+O13 = Rule(
+    id="de.stvo.5-6@2013",
+    code="O13",
+    article="§ 5(6) sentence 1 StVO",
+    title="Let others overtake",
+    gloss="A driver being overtaken does not accelerate.",
+    criterion=TargetSpeed(),
+    grade=Grade.LIGHT,
+    required_by=NO_POLICY,
+    source="de-stvo-2013",
+    is_duty_of_ego=False,
+    limit_phrase="the speed it had",
+    text_source=TextSource.READ,
+    consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",
+)
 
 # fmt: off
 _RULES = (

@@ -5,27 +5,14 @@ from collections.abc import Callable
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.float32_math import HALF
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.alongside import (
-    L1,
-    L10,
-    L11,
-    L22,
-    NOT_IN_QUEUES,
-    TARGET_KEEPS_SPEED,
-    check_lateral_distance,
-    in_queue,
-)
 from overtaking.labels.law.case import (
-    alongside,
     ego_may_be,
     meteorological_range,
     neighbour_at,
-    signed_lane,
 )
 from overtaking.labels.law.lamps_and_indicators import INDICATES, L18
-from overtaking.labels.law.margins import UNCONSTRAINED, finding_at_frame
+from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.oncoming_traffic import BACK_BEFORE_ONCOMING, L24
@@ -37,35 +24,6 @@ from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import Case, Finding
-
-
-def _on_the_left(case: Case) -> Finding:
-    """While alongside the target the ego is left of it, unless both are in queues."""
-    frames_alongside = alongside(case)
-    ego_lane = signed_lane(case.signals.lane)[frames_alongside.simulation, frames_alongside.frame]
-    margin = (ego_lane - signed_lane(frames_alongside.lane) - HALF).astype(np.float32)
-    wrong = np.flatnonzero(margin < 0)
-    margin[
-        wrong[in_queue(case, frames_alongside.simulation[wrong], frames_alongside.frame[wrong])]
-    ] = UNCONSTRAINED
-    return frames_alongside.finding(case, margin)
-
-
-O1 = adopt(
-    L1,
-    id="de.stvo.5-1@2013",
-    code="O1",
-    article="§ 5(1) StVO; exceptions § 7(2) and (2a)",
-    title="Overtake on the left",
-    gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
-    "right.",
-    predicate=f"While ego and target overlap: lane(ego) is left of lane(target). {NOT_IN_QUEUES}",
-    grade=Grade.SERIOUS,
-    source="de-stvo-2013",
-    check=_on_the_left,
-    spread=L1.spread,
-    fine="100 EUR, 1 point (BKat 17, Kraftfahrt-Bundesamt)",
-)
 
 
 def _much_faster(case: Case) -> Finding:
@@ -204,34 +162,6 @@ O6 = Rule(
 )
 
 
-def motor_vehicle_distance(case: Case) -> np.float32:
-    """Smallest lawful distance to the side of a motor vehicle [m]."""
-    del case
-    return constant("law_de.side.motor")
-
-
-def _apart_from_motor(case: Case) -> Finding:
-    """Check the lateral distance to a motor vehicle."""
-    return check_lateral_distance(case, motor_vehicle_distance, bicycle=False)
-
-
-O7 = adopt(
-    L10,
-    id="de.stvo.5-4-2@2013",
-    code="O7",
-    article="§ 5(4) sentence 2 StVO",
-    title="Lateral distance",
-    gloss="Keep a sufficient distance to the side of others when overtaking.",
-    predicate=(
-        "While ego and target overlap, the target being no bicycle: distance between their sides "
-        f">= {amount('law_de.side.motor')}, which is enough under normal conditions."
-    ),
-    grade=Grade.LIGHT,
-    source="de-stvo-2013",
-    check=_apart_from_motor,
-    spread=L10.spread,
-)
-
 O8 = adopt(
     L18,
     id="de.stvo.5-4a@2013",
@@ -244,43 +174,6 @@ O8 = adopt(
     source="de-stvo-2013",
 )
 
-
-def bicycle_distance(case: Case) -> np.float32:
-    """Smallest lawful distance to the side of a bicycle, which is smaller in towns [m].
-
-    A road of unknown kind gets the larger distance. The choice has no effect: without the kind of
-    road the rule is undecidable.
-    """
-    road, unknown = case.trajectories.road, case.trajectories.unknown
-    in_town = road.kind == "town" and "road_kind" not in unknown
-    return constant("law_de.side.bicycle_town" if in_town else "law_de.side.bicycle")
-
-
-def _apart_from_bicycle(case: Case) -> Finding:
-    """Check the lateral distance to a bicycle."""
-    return check_lateral_distance(case, bicycle_distance, bicycle=True)
-
-
-O10 = adopt(
-    L11,
-    id="de.stvo.5-4-3@2013",
-    code="O10",
-    article="§ 5(4) sentence 3 StVO",
-    title="Overtaking a bicycle",
-    gloss=f"Motor vehicles keep at least {amount('law_de.side.bicycle_town')} to the side of those "
-    "who walk or cycle, outside built-up areas "
-    f"{amount('law_de.side.bicycle')}.",
-    predicate=(
-        "While ego and target overlap, the target being a bicycle: distance between their sides >= "
-        f"{amount('law_de.side.bicycle')}, in towns {amount('law_de.side.bicycle_town')}."
-    ),
-    unit="m",
-    grade=Grade.LIGHT,
-    source="de-stvo-2013",
-    required_inputs=frozenset(["kinds", "road_kind"]),
-    check=_apart_from_bicycle,
-    spread=L10.spread,
-)
 
 O11 = adopt(
     L9,
@@ -309,16 +202,4 @@ O12 = Rule(
     source="de-stvo-2013",
     check=_AT_RETURN,
     spread=_AT_RETURN_ERROR,
-)
-
-O13 = adopt(
-    L22,
-    id="de.stvo.5-6@2013",
-    code="O13",
-    article="§ 5(6) sentence 1 StVO",
-    title="Let others overtake",
-    predicate=TARGET_KEEPS_SPEED,
-    gloss="A driver being overtaken does not accelerate.",
-    grade=Grade.LIGHT,
-    source="de-stvo-2013",
 )

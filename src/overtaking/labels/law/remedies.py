@@ -1,4 +1,4 @@
-"""One broken rule, and what would have had to be different for it to hold."""
+"""Changes that would have kept a broken rule, and the breach from which they are computed."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,9 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, IndexArray
+from overtaking.core.float32_math import TWO, as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case
+from overtaking.world.road_surface import stoppable_speed
+
+NO_SPEED = np.float32(-1.0)
+"""Where no speed is lawful [m/s]."""
 
 
 class RemedyQuantity(StrEnum):
@@ -84,7 +90,7 @@ def single_change(
     actual: float | np.floating,
     needed: float | np.floating,
     frame: int | np.integer | None = None,
-    vehicle: int | None = None,
+    slot: int | None = None,
 ) -> tuple[Remedy]:
     """One remedy of one change; the arguments are the fields of `RequiredChange`."""
     change = RequiredChange(
@@ -92,7 +98,7 @@ def single_change(
         actual=float(actual),
         needed=float(needed),
         frame=None if frame is None else int(frame),
-        slot=vehicle,
+        slot=slot,
     )
     return ((change,),)
 
@@ -148,3 +154,78 @@ class BreachContext:
     def target_slot(self) -> int:
         """Slot of the vehicle that is overtaken."""
         return int(self.case.target.slot[0])
+
+
+def change_by_margin(
+    breach: BreachContext,
+    quantity: RemedyQuantity,
+    limit: float | np.floating,
+    frame: int | np.integer | None = None,
+    slot: int | None = None,
+) -> tuple[Remedy]:
+    """One remedy: a quantity that exceeded its limit by the margin, at its limit.
+
+    Args:
+        breach: The breach.
+        quantity: The quantity that the margin measures.
+        limit: The largest lawful value, in the unit of `quantity`.
+        frame: As in `RequiredChange`.
+        slot: As in `RequiredChange`.
+    """
+    return single_change(quantity, float(limit) - breach.margin, limit, frame, slot)
+
+
+def more_gap(
+    breach: BreachContext,
+    neighbour: NeighbourRole,
+    frame: int | np.integer,
+    margin: float | np.floating,
+) -> tuple[Remedy]:
+    """One remedy: a gap to a neighbour that is larger by the size of a negative margin.
+
+    Args:
+        breach: The breach.
+        neighbour: The neighbour.
+        frame: Frame in which the gap is too small.
+        margin: Margin of the gap in that frame [m].
+    """
+    signals = breach.case.signals
+    is_ahead = neighbour in (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER)
+    quantity = RemedyQuantity.GAP_AHEAD if is_ahead else RemedyQuantity.GAP_BEHIND
+    gap = float(signals.gap[0, neighbour, frame])
+    slot = int(signals.neighbour_slot[0, neighbour, frame])
+    return single_change(quantity, gap, gap - float(margin), frame, slot)
+
+
+def gap_and_closing_speed(
+    breach: BreachContext, neighbour: NeighbourRole, frames: IndexArray
+) -> tuple[F32, F32]:
+    """Gap to a neighbour [m] and closing speed [m/s], each of shape (frame,)."""
+    signals = breach.case.signals
+    return signals.gap[0, neighbour, frames], signals.closing_speed[0, neighbour, frames]
+
+
+def max_following_speed(gap: F32, leader_speed: F32, decel: F32) -> F32:
+    """Highest speed at which a gap to the leader is lawful by `lawful_gap` [m/s].
+
+    Args:
+        gap: Gap to the leader [m].
+        leader_speed: Speed of the leader [m/s].
+        decel: `decel_for_safe_distance` [m/s^2].
+    """
+    distance = np.maximum(gap, np.float32(0.0)) + leader_speed * leader_speed / (TWO * decel)
+    return stoppable_speed(distance, as_f32(constant("law.safe_distance.reaction_time")), decel)
+
+
+def min_speed_before_follower(gap: F32, follower_speed: F32, decel: F32) -> F32:
+    """Lowest speed at which a gap to a follower is lawful by `entry_margin_behind` [m/s].
+
+    Args:
+        gap: Gap to the follower, 0 or more [m].
+        follower_speed: Speed of the follower [m/s].
+        decel: `decel_for_safe_distance` [m/s^2].
+    """
+    reaction_time = constant("law.safe_distance.reaction_time")
+    square = follower_speed * follower_speed + TWO * decel * (follower_speed * reaction_time - gap)
+    speed_without_hard_braking = follower_speed - np.sqrt(TWO * constant("law.entry.braking") * gap)
+    return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), speed_without_hard_braking)

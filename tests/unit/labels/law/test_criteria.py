@@ -1,0 +1,127 @@
+"""Criteria: their sentences print their numbers, and their error formulas are their errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.cases import ramp
+from tests.support.overtakes import BESIDE, overtake, passing
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.criteria.alongside import BicycleDistance, PassingSide, TargetSpeed
+from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.measurement_errors import MeasurementErrors
+from overtaking.labels.law.numbers import quantity
+from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.model.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from overtaking.labels.law.rule import Criterion
+
+CRITERIA = {
+    rule.code: rule.criterion
+    for rule in (*PORTUGAL.rules, *GERMANY.rules)
+    if rule.criterion is not None
+}
+
+CAPS: set[tuple[type[Criterion], str]] = set()
+"""Numbers that no sentence prints, because they only keep margins finite."""
+
+NUMBERS = [
+    pytest.param(criterion, field.name, id=f"{code} {field.name}")
+    for code, criterion in CRITERIA.items()
+    for field in dataclasses.fields(criterion)
+    if isinstance(getattr(criterion, field.name), Quantity)
+    and (type(criterion), field.name) not in CAPS
+]
+
+SP, SV = 0.1, 0.2
+ERRORS = MeasurementErrors(position_std=SP, speed_std=SV)
+FASTER = ramp((3, 29.0), (4, 30.0), frames=200)
+BY_HAND = [
+    # Lanes are 3.75 m wide. The ego is a fifth of a lane left of the middle of its lane.
+    ("L1", lambda: passing(1.2), 0.5 * SP / (1.875 - 0.2 * 3.75)),
+    ("L10", overtake, math.sqrt(2.0) * SP),
+    ("L11", lambda: passing(2.4 / 3.75, target={"kind": "B"}), math.sqrt(2.0) * SP / 1.5),
+    (
+        "L11",
+        lambda: passing(1, ego={"speed": FASTER}, target={"kind": "B", "s": 48.0}, events=BESIDE),
+        (30.0 - 29.0) / 29.0 * SV / 29.0,
+    ),
+]
+"""Code of a rule, a case, and the error that the formula gives for it."""
+
+
+@pytest.mark.parametrize(("criterion", "name"), NUMBERS)
+def test_a_sentence_prints_every_number_of_its_criterion(criterion, name):
+    number = getattr(criterion, name)
+    doubled = dataclasses.replace(number, value=2.0 * number.number)
+    changed = dataclasses.replace(criterion, **{name: doubled})
+    assert changed.predicate() != criterion.predicate()
+
+
+@pytest.mark.parametrize(("code", "make", "expected"), BY_HAND)
+def test_the_error_of_a_margin_is_its_formula(code, make, expected):
+    criterion, case = CRITERIA[code], make()
+    finding = criterion.check(case)
+    assert finding.verdict[0] in (Verdict.LEGAL, Verdict.ILLEGAL)
+    error = criterion.standard_error(case, finding, ERRORS)
+    assert error is not None
+    assert error[0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_every_error_formula_is_worked_out_by_hand():
+    worked_out = {type(CRITERIA[code]) for code, _, _ in BY_HAND}
+    case = passing(1)
+    for criterion in CRITERIA.values():
+        has_formula = criterion.ERROR_FORMULA != "0"
+        assert has_formula == (type(criterion) in worked_out)
+        if not has_formula:
+            assert criterion.standard_error(case, criterion.check(case), ERRORS) is None
+
+
+def test_an_error_formula_names_numbers_of_the_law_by_their_fields():
+    names = {field.name for field in dataclasses.fields(BicycleDistance)}
+    assert names & set(BicycleDistance.ERROR_FORMULA.split()) == {"min_gap"}
+
+
+@pytest.mark.parametrize(("lanes", "expected"), [(1, Verdict.ILLEGAL), (2, Verdict.LEGAL)])
+def test_a_law_says_how_many_lanes_to_the_left_one_passes(lanes, expected):
+    criterion = PassingSide(max_lanes_left=lanes)
+    case = passing(2, events=BESIDE | {"original_lane": 0})
+    assert criterion.check(case).verdict[0] == expected
+    assert ("one lane" if lanes == 1 else "2 lanes") in criterion.predicate()
+
+
+def test_a_criterion_has_the_numbers_of_its_law():
+    case = passing(1, target={"accel": 0.5})
+    assert TargetSpeed().check(case).margin[0] == pytest.approx(-0.2)
+    generous = TargetSpeed(max_accel=quantity(0.6, "m/s^2", why="A test"))
+    assert generous.check(case).margin[0] == pytest.approx(0.1)
+
+
+def test_a_number_of_a_law_is_read_in_si_and_printed_as_its_source_states_it():
+    speed = quantity(80.0, "km/h", "de-bkatv")
+    assert speed.f32 == np.float32(80.0 / 3.6)
+    assert (str(speed), speed.bare(), speed.in_unit("m/s")) == ("80 km/h", "80", "22.2 m/s")
+    assert quantity(8.33, "m/s", "stl-monitor").in_unit("km/h") == "30 km/h"
+    with pytest.raises(KnowledgeError, match="dimension of m/s"):
+        speed.in_unit("m")
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ((1.0, "m"), "missing rationale"),
+        ((1.0, "m", "no-such-source"), "unknown source"),
+        ((1.0, "ell", "de-bkatv"), "unit"),
+    ],
+)
+def test_a_number_without_a_reason_a_known_source_or_a_unit_is_refused(entry, message):
+    with pytest.raises(KnowledgeError, match=message):
+        quantity(*entry)
