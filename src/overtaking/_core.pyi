@@ -482,6 +482,31 @@ def random_words(
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
     """
 
+def resolve_contacts(
+    driven: Mapping[str, Any],
+    bodies: NDArray[np.float32],
+    old_positions: NDArray[np.float32],
+    pairs: NDArray[np.uint32],
+    level: str | None = None,
+) -> NDArray[np.int32]:
+    """Exchange momentum between the bodies of each pair that touched during the last step.
+
+    Args:
+        driven: As in `weather_driven`; its constant `step` is the length of the step.
+        bodies: Shape (field, body), fields as `FIELD_NAMES["bodies"]`. Motion after the step,
+            changed in place.
+        old_positions: `s` and `d` before the step [m], (2, body).
+        pairs: Two bodies each, (pair, 2), in the order of resolution.
+        level: SIMD level; None for the best of this CPU.
+
+    Returns:
+        First other body that each body touched, -1 without a contact.
+
+    Raises:
+        ValueError: An array has another length, a pair names a body that does not exist, or the
+            SIMD level is unknown or not available.
+    """
+
 def scan_spans(
     *,
     recording: Mapping[str, Any],
@@ -591,8 +616,7 @@ def weather_driven(
 
     Args:
         driven: vehicle, simulation, scenario_index, num_slots, seed, road and constants as in
-            `simulate`, of one
-            simulation.
+            `simulate`, of one simulation.
         table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
         decision: Number of the decision, 20 a second.
         level: SIMD level; None for the best of this CPU.

@@ -124,8 +124,9 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
     end_after_ego_accident(state, params, hit, step);
 }
 
+/// Exchange momentum in one pair, where it touched during the last step.
 #[inline(always)]
-fn resolve_pair<S: Simd, const N: usize>(
+pub(crate) fn resolve_pair<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     near: Mask<S>,

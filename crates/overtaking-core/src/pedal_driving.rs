@@ -1,12 +1,13 @@
-//! Vehicles with somebody else at pedals and wheel, for a tick; see `overtaking.sim.reference.pedal_driving`.
+//! Vehicles that a program drives by pedals and wheel angles; see `overtaking.sim.reference.pedal_driving`.
 //!
-//! Here the lanes of a vector are not simulations: all of them hold the same one.
+//! There is one simulation, which all lanes of a vector hold, but for the wind: see `update_weather`.
 
 use std::sync::Arc;
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::collisions::resolve_pair;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{
     F32, SIMD_LANES, at_least, clamp, clamp_to, dispatch, min, select, splat,
@@ -15,15 +16,15 @@ use crate::names::SimulationParams;
 use crate::params::{DerivedConstants, Params};
 use crate::road_conditions;
 use crate::run::block::load;
-use crate::run::engine::{Inputs, find_level};
-use crate::state::{State, new_history};
+use crate::run::engine::{Inputs, require_level};
+use crate::state::{NO_SLOT, State, new_history};
 use crate::vehicle_dynamics;
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Take fields out of a table with a row for each, and put them back.
+/// Declare the fields that a tick changes, and how they pass between a table with a row for each and the state.
 macro_rules! table_fields {
     ($($group:ident.$field:ident),* $(,)?) => {
-        /// What changes while somebody drives, in the order of the rows of a table.
+        /// Fields that a tick changes, in the order of the rows of a table.
         pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
 
         #[inline(always)]
@@ -34,16 +35,17 @@ macro_rules! table_fields {
             })*
         }
 
-        /// Put back what lane `of` a vehicle says of it.
+        /// Write the state to the table: the numbers of each vehicle from the lane that `lane_of` names, `None` to
+        /// leave the vehicle as it is.
         #[inline(always)]
         fn write_table<S: Simd, const N: usize>(
             state: &State<S, N>,
             table: &mut [f32],
-            of: impl Fn(usize) -> Option<usize>,
+            lane_of: impl Fn(usize) -> Option<usize>,
         ) {
             let mut rows = table.chunks_exact_mut(table.len() / TABLE_FIELDS.len());
             $(for (i, value) in rows.next().unwrap_or_default().iter_mut().enumerate() {
-                if let Some(lane) = of(i) {
+                if let Some(lane) = lane_of(i) {
                     *value = state.$group.$field[i][lane];
                 }
             })*
@@ -58,48 +60,57 @@ table_fields! {
     friction_and_wind.wind_force, friction_and_wind.wind_moment, friction_and_wind.tail_wind,
 }
 
-/// What drivers do, a number for each vehicle.
+/// Fields of bodies that may touch, in the order of the rows of a table.
+pub const BODY_FIELDS: &[&str] = &[
+    "s",
+    "d",
+    "heading",
+    "vx",
+    "vy",
+    "yaw_rate",
+    "half_length",
+    "half_width",
+    "inverse_mass",
+    "inverse_inertia",
+];
+
+/// Pedals and steering, a number for each vehicle.
 #[derive(Clone, Copy)]
 pub struct PedalControls<'a> {
-    /// Part of the engine's force.
+    /// Share of the engine force that is available at the present speed.
     pub throttle: &'a [f32],
-    /// Part of the braking force.
+    /// Share of the full braking force.
     pub brake: &'a [f32],
-    /// Wanted angle of the front wheels [rad].
+    /// Requested angle of the front wheels [rad].
     pub wheel_angle: &'a [f32],
-    /// How fast they turn [rad/s].
+    /// Rate at which the wheels turn [rad/s].
     pub wheel_rate: f32,
 }
 
-/// What happens to the vehicles of a table.
+/// A part of a tick.
 #[derive(Clone, Copy)]
-pub enum Deed<'a> {
-    /// Weather: gusts, friction and wind of the decision with this number.
+pub enum TickPart<'a> {
+    /// Gusts, friction and wind of the decision with this number.
     Weather(u32),
-    /// Motion: so many steps.
-    Drive(PedalControls<'a>, u32),
+    /// Motion for this number of steps.
+    Motion(PedalControls<'a>, u32),
 }
 
-/// Room for few vehicles. More have room for the most, as a third size would be compiled for little.
+/// Slots for few vehicles. More vehicles get `MAX_VEHICLES` slots: a third size would take long to compile.
 const FEW: usize = SLOT_CAPACITIES[0];
 
-/// Let something happen to vehicles.
+/// Compute a part of a tick for the vehicles of a table, (field, vehicle), whose rows are `TABLE_FIELDS`.
 ///
 /// # Errors
-/// There are too many, arrays are too short, or this CPU lacks the SIMD level.
-pub fn act(
+/// There are too many vehicles, arrays have another length, or this CPU lacks the SIMD level.
+pub fn compute_part_of_tick(
     inputs: &Inputs<'_>,
-    deed: Deed<'_>,
+    part: TickPart<'_>,
     forced: Option<&str>,
     table: &mut [f32],
 ) -> Result<(), String> {
-    let Some(level) = find_level(forced) else {
-        return Err(format!(
-            "SIMD level {} is not supported by this CPU",
-            forced.unwrap_or("?")
-        ));
-    };
-    if table.len() != inputs.num_slots * TABLE_FIELDS.len() || !controls_fit(deed, inputs.num_slots)
+    let level = require_level(forced)?;
+    if table.len() != inputs.num_slots * TABLE_FIELDS.len() || !controls_fit(part, inputs.num_slots)
     {
         return Err(format!("expected numbers of {} vehicles", inputs.num_slots));
     }
@@ -110,62 +121,196 @@ pub fn act(
         ));
     }
     if inputs.num_slots <= FEW {
-        dispatch!(level, |simd| with_state::<_, FEW>(
-            simd, inputs, deed, table
+        dispatch!(level, |simd| with_params::<_, FEW>(
+            simd, inputs, part, table
         ));
     } else {
-        dispatch!(level, |simd| with_state::<_, MAX_VEHICLES>(
-            simd, inputs, deed, table
+        dispatch!(level, |simd| with_params::<_, MAX_VEHICLES>(
+            simd, inputs, part, table
         ));
     }
     Ok(())
 }
 
-fn controls_fit(deed: Deed<'_>, vehicles: usize) -> bool {
-    match deed {
-        Deed::Weather(_) => true,
-        Deed::Drive(controls, _) => [controls.throttle, controls.brake, controls.wheel_angle]
+/// Exchange momentum between the bodies of each pair that touched during the last step.
+///
+/// `bodies` has shape (field, body), rows as `BODY_FIELDS`; it holds the motion after the step, and is changed.
+/// `old_positions` are `s` and `d` before the step, (2, body). Pairs are resolved in their order. Returns for each body
+/// the first other body that it touched.
+///
+/// # Errors
+/// Arrays have another length, a pair names a body that does not exist, or this CPU lacks the SIMD level.
+pub fn resolve_contacts(
+    inputs: &Inputs<'_>,
+    bodies: &mut [f32],
+    old_positions: &[f32],
+    pairs: &[[usize; 2]],
+    forced: Option<&str>,
+) -> Result<Vec<Option<usize>>, String> {
+    let level = require_level(forced)?;
+    let num_bodies = bodies.len() / BODY_FIELDS.len();
+    let is_known = |body: &usize| *body < num_bodies;
+    if bodies.len() != num_bodies * BODY_FIELDS.len()
+        || old_positions.len() != 2 * num_bodies
+        || !pairs.as_flattened().iter().all(is_known)
+    {
+        return Err(format!("expected numbers of {num_bodies} bodies"));
+    }
+    let mut first_contacts = vec![None; num_bodies];
+    dispatch!(level, |simd| resolve_pairs(
+        simd,
+        inputs,
+        bodies,
+        old_positions,
+        pairs,
+        &mut first_contacts
+    ));
+    let partner = |contact: Option<Contact>| contact.map(|contact| contact.partner);
+    Ok(first_contacts.into_iter().map(partner).collect())
+}
+
+fn controls_fit(part: TickPart<'_>, num_vehicles: usize) -> bool {
+    match part {
+        TickPart::Weather(_) => true,
+        TickPart::Motion(controls, _) => [controls.throttle, controls.brake, controls.wheel_angle]
             .iter()
-            .all(|values| values.len() == vehicles),
+            .all(|values| values.len() == num_vehicles),
     }
 }
 
-fn with_state<S: Simd, const N: usize>(
+fn with_params<S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'_>,
-    deed: Deed<'_>,
+    part: TickPart<'_>,
     table: &mut [f32],
 ) {
-    let (p, q) = load(
+    let params = params_in_all_lanes::<S, N>(simd, inputs);
+    match part {
+        TickPart::Weather(decision) => update_weather(params, decision, table),
+        TickPart::Motion(controls, steps) => drive(&params, controls, steps, table),
+    }
+}
+
+/// Parameters of the one simulation of a batch, in every lane.
+fn params_in_all_lanes<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>) -> Params<S, N> {
+    let (vehicles, simulations) = load(
         simd,
         inputs.vehicle,
         inputs.simulation,
         inputs,
         &[0; SIMD_LANES],
     );
-    let world = Params::<S, N> {
+    Params {
         simd,
         constants: Arc::clone(&inputs.constants),
         derived: DerivedConstants::of(&inputs.constants),
         road: Arc::clone(&inputs.road),
-        vehicles: p,
-        simulations: q,
+        vehicles,
+        simulations,
         num_slots_in_use: inputs.num_slots,
         is_ring: false,
         key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
         scenario_index_low: [inputs.scenario_index[0] as u32; SIMD_LANES],
         scenario_index_high: [(inputs.scenario_index[0] >> 32) as u32; SIMD_LANES],
-    };
-    match deed {
-        Deed::Weather(decision) => update_weather(world, decision, table),
-        Deed::Drive(controls, steps) => drive(&world, controls, steps, table),
+    }
+}
+
+/// The first contact of a body during a step.
+#[derive(Clone, Copy)]
+struct Contact {
+    /// The other body.
+    partner: usize,
+    /// Time since the step began [s].
+    time: f32,
+}
+
+/// Slot that stands for a partner in an earlier pair: the two bodies of a pair have slots 0 and 1.
+const SLOT_OF_ANOTHER_PAIR: f32 = 2.0;
+
+/// Resolve the contacts of pairs, one pair after the other in the first two slots.
+///
+/// A body has as many partners as it touches, and their number is not limited by the slots.
+fn resolve_pairs<S: Simd>(
+    simd: S,
+    inputs: &Inputs<'_>,
+    bodies: &mut [f32],
+    old_positions: &[f32],
+    pairs: &[[usize; 2]],
+    first_contacts: &mut [Option<Contact>],
+) {
+    let num_bodies = first_contacts.len();
+    let mut params = params_in_all_lanes::<S, FEW>(simd, inputs);
+    let mut state = State::at_start(&params, new_history());
+    let zero = splat(simd, 0.0);
+    // These vehicles have no last step.
+    state.end_step = splat(simd, f32::MAX);
+    let mut old_s = [zero; FEW];
+    let mut old_d = [zero; FEW];
+    for pair in pairs {
+        for (slot, body) in pair.iter().copied().enumerate() {
+            let number = |row: usize| splat(simd, bodies[row * num_bodies + body]);
+            let motion = &mut state.motion;
+            (motion.s[slot], motion.d[slot]) = (number(0), number(1));
+            motion.heading[slot] = number(2);
+            (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(number(2));
+            (motion.vx[slot], motion.vy[slot]) = (number(3), number(4));
+            motion.yaw_rate[slot] = number(5);
+            let vehicle = &mut params.vehicles[slot];
+            (vehicle.half_length, vehicle.half_width) = (number(6), number(7));
+            (vehicle.inverse_mass, vehicle.inverse_inertia) = (number(8), number(9));
+            // All positions are in one frame, whatever the directions of the road.
+            vehicle.travel_sign = splat(simd, 1.0);
+            old_s[slot] = splat(simd, old_positions[body]);
+            old_d[slot] = splat(simd, old_positions[num_bodies + body]);
+            let earlier = first_contacts[body];
+            let partner = earlier.map_or(NO_SLOT, |_| SLOT_OF_ANOTHER_PAIR);
+            state.first_contact.partner[slot] = splat(simd, partner);
+            state.first_contact.time[slot] =
+                splat(simd, earlier.map_or(0.0, |contact| contact.time));
+        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (old_positions, stride) = ((old_s, old_d), params.derived.fine);
+                let in_all_lanes = zero.simd_eq(0.0);
+                resolve_pair(
+                    &mut state,
+                    &params,
+                    in_all_lanes,
+                    &old_positions,
+                    (0, &stride),
+                    (0, 1),
+                );
+            },
+        );
+        for (slot, body) in pair.iter().copied().enumerate() {
+            let motion = &state.motion;
+            let rows = [
+                motion.s[slot],
+                motion.d[slot],
+                motion.heading[slot],
+                motion.vx[slot],
+                motion.vy[slot],
+                motion.yaw_rate[slot],
+            ];
+            for (row, number) in rows.into_iter().enumerate() {
+                bodies[row * num_bodies + body] = number[0];
+            }
+            let other_slot = 1 - slot;
+            if state.first_contact.partner[slot][0] == other_slot as f32 {
+                first_contacts[body] = Some(Contact {
+                    partner: pair[other_slot],
+                    time: state.first_contact.time[slot][0],
+                });
+            }
+        }
     }
 }
 
 /// Gusts, friction and wind of a decision.
 ///
-/// Vehicles head anywhere, so the wind has other axes for each. Lane `k` has it as one of them feels it,
-/// and only that one takes its numbers from there.
+/// Vehicles head anywhere, so the wind has other axes for each. Each lane has the wind in the axes of one vehicle,
+/// and the numbers of that vehicle are taken from this lane.
 fn update_weather<S: Simd, const N: usize>(
     mut params: Params<S, N>,
     decision: u32,
@@ -251,7 +396,7 @@ fn drive<S: Simd, const N: usize>(
     );
 }
 
-/// From pedals, at a speed, to the acceleration that is asked for.
+/// Set the acceleration that the pedals ask for at a speed.
 #[inline(always)]
 fn apply_throttle_and_brake<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -272,7 +417,9 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
     state.controls.requested_accel[i] = force * vehicle.inverse_mass;
 }
 
-/// Turn the front wheels, or lean into the curve that they stand for; the angle in the middle of the step.
+/// Turn the front wheels, or lean into the curve that they stand for.
+///
+/// Returns the angle, or the lean, in the middle of the step.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<S, N>,

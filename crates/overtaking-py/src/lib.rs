@@ -257,7 +257,7 @@ mod _core {
         neighbour_signals, scan_spans, target_signals,
     };
     #[pymodule_export]
-    use crate::pedal_driving::{drive, weather_driven};
+    use crate::pedal_driving::{drive, resolve_contacts, weather_driven};
     #[pymodule_export]
     use crate::stepper::Stepper;
     #[pymodule_export]
@@ -283,7 +283,7 @@ mod _core {
 }
 
 /// Names of the fields of every table that Python exchanges with the engine, in their order, by table.
-fn field_names() -> [(&'static str, Vec<&'static str>); 14] {
+fn field_names() -> [(&'static str, Vec<&'static str>); 15] {
     use overtaking_core::observation_table::{
         EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, PASSING_COLUMN_NAMES,
     };
@@ -295,6 +295,10 @@ fn field_names() -> [(&'static str, Vec<&'static str>); 14] {
         (
             "pedal_table",
             overtaking_core::pedal_driving::TABLE_FIELDS.to_vec(),
+        ),
+        (
+            "bodies",
+            overtaking_core::pedal_driving::BODY_FIELDS.to_vec(),
         ),
         ("ego", EGO_COLUMN_NAMES.to_vec()),
         ("neighbour", NEIGHBOUR_COLUMN_NAMES.to_vec()),

@@ -10,6 +10,7 @@ Modules:
     neighbours: `NeighbourRole`, the six neighbours, and the meaning of left
     overtake_events: phases of an overtake as frame numbers; its outcome and the detail
     overtake_features: the paper's fifteen features, and the state at an attempt
+    pedal_controls: pedals and front wheels of vehicles that a program drives from outside
     reference_line: lines, arcs and clothoids in the plane
     road: roads and lanes
     road_course: changes along a road: bends, grade, centre line, zones, speed limits, sight

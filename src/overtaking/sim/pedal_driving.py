@@ -1,77 +1,116 @@
-"""One tick of vehicles under pedal and wheel control, as in a CARLA server.
+"""Vehicles of one simulation that a program drives by pedals and wheel angles, tick by tick.
 
-The compiled engine computes the tick if it has enough slots for the vehicles, else the reference.
-Both give the same bits; `sim.reference.pedal_driving` documents the model.
+The headless CARLA server moves its vehicles so. The compiled engine computes the motion and the
+contacts; `sim.reference.pedal_driving` and `sim.reference.collisions` give the same bits and have
+the formulas.
 """
 
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
+from overtaking.core.arrays import F32
 from overtaking.core.native import simd_level
+from overtaking.model.pedal_controls import WHEEL_RATE, PedalControls
 from overtaking.sim.engine import road_values
-from overtaking.sim.reference import pedal_driving as reference
-from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, WHEEL_RATE, PedalControls
-from overtaking.sim.reference.state import State
-from overtaking.world.constants import ModelConstants, engine_constants
+from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import StepParameters
 
 
-class PedalDriving(Protocol):
-    """Moves the vehicles of one simulation from tick to tick, by pedals and wheel angles."""
+class DrivenVehicles(NamedTuple):
+    """State of the vehicles, the rows of a table of shape (field, vehicle).
 
-    @property
-    def constants(self) -> ModelConstants:
-        """Constants of the model, with the lengths of step and tick."""
-        ...
+    `DrivenVehicles(*table)` gives names to the rows of a table. Rows have shape (vehicle,) and are
+    views: a value that is written to a row is in the table. Positions are in the frame of the
+    ground, velocities and accelerations in the axes of each vehicle, angles anticlockwise.
 
-    def weather(self, state: State, decision: int) -> None:
-        """Update gusts, friction and wind for the tick with the number `decision`."""
-        ...
-
-    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """Move all vehicles by some steps, without detection of collisions."""
-        ...
-
-
-def pedal_driving(params: StepParameters) -> PedalDriving:
-    """The engine for one simulation, or the reference if the engine has too few slots for it.
-
-    Args:
-        params: Parameters of a batch of one simulation, with the lengths of step and tick among the
-            constants.
-    """
-    is_small = params.vehicle_table.shape[1] <= _core.MAX_VEHICLES
-    return EnginePedalDriving(params) if is_small else ReferencePedalDriving(params)
-
-
-class ReferencePedalDriving:
-    """Pedal driving by the reference, for any number of vehicles.
-
-    Args:
-        params: As in `pedal_driving`.
+    Attributes:
+        s, d: Position of the centre along the ground and to its left [m].
+        heading: Heading against the axis of `s` [rad].
+        vx, vy: Velocity ahead and to the left [m/s].
+        yaw_rate: Yaw rate [rad/s].
+        wheel_angle: Angle of the front wheels [rad], or lateral acceleration of a two-wheeler
+            [m/s^2].
+        requested_accel: Acceleration that pedals, air and rolling resistance ask for [m/s^2].
+        accel_lon, accel_lat: Mean acceleration over the last step ahead and to the left [m/s^2].
+        gust: Random process of the wind, of unit variance [1].
+        distance_error, speed_error, lane_wander: Random processes of a driver of the model; these
+            vehicles have none, but the numbers are drawn together.
+        mu_left, mu_right: Friction coefficient under the wheels of either side [1].
+        wind_force: Lateral force of the wind [N].
+        wind_moment: Yaw moment of the wind [N m].
+        tail_wind: Wind along the heading [m/s].
     """
 
-    def __init__(self, params: StepParameters) -> None:
-        """Keep the parameters."""
-        self.constants, self._params = params.constants, params
+    s: F32
+    d: F32
+    heading: F32
+    vx: F32
+    vy: F32
+    yaw_rate: F32
+    wheel_angle: F32
+    requested_accel: F32
+    accel_lon: F32
+    accel_lat: F32
+    gust: F32
+    distance_error: F32
+    speed_error: F32
+    lane_wander: F32
+    mu_left: F32
+    mu_right: F32
+    wind_force: F32
+    wind_moment: F32
+    tail_wind: F32
 
-    def weather(self, state: State, decision: int) -> None:
-        """See `PedalDriving`."""
-        reference.update_weather(state, self._params, decision)
 
-    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """See `PedalDriving`."""
-        reference.drive(state, self._params, controls, steps)
+class ContactBodies(NamedTuple):
+    """Rectangles that may touch: the rows of a table of shape (field, body).
+
+    Attributes:
+        s, d: Position of the centre along the ground and to its left [m].
+        heading: Heading against the axis of `s`, anticlockwise [rad].
+        vx, vy: Velocity ahead and to the left, in the axes of the body [m/s].
+        yaw_rate: Yaw rate, anticlockwise [rad/s].
+        half_length, half_width: Half the sides [m].
+        inverse_mass: One over the mass, 0 for a body that nothing moves [1/kg].
+        inverse_inertia: One over the moment of inertia about the vertical [1/(kg m^2)].
+    """
+
+    s: F32
+    d: F32
+    heading: F32
+    vx: F32
+    vy: F32
+    yaw_rate: F32
+    half_length: F32
+    half_width: F32
+    inverse_mass: F32
+    inverse_inertia: F32
 
 
-class EnginePedalDriving:
-    """Pedal driving by the compiled engine.
+_FRICTION_AT_START = 0.8  # `State.at_start` of both simulators; the first tick overwrites it.
+
+
+def driven_vehicles_at_start(num_vehicles: int) -> NDArray[np.float32]:
+    """The table of vehicles that stand at the origin, rows as in `DrivenVehicles`."""
+    table = np.zeros((len(DrivenVehicles._fields), num_vehicles), np.float32)
+    vehicles = DrivenVehicles(*table)
+    vehicles.mu_left[:] = vehicles.mu_right[:] = _FRICTION_AT_START
+    return table
+
+
+class PedalDriving:
+    """Moves vehicles by their pedals and wheel angles, and finds their contacts.
+
+    The engine has `_core.MAX_VEHICLES` slots, so more vehicles move in groups of that size. Lorries
+    shelter vehicles of their own group only from the wind.
 
     Args:
-        params: As in `pedal_driving`, with no more vehicles than the engine has slots.
+        params: Parameters of a batch of one simulation. Its constants `step` and `decision` are the
+            lengths of a step and of a tick [s].
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
@@ -79,44 +118,80 @@ class EnginePedalDriving:
     """
 
     def __init__(self, params: StepParameters, level: str | None = None) -> None:
-        """Convert the parameters once to the flat arrays that the engine takes at every tick."""
-        self.constants = params.constants
+        """Convert the parameters to the flat arrays that the engine takes at every call."""
         self._level = simd_level(level)
-        self._inputs: dict[str, Any] = {
-            "vehicle": np.ascontiguousarray(params.vehicle_table, np.float32).reshape(-1),
+        num_vehicles = params.vehicle_table.shape[1]
+        shared = {
             "simulation": np.ascontiguousarray(params.simulation_table, np.float32).reshape(-1),
-            "scenario_index": params.scenario_index,
-            "num_slots": params.vehicle_table.shape[1],
             "seed": params.seed,
             "road": road_values(params),
             "constants": engine_constants(params.constants),
         }
+        self._groups: list[tuple[slice, dict[str, Any]]] = []
+        for number, first in enumerate(range(0, num_vehicles, _core.MAX_VEHICLES)):
+            group = slice(first, min(first + _core.MAX_VEHICLES, num_vehicles))
+            vehicle_table = np.ascontiguousarray(params.vehicle_table[:, group], np.float32)
+            # Random numbers depend on scenario and slot, so each group has a scenario, and thereby
+            # gusts, of its own. The indices of sampled scenarios are far below 2^32.
+            scenario_index = params.scenario_index + np.uint64(number << 32)
+            inputs = shared | {
+                "vehicle": vehicle_table.reshape(-1),
+                "scenario_index": scenario_index,
+                "num_slots": vehicle_table.shape[1],
+            }
+            self._groups.append((group, inputs))
 
-    def weather(self, state: State, decision: int) -> None:
-        """See `PedalDriving`."""
-        table = _to_table(state)
-        _core.weather_driven(self._inputs, table, decision, self._level)
-        _write_to_state(state, table)
+    def update_weather(self, table: NDArray[np.float32], decision_index: int) -> None:
+        """Write gusts, friction and wind of a tick into a table of vehicles.
 
-    def drive(self, state: State, controls: PedalControls, steps: int) -> None:
-        """See `PedalDriving`."""
-        table = _to_table(state)
-        rows = [controls.throttle, controls.brake, controls.wheel_angle]
-        control_table = np.concatenate([row.reshape(1, -1) for row in rows]).astype(np.float32)
-        _core.drive(self._inputs, table, control_table, float(WHEEL_RATE), steps, self._level)
-        _write_to_state(state, table)
+        Args:
+            table: Rows of `DrivenVehicles`, shape (field, vehicle), changed in place.
+            decision_index: Number of the tick, which the random numbers depend on.
+        """
+        for group, inputs in self._groups:
+            part = np.ascontiguousarray(table[:, group])
+            _core.weather_driven(inputs, part, decision_index, self._level)
+            table[:, group] = part
 
+    def drive(self, table: NDArray[np.float32], controls: PedalControls, num_steps: int) -> None:
+        """Move all vehicles by some steps, without detection of contacts.
 
-def _to_table(state: State) -> NDArray[np.float32]:
-    """A copy of the fields `TABLE_FIELDS` of a state, shape (field, vehicle).
+        Args:
+            table: Rows of `DrivenVehicles`, shape (field, vehicle), changed in place.
+            controls: Pedals and steering, which hold for all steps.
+            num_steps: Number of steps, each as long as the constant `step`.
+        """
+        control_table = np.stack(
+            [controls.throttle, controls.brake, controls.wheel_angle], dtype=np.float32
+        )
+        for group, inputs in self._groups:
+            part = np.ascontiguousarray(table[:, group])
+            part_of_controls = np.ascontiguousarray(control_table[:, group])
+            _core.drive(inputs, part, part_of_controls, float(WHEEL_RATE), num_steps, self._level)
+            table[:, group] = part
 
-    The engine changes the table in place.
-    """
-    columns = [getattr(getattr(state, group), name) for group, name in TABLE_FIELDS]
-    return np.concatenate(columns, axis=1).T.copy()
+    def resolve_contacts(
+        self,
+        bodies: NDArray[np.float32],
+        old_positions: NDArray[np.float32],
+        pairs: Sequence[tuple[int, int]],
+    ) -> NDArray[np.int32]:
+        """Exchange momentum between the bodies of each pair that touched during the last step.
 
+        Args:
+            bodies: Rows of `ContactBodies` after the step, shape (field, body). Motion after a
+                contact is written in place.
+            old_positions: `s` and `d` before the step [m], shape (2, body).
+            pairs: Columns of two bodies that may have touched, in the order of resolution.
 
-def _write_to_state(state: State, table: NDArray[np.float32]) -> None:
-    """Write the rows of a table of shape (field, vehicle) into the fields of a state."""
-    for (group, name), row in zip(TABLE_FIELDS, table[:, :, None], strict=True):
-        setattr(getattr(state, group), name, row)
+        Returns:
+            Column of the first body that each body touched during the step, -1 without a contact,
+            (body,).
+
+        Source:
+            Formulas and their sources: `sim.reference.collisions.resolve_contacts`.
+        """
+        pair_table = np.array(pairs, np.uint32).reshape(-1, 2)
+        # The parameters of the vehicles are not read here, so any group serves.
+        _, inputs = self._groups[0]
+        return _core.resolve_contacts(inputs, bodies, old_positions, pair_table, self._level)

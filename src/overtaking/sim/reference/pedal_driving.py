@@ -4,46 +4,16 @@ Vehicles head anywhere, so the wind has other axes for each.
 """
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.model.pedal_controls import WHEEL_RATE, PedalControls
 from overtaking.sim.reference import road_conditions, vehicle_dynamics
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 from overtaking.world.weather_parameters import SimulationParameters
-
-WHEEL_RATE = np.float32(6.0)
-"""How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
-
-
-TABLE_FIELDS = (
-    ("motion", "s"), ("motion", "d"), ("motion", "heading"), ("motion", "vx"), ("motion", "vy"),
-    ("motion", "yaw_rate"), ("controls", "wheel_angle"), ("controls", "requested_accel"),
-    ("motion", "accel_lon"), ("motion", "accel_lat"), ("noise", "gust"),
-    ("noise", "distance_error"), ("noise", "speed_error"), ("noise", "lane_wander"),
-    ("friction_and_wind", "mu_left"), ("friction_and_wind", "mu_right"),
-    ("friction_and_wind", "wind_force"), ("friction_and_wind", "wind_moment"),
-    ("friction_and_wind", "tail_wind"),
-)  # fmt: skip
-"""Group and field of `State` for each row of the engine's table, which a tick changes."""
-
-
-@dataclass(frozen=True, slots=True)
-class PedalControls:
-    """What drivers do; every array has shape (vehicle, 1).
-
-    Attributes:
-        throttle: Part of the force that the engine has at this speed, 0 to 1.
-        brake: Part of the braking force, 0 to 1.
-        wheel_angle: Wanted angle of the front wheels, anticlockwise [rad].
-    """
-
-    throttle: F32
-    brake: F32
-    wheel_angle: F32
 
 
 def update_weather(state: State, params: StepParameters, decision_index: int) -> None:
@@ -55,15 +25,18 @@ def update_weather(state: State, params: StepParameters, decision_index: int) ->
 
 
 def drive(state: State, params: StepParameters, controls: PedalControls, steps: int) -> None:
-    """Move every vehicle by some steps; contacts are not looked for."""
+    """Move every vehicle by some steps, without detection of contacts."""
     constants = params.constants
+    throttle, brake, wheel_angle = (
+        values[:, None] for values in (controls.throttle, controls.brake, controls.wheel_angle)
+    )
     for _ in range(steps):
         speed = maximum(
             state.motion.vx + np.float32(0.5) * constants.step * state.motion.accel_lon,
             np.float32(0.0),
         )
-        _apply_throttle_and_brake(state, params, controls, speed)
-        angle = _turn_wheels(state, params, controls.wheel_angle, speed)
+        _apply_throttle_and_brake(state, params, throttle, brake, speed)
+        angle = _turn_wheels(state, params, wheel_angle, speed)
         vehicle_dynamics.advance_motion(state, params, angle, constants.step)
 
 
@@ -78,7 +51,7 @@ def _wind_in_vehicle_axes(state: State, params: StepParameters) -> SimulationPar
 
 
 def _apply_throttle_and_brake(
-    state: State, params: StepParameters, controls: PedalControls, speed: F32
+    state: State, params: StepParameters, throttle: F32, brake: F32, speed: F32
 ) -> None:
     """From pedals, at a speed, to the acceleration that the dynamics are asked for.
 
@@ -89,7 +62,7 @@ def _apply_throttle_and_brake(
     air = speed - state.friction_and_wind.tail_wind
     resistance = vehicles.drag * air * np.abs(air) + vehicles.rolling
     engine = minimum(vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed))
-    force = controls.throttle * engine - controls.brake * vehicles.max_brake_force - resistance
+    force = throttle * engine - brake * vehicles.max_brake_force - resistance
     state.controls.requested_accel = force * vehicles.inverse_mass
 
 

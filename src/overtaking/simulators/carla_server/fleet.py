@@ -11,18 +11,21 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import MappingProxyType, SimpleNamespace
-from typing import Any, NamedTuple
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import ZERO
 from overtaking.core.units import kmh_from_mps
-from overtaking.sim.pedal_driving import PedalDriving, pedal_driving
-from overtaking.sim.reference import collisions
-from overtaking.sim.reference.pedal_driving import TABLE_FIELDS, PedalControls
-from overtaking.sim.reference.state import NO_SLOT, FirstContact, State
+from overtaking.model.pedal_controls import PedalControls
+from overtaking.sim.pedal_driving import (
+    ContactBodies,
+    DrivenVehicles,
+    PedalDriving,
+    driven_vehicles_at_start,
+)
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
@@ -55,13 +58,14 @@ CLEARANCE = 0.2
 
 _NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
 _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
-_FOREVER = np.float32(1e9)
 _NO_CONTROL = Control()
 _USUAL = Steering()
 _SLIDING_DECEL = 5.0  # Deceleration of a sliding prop, friction 0.5 [m/s^2].
 _MIN_FRICTION_FACTOR = 0.01  # Without any friction the tyre model has no stiffness to divide by.
-_PUSHED = ("s", "d", "heading", "vx", "vy", "yaw_rate")  # Fields of `Motion` that contacts change.
-_PLACED = ("s", "d", "heading")
+# Rows of `DrivenVehicles` and of `ContactBodies`: s, d, heading, vx, vy and yaw_rate come first in
+# both. A contact changes all six.
+_PUSHED = slice(0, 6)
+_PLACED = slice(0, 3)
 
 
 @dataclass(slots=True)
@@ -70,7 +74,7 @@ class FleetVehicle:
 
     Attributes:
         body: Its numbers.
-        row: Where it is in the state.
+        row: Its column in the table of driven vehicles.
         steering: How far its front wheels turn.
         height: Of the ground under it [m]; vehicles on different levels never touch.
         moves: Whether physics moves it, or only `Fleet.place`.
@@ -107,7 +111,8 @@ class Fleet:
         self._obstacles: dict[int, Obstacle] = {}
         self._moved: dict[int, Motion] = {}
         self._decision = 0
-        self._movers: dict[float, PedalDriving] = {}
+        self._table = driven_vehicles_at_start(0)
+        self._pedal_driving: tuple[float, PedalDriving] | None = None
 
     def __contains__(self, vehicle: int) -> bool:
         """Whether this vehicle exists."""
@@ -159,27 +164,22 @@ class Fleet:
 
     def place(self, vehicle: int, motion: Motion) -> None:
         """Put a vehicle elsewhere; it keeps its velocity along its axes."""
-        row, placed = self[vehicle].row, self._state.motion
-        placed.s[row], placed.d[row], placed.heading[row] = motion.s, motion.d, motion.psi
+        self._table[_PLACED, self[vehicle].row] = motion.s, motion.d, motion.psi
 
     def set_velocity(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle a velocity in the ground's frame [m/s]."""
-        one, state = self[vehicle], self._state
-        row = one.row
-        forward, left = turned(along, across, -self._psi(one))
-        one.backwards = max(-forward, 0.0)
-        state.motion.vx[row], state.motion.vy[row] = (
-            max(forward, 0.0),
-            left if forward >= 0.0 else 0.0,
-        )
+        fleet_vehicle, driven = self[vehicle], self._driven
+        row = fleet_vehicle.row
+        forward, left = turned(along, across, -self._psi(fleet_vehicle))
+        fleet_vehicle.backwards = max(-forward, 0.0)
+        driven.vx[row] = max(forward, 0.0)
+        driven.vy[row] = left if forward >= 0.0 else 0.0
         if along == across == 0.0:
-            state.motion.yaw_rate[row] = state.motion.accel_lon[row] = state.motion.accel_lat[
-                row
-            ] = 0.0
+            driven.yaw_rate[row] = driven.accel_lon[row] = driven.accel_lat[row] = 0.0
 
     def set_yaw_rate(self, vehicle: int, yaw_rate: float) -> None:
         """Give a vehicle a yaw rate, anticlockwise [rad/s]."""
-        self._state.motion.yaw_rate[self[vehicle].row] = yaw_rate
+        self._driven.yaw_rate[self[vehicle].row] = yaw_rate
 
     def push(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle an impulse in the ground's frame [N s]."""
@@ -193,8 +193,9 @@ class Fleet:
 
     def spin(self, vehicle: int, impulse: float) -> None:
         """Give a vehicle an angular impulse, anticlockwise [kg m^2/s]."""
-        one = self[vehicle]
-        self._state.motion.yaw_rate[one.row] += impulse / one.body["yaw_inertia"]
+        fleet_vehicle = self[vehicle]
+        gain = impulse / fleet_vehicle.body["yaw_inertia"]
+        self._driven.yaw_rate[fleet_vehicle.row] += gain
 
     def motion(self, vehicle: int) -> Motion:
         """Where a vehicle is and how it moves."""
@@ -202,13 +203,12 @@ class Fleet:
 
     def driven(self, vehicle: int) -> Driven:
         """What the model knows of a vehicle."""
-        row, state, body = self[vehicle].row, self._state, self[vehicle].body
-        motion, friction = state.motion, state.friction_and_wind
+        row, driven, body = self[vehicle].row, self._driven, self[vehicle].body
         columns = (
-            motion.vx, motion.vy, motion.yaw_rate, state.controls.wheel_angle, motion.accel_lon,
-            motion.accel_lat, friction.mu_left, friction.mu_right,
+            driven.vx, driven.vy, driven.yaw_rate, driven.wheel_angle, driven.accel_lon,
+            driven.accel_lat, driven.mu_left, driven.mu_right,
         )  # fmt: skip
-        found = Driven(*(float(column[row, 0]) for column in columns))
+        found = Driven(*(float(column[row]) for column in columns))
         if not body["two_wheeler"]:
             return found
         curve = found.angle * body["wheelbase"]  # Its wheel stands for lateral acceleration.
@@ -218,16 +218,7 @@ class Fleet:
         """Where every vehicle is and how it moves."""
         if not self._vehicles:
             return {}
-        state = self._state
-        columns = (
-            state.motion.s,
-            state.motion.d,
-            state.motion.heading,
-            state.motion.vx,
-            state.motion.vy,
-            state.motion.yaw_rate,
-        )
-        rows = np.stack([column[:, 0] for column in columns], axis=1).tolist()
+        rows = self._table[_PUSHED].T.tolist()
         found: dict[int, Motion] = {}
         for vehicle, one in self._vehicles.items():
             s, d, psi, vx, vy, r = rows[one.row]
@@ -268,8 +259,8 @@ class Fleet:
             self._slide(duration)
             return []
         count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
-        mover = self._mover(duration, count)
-        mover.weather(self._state, self._decision)
+        pedal_driving = self._pedal_driving_for(duration, count)
+        pedal_driving.update_weather(self._table, self._decision)
         self._decision += 1
         self._set_friction(friction_factors)
         self._add_forces(duration)
@@ -280,9 +271,9 @@ class Fleet:
         touches: list[Touch] = []
         if pairs or obstacles:
             for _ in range(count):
-                touches += self._collide(mover, wanted, pairs, obstacles)
+                touches += self._collide(pedal_driving, wanted, pairs, obstacles)
         else:
-            self._drive(mover, wanted, count)
+            self._drive(pedal_driving, wanted, count)
         self._roll_back(duration, controls)
         self._slide(duration)
         self._hold()
@@ -290,9 +281,14 @@ class Fleet:
             one.force, one.torque = (0.0, 0.0), 0.0
         return touches
 
+    @property
+    def _driven(self) -> DrivenVehicles:
+        """State of the vehicles by field; writing to a field changes the table."""
+        return DrivenVehicles(*self._table)
+
     def _psi(self, one: FleetVehicle) -> float:
         """Heading in the ground's frame, anticlockwise [rad]."""
-        return float(self._state.motion.heading[one.row, 0])
+        return float(self._driven.heading[one.row])
 
     def _prepare(self, num_old: int | None = None) -> None:
         """Work out the parameters again, and carry what moves over to the new rows.
@@ -309,35 +305,32 @@ class Fleet:
         self._fields = given.vehicles
         if not self._ground.shelters:
             self._fields.shelters_wind[:] = ZERO
-        self._movers.clear()
-        state = State.at_start(given)
-        state.end_step[:] = _FOREVER
+        self._pedal_driving = None
+        table = driven_vehicles_at_start(len(vehicles))
         old = [one.row for one in vehicles[:num_old]]
-        for group, name in TABLE_FIELDS if old else ():
-            kept = getattr(getattr(self._state, group), name)[old]
-            getattr(getattr(state, group), name)[: len(old)] = kept
+        table[:, : len(old)] = self._table[:, old]
         for row, one in enumerate(vehicles):
             one.row = row
-        self._state: State = state
+        self._table = table
 
-    def _mover(self, duration: float, count: int) -> PedalDriving:
-        """What moves the vehicles by a tick of `count` steps, kept for the next one."""
-        if duration not in self._movers:
-            self._movers.clear()
+    def _pedal_driving_for(self, duration: float, count: int) -> PedalDriving:
+        """What moves the vehicles by a tick of `count` steps, kept while ticks are as long."""
+        if self._pedal_driving is None or self._pedal_driving[0] != duration:
             c = self._given.constants.replace(step=duration / count, decision=duration)
-            self._movers[duration] = pedal_driving(dataclasses.replace(self._given, constants=c))
-        return self._movers[duration]
+            given = dataclasses.replace(self._given, constants=c)
+            self._pedal_driving = duration, PedalDriving(given)
+        return self._pedal_driving[1]
 
     def _add_forces(self, duration: float) -> None:
         """Add what pushes from outside: sideways like the wind, lengthwise as a change of speed."""
-        state = self._state
+        driven = self._driven
         for vehicle, one in self._vehicles.items():
             if one.force == (0.0, 0.0) and one.torque == 0.0:
                 continue
             forward, left = turned(*one.force, -self._psi(one))
-            state.friction_and_wind.wind_force[one.row] += np.float32(left)
+            driven.wind_force[one.row] += np.float32(left)
             gain = forward * duration / one.body["mass"]
-            state.motion.vx[one.row] = max(float(state.motion.vx[one.row, 0]) + gain, 0.0)
+            driven.vx[one.row] = max(float(driven.vx[one.row]) + gain, 0.0)
             self.spin(vehicle, one.torque * duration)
 
     def _set_friction(self, factors: Mapping[int, float]) -> None:
@@ -346,19 +339,15 @@ class Fleet:
         The weather model computes `mu_fast` for the side with the larger `d`. The vehicle model
         takes that for the left side, but it is the right side of an oncoming vehicle.
         """
-        state = self._state
-        is_oncoming = np.cos(state.motion.heading) < 0.0
-        state.friction_and_wind.mu_left, state.friction_and_wind.mu_right = (
-            np.where(
-                is_oncoming, state.friction_and_wind.mu_right, state.friction_and_wind.mu_left
-            ),
-            np.where(
-                is_oncoming, state.friction_and_wind.mu_left, state.friction_and_wind.mu_right
-            ),
+        driven = self._driven
+        is_oncoming = np.cos(driven.heading) < 0.0
+        driven.mu_left[:], driven.mu_right[:] = (
+            np.where(is_oncoming, driven.mu_right, driven.mu_left),
+            np.where(is_oncoming, driven.mu_left, driven.mu_right),
         )
         for vehicle, factor in factors.items():
             row = self[vehicle].row
-            for friction in (state.friction_and_wind.mu_left, state.friction_and_wind.mu_right):
+            for friction in (driven.mu_left, driven.mu_right):
                 friction[row] *= np.float32(max(factor, _MIN_FRICTION_FACTOR))
 
     def _hold(self) -> None:
@@ -374,29 +363,27 @@ class Fleet:
         brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
         # Forward motion ends under full braking before the reverse gear engages.
         brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
-        speeds = kmh_from_mps(self._state.motion.vx[:, 0])
+        speeds = kmh_from_mps(self._driven.vx)
         lock = _USUAL.angles(speeds)
         for one in self._vehicles.values():
             if one.steering is not _USUAL:
                 lock[one.row] = one.steering.angles(speeds[one.row])
         # CARLA's steering is positive to the right.
         angle = -lock * np.array([one.steer for one in wanted])
-        return PedalControls(_column(throttle), _column(brake), _column(angle))
+        return PedalControls(*(np.asarray(row, np.float32) for row in (throttle, brake, angle)))
 
-    def _drive(self, mover: PedalDriving, wanted: PedalControls, steps: int) -> None:
+    def _drive(self, pedal_driving: PedalDriving, wanted: PedalControls, steps: int) -> None:
         """Let physics move the vehicles, except those that only `place` moves."""
         with self._placed():
-            mover.drive(self._state, wanted, steps)
+            pedal_driving.drive(self._table, wanted, steps)
 
     @contextmanager
     def _placed(self) -> Generator[None]:
         """Keep vehicles where they are that only `place` moves."""
-        state = self._state
         still = [one.row for one in self._vehicles.values() if not one.moves]
-        held = {name: getattr(state.motion, name)[still].copy() for name in _PLACED}
+        held = self._table[_PLACED, still].copy()
         yield
-        for name, value in held.items():
-            getattr(state.motion, name)[still] = value
+        self._table[_PLACED, still] = held
 
     def _near_pairs(self, duration: float) -> list[tuple[int, int]]:
         """Rows of vehicles that may touch before the next tick: near along and across the ground.
@@ -405,33 +392,34 @@ class Fleet:
         """
         if len(self._vehicles) < 2:
             return []
-        state, p = self._state, self._fields
-        sine, cosine = np.sin(state.motion.heading), np.cos(state.motion.heading)
-        turned = duration * np.abs(state.motion.yaw_rate) * p.half_length
+        driven, p = self._driven, self._fields
+        sine, cosine = np.sin(driven.heading), np.cos(driven.heading)
+        half_length, half_width = p.half_length[:, 0], p.half_width[:, 0]
+        turned = duration * np.abs(driven.yaw_rate) * half_length
         nearer = _NEAR + 0.5 * _HARDEST * duration * duration
-        high = _column([one.height for one in self._vehicles.values()])
-        close = np.abs(high - high.T) < LEVELS_APART
+        high = np.array([one.height for one in self._vehicles.values()], np.float32)
+        close = _distances(high) < LEVELS_APART
         for place, length, width, speed in (
-            (state.motion.s, cosine, sine, state.motion.vx * cosine - state.motion.vy * sine),
-            (state.motion.d, sine, cosine, state.motion.vx * sine + state.motion.vy * cosine),
+            (driven.s, cosine, sine, driven.vx * cosine - driven.vy * sine),
+            (driven.d, sine, cosine, driven.vx * sine + driven.vy * cosine),
         ):
-            reach = p.half_length * np.abs(length) + p.half_width * np.abs(width) + turned
-            closing = duration * np.abs(speed - speed.T)
-            close &= np.abs(place - place.T) < reach + reach.T + closing + nearer
+            reach = half_length * np.abs(length) + half_width * np.abs(width) + turned
+            closing = duration * _distances(speed)
+            close &= _distances(place) < np.add.outer(reach, reach) + closing + nearer
         return [(i, j) for i, j in np.argwhere(close).tolist() if i < j]
 
     def _near_obstacles(self, duration: float) -> list[tuple[int, int]]:
         """Pairs of a vehicle's row and the id of an obstacle that it may touch in this tick."""
         if not self._obstacles:
             return []
-        state, p = self._state, self._fields
-        speed = np.hypot(state.motion.vx, state.motion.vy)
+        driven, p = self._driven, self._fields
+        speed = np.hypot(driven.vx, driven.vy)[:, None]
         reach = np.hypot(p.half_length, p.half_width) + duration * speed
         reach += _NEAR + 0.5 * _HARDEST * duration * duration
         obstacles = list(self._obstacles.values())
         centres = np.array([(obstacle.motion.s, obstacle.motion.d) for obstacle in obstacles])
         radii = np.array([0.5 * math.hypot(box.length, box.width) for box in obstacles])
-        distances = np.hypot(state.motion.s - centres[:, 0], state.motion.d - centres[:, 1])
+        distances = np.hypot(driven.s[:, None] - centres[:, 0], driven.d[:, None] - centres[:, 1])
         vehicles, ids = list(self._vehicles.values()), list(self._obstacles)
         return [
             (row, ids[k])
@@ -441,19 +429,19 @@ class Fleet:
 
     def _collide(
         self,
-        mover: PedalDriving,
+        pedal_driving: PedalDriving,
         controls: PedalControls,
         pairs: list[tuple[int, int]],
         near_obstacles: list[tuple[int, int]],
     ) -> list[Touch]:
         """Advance by one step with exchange of momentum in contacts.
 
-        Unlike in a simulation, vehicles can drive on after a contact. The rows of obstacles follow
-        the rows of vehicles, so that the model finds contacts with both alike.
+        Unlike in a simulation, vehicles can drive on after a contact. The obstacles follow the
+        vehicles in the table of bodies, so that contacts with both are found alike.
         """
-        state, count = self._state, len(self._vehicles)
-        before = (state.motion.s.copy(), state.motion.d.copy())
-        self._drive(mover, controls, 1)
+        count = len(self._vehicles)
+        old_positions = self._table[:2].copy()
+        self._drive(pedal_driving, controls, 1)
         obstacles = list(dict.fromkeys(obstacle for _, obstacle in near_obstacles))
         row_of = {obstacle: row for row, obstacle in enumerate(obstacles, count)}
         ids = [*self._vehicles, *obstacles]
@@ -462,82 +450,45 @@ class Fleet:
             row: self._momentum(self[ids[row]]) for pair in pairs for row in pair if row < count
         }
         bodies = self._with_obstacles([self._obstacles[obstacle] for obstacle in obstacles])
-        places = (
-            np.concatenate([before[0], bodies.state.motion.s[count:]]),
-            np.concatenate([before[1], bodies.state.motion.d[count:]]),
-        )
-        in_simulation = {pair: np.ones(1, np.bool_) for pair in pairs}
+        # Obstacles have not moved during the step.
+        old_positions = np.hstack([old_positions, bodies[:2, count:]])
         with self._placed():
-            params = dataclasses.replace(
-                self._given, constants=mover.constants, local_vehicles=bodies.fields
-            )
-            collisions.resolve_contacts(
-                bodies.state, params, in_simulation, places, 0, mover.constants.step
-            )
-            for name in _PUSHED:
-                getattr(state.motion, name)[:] = getattr(bodies.state.motion, name)[:count]
-        self._take_pushed(obstacles, bodies)
+            partners = pedal_driving.resolve_contacts(bodies, old_positions, pairs)
+            self._table[_PUSHED] = bodies[_PUSHED, :count]
+        self._take_pushed(obstacles, bodies[:, count:])
         touches: list[Touch] = []
         for row, (along, across) in old_momentum.items():
-            partner = int(bodies.state.first_contact.partner[row, 0])
+            partner = int(partners[row])
             if partner >= 0:
                 new = self._momentum(self[ids[row]])
                 gain = (new[0] - along, new[1] - across)
                 touches.append(Touch(ids[row], ids[partner], *gain))
         return touches
 
-    def _with_obstacles(self, obstacles: list[Obstacle]) -> "_Bodies":
-        """State and parameters of all vehicles, then of some obstacles."""
-        motions = [obstacle.motion for obstacle in obstacles]
-        speeds = [turned(motion.along, motion.across, -motion.psi) for motion in motions]
-        motion_columns = {
-            "s": [motion.s for motion in motions],
-            "d": [motion.d for motion in motions],
-            "heading": [motion.psi for motion in motions],
-            "vx": [speed[0] for speed in speeds],
-            "vy": [speed[1] for speed in speeds],
-            "yaw_rate": [motion.yaw_rate for motion in motions],
-        }
-        parameters = {
-            "half_length": [0.5 * obstacle.length for obstacle in obstacles],
-            "half_width": [0.5 * obstacle.width for obstacle in obstacles],
-            "travel_sign": [1.0] * len(obstacles),
-            "inverse_mass": [1.0 / obstacle.mass for obstacle in obstacles],
-            "inverse_inertia": [1.0 / obstacle.yaw_inertia for obstacle in obstacles],
-        }
+    def _with_obstacles(self, obstacles: list[Obstacle]) -> NDArray[np.float32]:
+        """The table of `ContactBodies` of all vehicles, then of some obstacles."""
+        p, count = self._fields, len(self._vehicles)
+        table = np.empty((len(ContactBodies._fields), count + len(obstacles)), np.float32)
+        table[_PUSHED, :count] = self._table[_PUSHED]
+        shapes = (p.half_length, p.half_width, p.inverse_mass, p.inverse_inertia)
+        table[_PUSHED.stop :, :count] = np.hstack(shapes).T
+        for column, obstacle in enumerate(obstacles, count):
+            motion = obstacle.motion
+            body = ContactBodies(*table[:, column : column + 1])
+            body.s[:], body.d[:], body.heading[:] = motion.s, motion.d, motion.psi
+            body.vx[:], body.vy[:] = turned(motion.along, motion.across, -motion.psi)
+            body.yaw_rate[:] = motion.yaw_rate
+            body.half_length[:], body.half_width[:] = 0.5 * obstacle.length, 0.5 * obstacle.width
+            body.inverse_mass[:] = 1.0 / obstacle.mass
+            body.inverse_inertia[:] = 1.0 / obstacle.yaw_inertia
+        return table
 
-        def column(source: object, name: str, values: dict[str, list[float]]) -> F32:
-            return np.concatenate([getattr(source, name), _column(values[name])])
-
-        rows = len(self._vehicles) + len(obstacles)
-        zeros = np.zeros((rows, 1), np.float32)
-        state = SimpleNamespace(
-            motion=SimpleNamespace(
-                **{name: column(self._state.motion, name, motion_columns) for name in _PUSHED},
-                is_wreck=zeros.copy(),
-            ),
-            overtake=SimpleNamespace(stage=zeros.copy()),
-            first_contact=FirstContact(
-                partner=zeros + NO_SLOT,
-                time=zeros.copy(),
-                impulse=zeros.copy(),
-                closing_speed=zeros.copy(),
-            ),
-            end_step=self._state.end_step,
-        )
-        fields = SimpleNamespace(
-            **{name: column(self._fields, name, parameters) for name in parameters}
-        )
-        return _Bodies(state, fields)
-
-    def _take_pushed(self, obstacles: list[int], bodies: "_Bodies") -> None:
+    def _take_pushed(self, obstacles: list[int], bodies: NDArray[np.float32]) -> None:
         """Store the motion of obstacles after a contact; fixed ones keep theirs."""
-        for row, actor in enumerate(obstacles, len(self._vehicles)):
+        for actor, column in zip(obstacles, bodies[_PUSHED].T.tolist(), strict=True):
             obstacle = self._obstacles[actor]
             if math.isfinite(obstacle.mass):
-                s, d, psi, vx, vy, r = (
-                    float(getattr(bodies.state.motion, name)[row, 0]) for name in _PUSHED
-                )
+                s, d, psi, vx, vy, r = column
                 motion = Motion(s, d, psi, *turned(vx, vy, psi), r)
                 self._obstacles[actor] = dataclasses.replace(obstacle, motion=motion)
 
@@ -563,18 +514,16 @@ class Fleet:
 
     def _momentum(self, one: FleetVehicle) -> tuple[float, float]:
         """Momentum of a vehicle in the ground's frame [N s]."""
-        vx, vy = (
-            float(speed[one.row, 0]) for speed in (self._state.motion.vx, self._state.motion.vy)
-        )
+        vx, vy = float(self._driven.vx[one.row]), float(self._driven.vy[one.row])
         along, across = turned(vx, vy, self._psi(one))
         return one.body["mass"] * along, one.body["mass"] * across
 
     def _roll_back(self, duration: float, controls: Mapping[int, Control]) -> None:
         """Drive backwards: slowly, on the circle that the front wheels give, without slip."""
-        state = self._state
+        driven = self._driven
         for vehicle, one in self._vehicles.items():
             control, row = controls.get(vehicle, _NO_CONTROL), one.row
-            wants = control.reverse and float(state.motion.vx[row, 0]) == 0.0
+            wants = control.reverse and float(driven.vx[row]) == 0.0
             push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
             braking = one.body["peak_decel"] * max(control.brake, control.hand_brake)
             speed = max(one.backwards + duration * (push - braking), 0.0)
@@ -583,20 +532,13 @@ class Fleet:
             speed = one.backwards = min(speed, BACKWARDS_SPEED)
             if speed == 0.0 or not one.moves:
                 continue
-            psi, angle = self._psi(one), float(state.controls.wheel_angle[row, 0])
-            state.motion.vx[row] = state.motion.vy[row] = 0.0
+            psi, angle = self._psi(one), float(driven.wheel_angle[row])
+            driven.vx[row] = driven.vy[row] = 0.0
             along, across = turned(speed * duration, 0.0, psi)
-            state.motion.s[row] -= np.float32(along)
-            state.motion.d[row] -= np.float32(across)
+            driven.s[row] -= np.float32(along)
+            driven.d[row] -= np.float32(across)
             turn = -speed * math.tan(angle) / one.body["wheelbase"]
-            state.motion.heading[row] += np.float32(turn * duration)
-
-
-class _Bodies(NamedTuple):
-    """State and parameters of vehicles and obstacles, with the columns that `collisions` reads."""
-
-    state: Any
-    fields: Any
+            driven.heading[row] += np.float32(turn * duration)
 
 
 def _is_moving(obstacle: Obstacle) -> bool:
@@ -612,5 +554,6 @@ def _sides(obstacle: Obstacle) -> Mapping[str, float]:
     return {"length": obstacle.length, "width": obstacle.width}
 
 
-def _column(values: Any) -> F32:
-    return np.asarray(values, np.float32)[:, None]
+def _distances(values: F32) -> F32:
+    """Absolute difference of each value from each, shape (vehicle, vehicle)."""
+    return np.abs(np.subtract.outer(values, values))

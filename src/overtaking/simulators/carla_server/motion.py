@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from overtaking.model.road import Road
-from overtaking.sim.reference import collisions
+
+_QUARTER_TURN = 0.5 * math.pi
 
 LEVELS_APART = 3.0
 """A larger difference in height means another level, such as a bridge [m]."""
@@ -115,36 +116,30 @@ def turned(x: float, y: float, angle: float) -> tuple[float, float]:
 def overlap(
     body: Mapping[str, float], motion: Motion, other_body: Mapping[str, float], other_motion: Motion
 ) -> bool:
-    """Whether two rectangles overlap.
+    """Whether two rectangles overlap: their projections do on the axes of both.
 
     Args:
         body: `length` and `width` of the first [m].
         motion: Pose of the first.
         other_body: `length` and `width` of the second [m].
         other_motion: Pose of the second.
+
+    Source:
+        Separating axis test: Ericson, Real-Time Collision Detection (2005), section 4.4.
     """
-    reach = 0.5 * math.hypot(body["length"], body["width"])
-    reach += 0.5 * math.hypot(other_body["length"], other_body["width"])
-    if math.hypot(other_motion.s - motion.s, other_motion.d - motion.d) > reach:
-        return False
-    offset: Any = (np.float32(other_motion.s - motion.s), np.float32(other_motion.d - motion.d))
-    enter, leave, _, _ = collisions.swept_overlap(
-        _box(body, motion), _box(other_body, other_motion), offset, offset
-    )
-    return bool(enter <= 0.0 <= leave)
+    offset = (other_motion.s - motion.s, other_motion.d - motion.d)
+    lengthwise = (motion.psi, other_motion.psi)
+    for axis in (*lengthwise, *(heading + _QUARTER_TURN for heading in lengthwise)):
+        distance = abs(offset[0] * math.cos(axis) + offset[1] * math.sin(axis))
+        reach = _extent(body, motion.psi - axis) + _extent(other_body, other_motion.psi - axis)
+        if distance > reach:
+            return False
+    return True
 
 
-def _box(body: Mapping[str, float], motion: Motion) -> collisions.OrientedBox:
-    """The box in the form that `collisions` reads."""
-    as_f32: Any = np.float32
-    return collisions.OrientedBox(
-        s=as_f32(motion.s),
-        d=as_f32(motion.d),
-        sine=as_f32(math.sin(motion.psi)),
-        cosine=as_f32(math.cos(motion.psi)),
-        half_length=as_f32(0.5 * body["length"]),
-        half_width=as_f32(0.5 * body["width"]),
-    )
+def _extent(body: Mapping[str, float], angle: float) -> float:
+    """Half the projection of a rectangle on an axis at an angle to its length [m]."""
+    return 0.5 * (body["length"] * abs(math.cos(angle)) + body["width"] * abs(math.sin(angle)))
 
 
 MAX_WHEEL_ANGLE = math.radians(70.0)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from overtaking._core import MAX_VEHICLES
 from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.simulators.carla_server.arguments import Control
@@ -161,6 +162,19 @@ def test_a_contact_keeps_the_momentum_and_loses_energy():
     assert energy[1] < 0.6 * energy[0]
     assert {(t.own, t.other) for t in touches} == {(1, 2), (2, 1)}
     assert sum(t.along for t in touches) == pytest.approx(0.0, abs=1.0)
+
+
+def test_contacts_are_found_between_vehicles_of_different_groups_of_the_engine():
+    fleet = fleet_in()
+    last = MAX_VEHICLES
+    for k in range(last):
+        fleet.add(k, body_of(CAR), at(100.0 + 20.0 * k))
+    fleet.add(last, body_of(CAR), at(100.0 + 20.0 * (last - 1) - 8.0, speed=20.0))
+    touches = []
+    for _ in range(10):
+        touches += fleet.advance(TICK, {})
+    assert {(touch.own, touch.other) for touch in touches} == {(last - 1, last), (last, last - 1)}
+    assert fleet.motion(last - 1).along > 5.0
 
 
 def test_who_was_hit_can_still_be_driven():
