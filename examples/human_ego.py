@@ -29,13 +29,7 @@ from overtaking.sim.reference.passing import (
     accepts_oncoming_gap,
     assumed_oncoming_gap,
 )
-from overtaking.sim.reference.state import (
-    LEADER,
-    LEFT_FOLLOWER,
-    LEFT_LEADER,
-    RIGHT_FOLLOWER,
-    RIGHT_LEADER,
-)
+from overtaking.sim.reference.state import LEADER, LEFT_LEADER, RIGHT_LEADER
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 FITTING = 0.5  # Above it there is room behind the leader; below it a driver brakes for that [1].
@@ -151,8 +145,8 @@ class HumanEgo:
         """Whether to abort, because the new lane has become dangerous or a vehicle is oncoming."""
         ego, abort_state = observation.ego, observation.passing.abort_state
         falls_back = (abort_state > FITTING) & has_gap_behind(self.given, view)
-        out = lane_change_is_dangerous(self.given, view, RIGHT_LEADER, RIGHT_FOLLOWER)
-        home = lane_change_is_dangerous(self.given, view, LEFT_LEADER, LEFT_FOLLOWER)
+        out = lane_change_is_dangerous(self.given, view, RIGHT_LEADER)
+        home = lane_change_is_dangerous(self.given, view, LEFT_LEADER)
         home &= (
             not self.given.road.has_oncoming_traffic
         )  # A driver must not stay in the opposing lane.

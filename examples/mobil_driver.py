@@ -12,16 +12,10 @@ from numpy.typing import NDArray
 
 import overtaking as ot
 from overtaking.core.arrays import F32
-from overtaking.sim.reference.car_following import acc_accel
+from overtaking.sim.reference.car_following import Follower, Leader, acc_accel
 from overtaking.sim.reference.decision_context import Beliefs
 from overtaking.sim.reference.lane_change import is_safe_lane_change, mobil_incentives
-from overtaking.sim.reference.state import (
-    LEADER,
-    LEFT_FOLLOWER,
-    LEFT_LEADER,
-    RIGHT_FOLLOWER,
-    RIGHT_LEADER,
-)
+from overtaking.sim.reference.state import LEADER, LEFT_LEADER, RIGHT_LEADER
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 
@@ -43,30 +37,37 @@ class MobilDriver:
             closing_speed=neighbours.closing_speed,
             accel=neighbours.accel,
         )
-        accel = self.behind_leader(observation, believed)
+        ego, vehicle = observation.ego, observation.vehicle
+        driver = Follower(
+            vehicle=vehicle,
+            speed=ego.speed,
+            desired_speed=vehicle.desired_speed,
+            time_gap=vehicle.time_gap,
+        )
+        leader = Leader(
+            gap=believed.gap[LEADER],
+            closing_speed=believed.closing_speed[LEADER],
+            accel=believed.accel[LEADER],
+        )
+        accel = acc_accel(self.given.constants, driver, leader)
+        side = self.side(observation, driver, believed, accel)
         # It decides when it checks the mirrors, and keeps indicating in between.
-        ego, side = observation.ego, self.side(observation, believed, accel)
         side = np.where(ego.checks_mirrors > 0, side, ego.wanted_side)
         return np.stack([accel, side], axis=1)
 
-    def behind_leader(self, observation: ot.Observation, believed: Beliefs) -> F32:
-        """Acceleration behind the leader [m/s^2]."""
-        p, near = observation.vehicle, (believed.gap[LEADER], believed.closing_speed[LEADER])
-        c, speed = self.given.constants, observation.ego.speed
-        return acc_accel(c, p, speed, p.desired_speed, *near, p.time_gap, believed.accel[LEADER])
-
-    def side(self, observation: ot.Observation, believed: Beliefs, accel: F32) -> F32:
-        """1 towards the fast side, -1 towards the slow side, where it pays and is safe; else 0."""
-        given, p, ego = self.given, observation.vehicle, observation.ego
-        speed = ego.speed
-        to_fast, to_slow = mobil_incentives(given, p, speed, believed, accel)
-        rested = ego.time_since_lane_change >= given.constants.cooldown
-        fast = rested & (ego.can_pull_out > 0) & (to_fast > p.lane_change_threshold)
-        fast &= is_safe_lane_change(given, p, speed, believed, LEFT_LEADER, LEFT_FOLLOWER)
-        slow = rested & (ego.can_return > 0) & (to_slow > p.lane_change_threshold) & ~fast
-        slow &= is_safe_lane_change(given, p, speed, believed, RIGHT_LEADER, RIGHT_FOLLOWER)
-        slow &= believed.gap[RIGHT_LEADER] > given.constants.free_ahead_time * speed
-        return np.where(fast, np.float32(1.0), np.where(slow, np.float32(-1.0), np.float32(0.0)))
+    def side(
+        self, observation: ot.Observation, driver: Follower, beliefs: Beliefs, accel: F32
+    ) -> F32:
+        """1 to the left, -1 to the right, where a lane change pays and is safe; else 0."""
+        given, ego, threshold = self.given, observation.ego, driver.vehicle.lane_change_threshold
+        incentives = mobil_incentives(given, driver, beliefs, accel)
+        has_paused = ego.time_since_lane_change >= given.constants.cooldown
+        left = has_paused & (ego.can_pull_out > 0) & (incentives.to_left > threshold)
+        left &= is_safe_lane_change(given, driver, beliefs, LEFT_LEADER)
+        right = has_paused & (ego.can_return > 0) & (incentives.to_right > threshold) & ~left
+        right &= is_safe_lane_change(given, driver, beliefs, RIGHT_LEADER)
+        right &= beliefs.gap[RIGHT_LEADER] > given.constants.free_ahead_time * ego.speed
+        return np.where(left, np.float32(1.0), np.where(right, np.float32(-1.0), np.float32(0.0)))
 
 
 def main() -> None:

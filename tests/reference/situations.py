@@ -22,7 +22,7 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource, extend_road
 from overtaking.sim import engine
 from overtaking.sim.branching import ForcedDecision
-from overtaking.world.step_parameters import SIMULATION_FIELDS, step_parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, ParameterSwitch, step_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -111,7 +111,7 @@ class Situation:
         given = step_parameters(scenario)
         if self.switch is None:
             return run(scenario, given)
-        return run(scenario, given, [(self.switch, disturbed(scenario))])
+        return run(scenario, given, [ParameterSwitch(self.switch, disturbed(scenario))])
 
 
 def in_a_gap(scenario: Scenario) -> Scenario:

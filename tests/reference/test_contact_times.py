@@ -59,12 +59,12 @@ class World:
         self.step = 0
 
     def decide(self) -> collisions.Pairs:
-        return decide(self.state, self.given, self.recorder, self.step)
+        return decide(self.state, self.given, step=self.step, recorder=self.recorder)
 
     def stride(self) -> None:
         """From one decision to the next at once."""
         pairs = self.decide()
-        advance(self.state, self.given, pairs, self.step, SUBSTEPS)
+        advance(self.state, self.given, pairs, step=self.step, steps_at_once=SUBSTEPS)
         self.step += SUBSTEPS
 
     def creep(self) -> None:

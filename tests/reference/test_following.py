@@ -13,7 +13,14 @@ from scipy.integrate import solve_ivp
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim import engine
-from overtaking.sim.reference.car_following import acc_accel, cah_accel, iidm_accel, imposed_accel
+from overtaking.sim.reference.car_following import (
+    Follower,
+    Leader,
+    acc_accel,
+    cah_accel,
+    iidm_accel,
+    imposed_accel,
+)
 from overtaking.world.constants import EnabledEffects, model_constants
 from overtaking.world.step_parameters import VehicleParameters, step_parameters
 
@@ -56,9 +63,21 @@ def model(
     arrays = np.broadcast_arrays(
         *(np.asarray(x, np.float32) for x in (speed, desired, gap, closing))
     )
-    return iidm_accel(model_constants(), as_fields(driver, arrays[0].shape), *arrays).astype(
-        np.float64
-    )
+    follower = as_follower(driver, arrays[0], arrays[1])
+    leader = Leader(gap=arrays[2], closing_speed=arrays[3])
+    return iidm_accel(model_constants(), follower, leader).astype(np.float64)
+
+
+def as_follower(driver: dict[str, float], speed: object, desired: object) -> Follower:
+    """A driver at a speed, which keeps its usual time gap."""
+    v, v0 = (np.asarray(x, np.float32) for x in (speed, desired))
+    vehicle = as_fields(driver, v.shape)
+    return Follower(vehicle=vehicle, speed=v, desired_speed=v0, time_gap=vehicle.time_gap)
+
+
+def as_leader(gap: float, closing: float, accel: float = 0.0) -> Leader:
+    numbers = [np.asarray(x, np.float32) for x in (gap, closing, accel)]
+    return Leader(gap=numbers[0], closing_speed=numbers[1], accel=numbers[2])
 
 
 def textbook(driver: dict[str, float], v: float, v0: float, s: float, dv: float) -> float:
@@ -137,9 +156,9 @@ def test_more_room_or_a_faster_leader_never_asks_for_harder_braking(
 
 def test_a_standing_vehicle_is_no_less_of_a_danger_when_its_approach_is_overestimated():
     # Believed to approach at 24 m/s by one who drives 20: it stands, it does not come closer.
-    judged = [np.float32(x) for x in (20.0, 50.0, 24.0, 0.0)]
     expected = -(24.0**2) / (2.0 * 50.0)
-    assert float(cah_accel(model_constants(), *judged)) == pytest.approx(expected, rel=1e-5)
+    accel = cah_accel(model_constants(), np.float32(20.0), as_leader(50.0, 24.0))
+    assert float(accel) == pytest.approx(expected, rel=1e-5)
 
 
 def needed(v: float, s: float, dv: float, leader: float) -> float:
@@ -174,8 +193,8 @@ def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
     # A leader who brakes with less than 0.1 m/s^2 is left out: behind one who stands the heuristic
     # divides by 2 s a, which the model keeps from vanishing.
     dv = v - ahead
-    arrays = [np.float32(x) for x in (v, v0, s, dv, driver["time_gap"], leader)]
-    value = float(acc_accel(model_constants(), as_fields(driver, ()), *arrays))
+    follower = as_follower(driver, v, v0)
+    value = float(acc_accel(model_constants(), follower, as_leader(s, dv, leader)))
     least = needed(v, s, dv, leader)
     expected = cool(driver, textbook(driver, v, v0, s, dv), least)
     if leader < -0.5:  # Our addition: stop lamps are heeded, wholly below 1 s and not beyond 3 s.
@@ -191,21 +210,26 @@ def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
 def test_braking_as_hard_as_needed_stops_exactly_at_the_bumper(
     v: float, ahead: float, s: float, leader: float
 ):
-    arrays = [np.float32(x) for x in (v, s, v - ahead, leader)]
-    decel = -float(cah_accel(model_constants(), *arrays))
+    decel = -float(cah_accel(model_constants(), np.float32(v), as_leader(s, v - ahead, leader)))
     if ahead * (v - ahead) >= -2.0 * s * leader:
         return  # They would meet while both move: another branch, another formula.
     # The leader stops after v^2 / (2 b); the follower has that way and the gap.
     assert v**2 / (2.0 * decel) == pytest.approx(s + ahead**2 / (2.0 * -leader), rel=1e-4)
 
 
+def imposed(driver: dict[str, float], speed: float, gap: float, closing: float) -> float:
+    """Acceleration that a leader imposes on a driver [m/s^2]."""
+    vehicle, v = as_fields(driver, ()), np.float32(speed)
+    leader = as_leader(gap, closing)
+    return float(imposed_accel(model_constants(), vehicle, v, vehicle.time_gap, leader))
+
+
 def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
     # 5 m behind someone 1 m/s faster the plain model brakes with 50 m/s^2.
     driver = person()
-    arrays = [np.float32(x) for x in (30.0, 35.0, 5.0, -1.0, driver["time_gap"])]
-    p = as_fields(driver, ())
-    assert float(iidm_accel(model_constants(), p, *arrays)) < -20.0
-    assert float(acc_accel(model_constants(), p, *arrays)) > -1.1 * driver["decel"]
+    follower, leader = as_follower(driver, 30.0, 35.0), as_leader(5.0, -1.0)
+    assert float(iidm_accel(model_constants(), follower, leader)) < -20.0
+    assert float(acc_accel(model_constants(), follower, leader)) > -1.1 * driver["decel"]
 
 
 @given(driver=drivers, v=st.floats(1.0, 40.0), s=st.floats(2.0, 100.0), ahead=st.floats(0.0, 50.0))
@@ -213,8 +237,7 @@ def test_who_follows_at_the_desired_speed_is_braked_but_never_pushed(
     driver: dict[str, float], v: float, s: float, ahead: float
 ):
     dv = v - ahead
-    args = [np.float32(x) for x in (v, s, dv, driver["time_gap"])]
-    forced = float(imposed_accel(model_constants(), as_fields(driver, ()), *args))
+    forced = imposed(driver, v, s, dv)
     root = 2.0 * math.sqrt(driver["accel"] * driver["decel"])
     wanted = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
     expected = driver["accel"] * (1.0 - (wanted / s) ** 2)
@@ -227,8 +250,7 @@ def test_inside_the_comfortable_stopping_distance_nobody_is_asked_for_less_than_
 ):
     # s* >= v dv / (2 sqrt(a b)), so a (s* / s)^2 >= dv^2 / (2 s) wherever s <= v^2 / (2 b).
     s, closing = share * v**2 / (2.0 * driver["decel"]), min(dv, v)
-    args = [np.float32(x) for x in (v, s, closing, driver["time_gap"])]
-    forced = float(imposed_accel(model_constants(), as_fields(driver, ()), *args))
+    forced = imposed(driver, v, s, closing)
     assert forced <= driver["accel"] - closing**2 / (2.0 * max(s, 0.5)) + 1e-3
 
 

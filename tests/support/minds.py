@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.sim.reference import perception
+from overtaking.sim.reference.decision_context import DecisionContext
 from overtaking.sim.reference.neighbour_search import find_neighbours
 from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
@@ -58,6 +59,19 @@ class Moment:
         )
         self.decision += 1
         return believed
+
+    def context(self) -> DecisionContext:
+        """Perception at one decision; all drivers check their mirrors, and none gives way."""
+        checks_mirrors, neighbours = np.ones(self.state.motion.s.shape, np.bool_), self.neighbours()
+        beliefs = self.look()
+        return DecisionContext(
+            neighbours=neighbours,
+            beliefs=beliefs,
+            checks_mirrors=checks_mirrors,
+            gives_way=~checks_mirrors,
+            oncoming=None,
+            decision_index=self.decision - 1,
+        )
 
     def pass_time(self, decisions: int = 1) -> None:
         """Everybody drives on straight at the same speed."""

@@ -68,10 +68,10 @@ def test_a_wreck_has_no_pedals():
 
 def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
-    believed = m.look()
-    following = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
+    context = m.context()
+    following = acceleration.accel_behind_leader(m.state, m.given, context)
     m.state.overtake.stage[EGO_SLOT] = np.float32(Stage.PASS)
-    passing = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
+    passing = acceleration.accel_behind_leader(m.state, m.given, context)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
     assert float(passing[0, 0]) == pytest.approx(1.3 * faster, rel=1e-3)
@@ -91,9 +91,8 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     steering.start_path(m.state, mask, zero + np.float32(high), zero + np.float32(duration))
     m.state.path.elapsed[0] = done
     m.state.motion.d[0] = float(steering.path_position(m.state)[0][0, 0])
-    near, believed = m.neighbours(), m.look()
-    wanted = acceleration.accel_behind_old_leader(m.state, m.given, near, believed, None)
-    return bool(wanted[0, 0] < 0.0)
+    accel = acceleration.accel_behind_old_leader(m.state, m.given, m.context())
+    return bool(accel[0, 0] < 0.0)
 
 
 def test_who_pulls_out_late_brakes_until_the_bodies_are_clear():
@@ -110,9 +109,8 @@ def test_who_is_beside_the_old_leader_does_not_brake():
 
 def test_who_keeps_the_lane_does_not_brake_for_the_next():
     m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=15.0, lane=0, speed=20.0)])
-    near, believed = m.neighbours(), m.look()
-    wanted = acceleration.accel_behind_old_leader(m.state, m.given, near, believed, None)
-    assert float(wanted[0, 0]) > 1e6
+    accel = acceleration.accel_behind_old_leader(m.state, m.given, m.context())
+    assert float(accel[0, 0]) > 1e6
 
 
 @pytest.mark.parametrize(("kind", "share"), [("L", 0.6), ("MC", 0.95)])

@@ -35,11 +35,10 @@ def changed(*others: Vehicle, lanes: int = 3) -> np.ndarray:
 
 def decide(m: Moment) -> None:
     """One look around of everybody, a fifth of a second after the last one."""
-    looks = np.ones(m.state.motion.s.shape, np.bool_)
-    believed = m.look()
-    own = acceleration.accel_behind_leader(m.state, m.given, m.neighbours(), believed, None)
+    context = m.context()
+    accel = acceleration.accel_behind_leader(m.state, m.given, context)
     m.state.lane_choice.time_wanted += np.float32(0.2)
-    lane_change.change_lanes_by_mobil(m.state, m.given, believed, own, looks, m.decision)
+    lane_change.change_lanes_by_mobil(m.state, m.given, context, accel)
 
 
 def car(s: float, lane: int, speed: float, **driver: float) -> Vehicle:
@@ -240,9 +239,10 @@ def test_who_would_reach_the_leader_hurries():
     for closing, expected in ((0.0, 9.0), (10.0, (6.0 - 2.0) / 0.6), (30.0, 4.0)):
         m = moment([FAR_AWAY, car(0.0, 0, 25.0, lane_change_duration=9.0)])
         shape = m.state.motion.s.shape
-        moved, nobody = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-        moved[1] = True
-        believed = m.look()
-        believed.gap[LEADER], believed.closing_speed[LEADER] = 60.0, closing
-        lane_change.start_lane_changes(m.state, m.given, (moved, nobody, nobody), believed, 0)
+        to_left, never = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        to_left[1] = True
+        context = m.context()
+        context.beliefs.gap[LEADER], context.beliefs.closing_speed[LEADER] = 60.0, closing
+        moves = lane_change.LaneMoves(to_left=to_left, to_right=never, is_cancelled=never)
+        lane_change.start_lane_changes(m.state, m.given, context, moves)
         assert float(m.state.path.duration[1, 0]) == pytest.approx(expected, rel=1e-5)

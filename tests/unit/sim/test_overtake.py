@@ -181,8 +181,7 @@ def test_what_it_believed_is_written_down_at_each_decision():
 def view_of(*vehicles: Vehicle) -> tuple[Moment, gap_acceptance.GapAcceptanceInputs]:
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
-    near = m.neighbours()
-    return m, gap_acceptance.gap_acceptance_inputs(m.state, m.given, near, m.look(), EGO_SLOT)
+    return m, gap_acceptance.gap_acceptance_inputs(m.state, m.given, m.context(), EGO_SLOT)
 
 
 @pytest.mark.parametrize(

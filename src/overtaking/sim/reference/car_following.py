@@ -1,181 +1,187 @@
-"""Car following: how hard to accelerate or brake behind a leader."""
+"""Car following: acceleration of a driver behind a leader."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.float32_math import clamp, exp, log, maximum, minimum
+from overtaking.core.float32_math import ONE, TWO, ZERO, clamp, exp, log, maximum, minimum
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import VehicleParameters
 
-_STEADY = np.float32(0.0)
+# Keeps the stopping term of the heuristic finite behind a standing leader [m^2/s^2].
+_MIN_STOPPING_TERM = np.float32(1e-3)
 
-
-_MIN_STOPPING_TERM = np.float32(
-    1e-3
-)  # Keeps the quotient finite behind a standing leader [m^2/s^2].
-
-
-# Near the desired speed the free acceleration vanishes and the exponent that blends it grows.
+# Near the desired speed the free acceleration approaches 0 and the exponent of the blend infinity.
 _MIN_FREE_ACCEL = np.float32(1e-3)  # [m/s^2]
-
-
 _MAX_EXPONENT = np.float32(1000.0)
 
-
-_MIN_GAP_RATIO = np.float32(1e-6)  # Of the wanted to the actual gap, for its logarithm.
-
-
-def desired_gap(vehicle: VehicleParameters, speed: F32, closing: F32, time_gap: F32) -> F32:
-    """s* of the intelligent driver model [m]."""
-    dynamic = speed * time_gap + speed * closing * vehicle.idm_interaction
-    return vehicle.min_gap + maximum(dynamic, np.float32(0.0))
+_MIN_GAP_RATIO = np.float32(1e-6)  # Keeps the logarithm of the ratio of gaps finite.
 
 
-def iidm_accel(
-    constants: ModelConstants,
-    vehicle: VehicleParameters,
-    speed: F32,
-    desired: F32,
-    gap: F32,
-    closing: F32,
-    time_gap: F32 | None = None,
-) -> F32:
-    """Acceleration of the improved intelligent driver model [m/s^2].
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Follower:
+    """Drivers behind a leader: of all vehicles, of some, or of one.
+
+    Attributes:
+        vehicle: Parameters of the drivers and their vehicles.
+        speed: Speed [m/s].
+        desired_speed: Speed on a free road, > 0 [m/s].
+        time_gap: Time gap that the driver keeps [s].
+    """
+
+    vehicle: VehicleParameters
+    speed: F32
+    desired_speed: F32
+    time_gap: F32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leader:
+    """The vehicle ahead of each follower, as it is or as the follower believes.
+
+    Attributes:
+        gap: Gap between the bumpers [m].
+        closing_speed: Speed of the follower minus the leader's [m/s].
+        accel: Acceleration of the leader, never positive [m/s^2].
+    """
+
+    gap: F32
+    closing_speed: F32
+    accel: F32 | np.float32 = ZERO
+
+
+def desired_gap(vehicle: VehicleParameters, speed: F32, time_gap: F32, closing_speed: F32) -> F32:
+    """Desired gap s* of the intelligent driver model [m].
 
     Args:
-        constants: Constants.
-        vehicle: Driver parameters of shape (vehicle, simulation), or of one vehicle.
-        speed: Own speed [m/s].
-        desired: Desired speed, > 0 [m/s].
-        gap: Gap to the leader [m].
-        closing: Own speed minus the leader's [m/s].
-        time_gap: Time gap wanted; None for the driver's own [s].
+        vehicle: Parameters of the followers.
+        speed: Their speed [m/s].
+        time_gap: Time gap that they keep [s].
+        closing_speed: Their speed minus the leader's [m/s].
+    """
+    dynamic_part = speed * time_gap + speed * closing_speed * vehicle.idm_interaction
+    return vehicle.min_gap + maximum(dynamic_part, ZERO)
+
+
+def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> F32:
+    """Acceleration of the improved intelligent driver model [m/s^2].
 
     Source:
         Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3.7.
     """
-    one = np.float32(1.0)
-    wanted_time = vehicle.time_gap if time_gap is None else time_gap
-    z = desired_gap(vehicle, speed, closing, wanted_time) / maximum(
-        gap, constants.min_effective_gap
+    vehicle = follower.vehicle
+    s_star = desired_gap(vehicle, follower.speed, follower.time_gap, leader.closing_speed)
+    z = s_star / maximum(leader.gap, constants.min_effective_gap)
+    speed_ratio = follower.speed / follower.desired_speed
+    square = speed_ratio * speed_ratio
+    free_accel_below = vehicle.accel * (ONE - square * square)
+    decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))
+    free_accel_above = -vehicle.decel * (ONE - decay)
+    interaction = vehicle.accel * (ONE - z * z)
+    exponent = minimum(
+        TWO * vehicle.accel / maximum(free_accel_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
     )
-    ratio = speed / desired
-    square = ratio * ratio
-    free_below = vehicle.accel * (one - square * square)
-    over = exp(-vehicle.overspeed_exponent * log(maximum(ratio, one)))
-    free_above = -vehicle.decel * (one - over)
-    interacting = vehicle.accel * (one - z * z)
-    steepness = minimum(
-        np.float32(2.0) * vehicle.accel / maximum(free_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
-    )
-    blended = free_below * (one - exp(steepness * log(clamp(z, _MIN_GAP_RATIO, one))))
-    below = np.where(z >= one, interacting, blended)
-    above = np.where(z >= one, free_above + interacting, free_above)
-    return np.where(ratio <= one, below, above)
+    blended = free_accel_below * (ONE - exp(exponent * log(clamp(z, _MIN_GAP_RATIO, ONE))))
+    accel_below = np.where(z >= ONE, interaction, blended)
+    accel_above = np.where(z >= ONE, free_accel_above + interaction, free_accel_above)
+    return np.where(speed_ratio <= ONE, accel_below, accel_above)
 
 
-def cah_accel(
-    constants: ModelConstants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
-) -> F32:
-    """Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
+def cah_accel(constants: ModelConstants, speed: F32, leader: Leader) -> F32:
+    """Acceleration that just avoids a contact if the leader keeps its acceleration [m/s^2].
 
     Args:
-        constants: Constants.
-        speed: Own speed [m/s].
-        gap: Gap to the leader [m].
-        closing: Own speed minus the leader's [m/s].
-        leader_accel: The leader's acceleration, never positive [m/s^2].
+        constants: Constants of the model.
+        speed: Speed of the follower [m/s].
+        leader: Leader of the follower.
 
     Source:
         Constant-acceleration heuristic of Kesting, Treiber, Helbing 2010, equation 2.5.
     """
-    zero = np.float32(0.0)
-    room = np.float32(2.0) * maximum(gap, constants.min_effective_gap)
-    leader_speed = maximum(speed - closing, zero)
-    approach = maximum(closing, zero)
-    moving = leader_accel - (approach * approach) / room
-    way = leader_speed * leader_speed - room * leader_accel
-    stopping = speed * speed * leader_accel / maximum(way, _MIN_STOPPING_TERM)
-    stops_first = leader_speed * closing < -(room * leader_accel)
-    return np.where(stops_first, stopping, moving)
+    double_gap = TWO * maximum(leader.gap, constants.min_effective_gap)
+    leader_speed = maximum(speed - leader.closing_speed, ZERO)
+    closing_speed = maximum(leader.closing_speed, ZERO)
+    # The leader still moves when the closing speed has become 0 ...
+    moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap
+    # ... or it stops first, and the follower stops behind it.
+    stopping_term = leader_speed * leader_speed - double_gap * leader.accel
+    stopping_accel = speed * speed * leader.accel / maximum(stopping_term, _MIN_STOPPING_TERM)
+    leader_stops_first = leader_speed * leader.closing_speed < -(double_gap * leader.accel)
+    return np.where(leader_stops_first, stopping_accel, moving_accel)
 
 
 def blend_iidm_with_cah(
-    constants: ModelConstants, vehicle: VehicleParameters, wanted: F32, needed: F32
+    constants: ModelConstants, vehicle: VehicleParameters, iidm: F32, cah: F32
 ) -> F32:
-    """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
+    """Acceleration of the IIDM with its braking at small gaps softened [m/s^2].
 
-    Where the model asks for more braking than is needed, the excess is limited to about the
-    comfortable deceleration, so that a cut-in by a faster vehicle causes no hard braking.
+    Where the IIDM brakes harder than the constant-acceleration heuristic, the excess is limited to
+    about the comfortable deceleration. A cut-in by a faster vehicle thus causes no hard braking.
 
     Args:
-        constants: Constants.
-        vehicle: Driver parameters.
-        wanted: What the following model asks for [m/s^2].
-        needed: `needed_braking` [m/s^2].
+        constants: Constants of the model.
+        vehicle: Parameters of the drivers.
+        iidm: Acceleration by `iidm_accel` [m/s^2].
+        cah: Acceleration by `cah_accel` [m/s^2].
 
     Source:
         Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8.
     """
-    one = np.float32(1.0)
-    excess = minimum(wanted - needed, np.float32(0.0))
-    e = exp(np.float32(2.0) * excess / vehicle.decel)
-    softened = needed + vehicle.decel * ((e - one) / (e + one))
-    # No vehicle brakes harder than gravity, however small the gap that alarms the model.
-    alarmed = maximum(wanted, -constants.gravity)
-    calm = (one - constants.coolness) * alarmed + constants.coolness * softened
-    return np.where(wanted >= needed, wanted, calm)
+    excess = minimum(iidm - cah, ZERO)
+    # Hyperbolic tangent of the excess over the comfortable deceleration.
+    e = exp(TWO * excess / vehicle.decel)
+    softened = cah + vehicle.decel * ((e - ONE) / (e + ONE))
+    # The IIDM has no lower bound at small gaps; no vehicle brakes harder than gravity.
+    bounded = maximum(iidm, -constants.gravity)
+    blend = (ONE - constants.coolness) * bounded + constants.coolness * softened
+    return np.where(iidm >= cah, iidm, blend)
 
 
-def acc_accel(
-    constants: ModelConstants,
-    vehicle: VehicleParameters,
-    speed: F32,
-    desired: F32,
-    gap: F32,
-    closing: F32,
-    time_gap: F32,
-    leader_accel: F32 | np.float32 = _STEADY,
-) -> F32:
-    """Acceleration behind a leader: the IIDM, cooled, and heedful of a leader that brakes [m/s^2].
+def acc_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> F32:
+    """Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
 
-    The IIDM answers a gap and its change, so it begins to brake when a braking leader has become
-    slower by what can be seen. A driver answers the stop lamps before that: with all that the
-    leader's braking needs when near, with less the more room there is.
-
-    Arguments as in `iidm` and `needed_braking`.
+    The blended IIDM reacts to the gap and its change. It brakes only when a braking leader has
+    become visibly slower. A driver reacts to the stop lamps before that: near the leader with the
+    acceleration of `cah_accel`, with a smaller share of it the larger the time gap.
     """
-    needed = cah_accel(constants, speed, gap, closing, leader_accel)
-    cool = blend_iidm_with_cah(
-        constants,
-        vehicle,
-        iidm_accel(constants, vehicle, speed, desired, gap, closing, time_gap),
-        needed,
+    speed = follower.speed
+    cah = cah_accel(constants, speed, leader)
+    iidm = iidm_accel(constants, follower, leader)
+    accel = blend_iidm_with_cah(constants, follower.vehicle, iidm, cah)
+    max_time_gap = constants.stop_lamp_max_time_gap
+    time_gap_below_max = max_time_gap - leader.gap / maximum(speed, constants.slip_speed)
+    reaction_share = clamp(
+        time_gap_below_max / (max_time_gap - constants.stop_lamp_full_time_gap), ZERO, ONE
     )
-    room = constants.stop_lamp_max_time_gap - gap / maximum(speed, constants.slip_speed)
-    heed = clamp(
-        room / (constants.stop_lamp_max_time_gap - constants.stop_lamp_full_time_gap),
-        np.float32(0.0),
-        np.float32(1.0),
-    )
-    return np.where(leader_accel < -constants.stop_lamp_decel, minimum(cool, heed * needed), cool)
+    stop_lamps_are_on = leader.accel < -constants.stop_lamp_decel
+    return np.where(stop_lamps_are_on, minimum(accel, reaction_share * cah), accel)
 
 
 def imposed_accel(
     constants: ModelConstants,
     vehicle: VehicleParameters,
     speed: F32,
-    gap: F32,
-    closing: F32,
     time_gap: F32,
+    leader: Leader,
 ) -> F32:
-    """Acceleration, never positive, that a vehicle imposes on a follower at its speed [m/s^2].
+    """Acceleration, never positive, that a leader imposes on a follower [m/s^2].
 
-    The plain model at its desired speed. The result is not damped: a small gap that a driver
-    accepts for itself after a cut-in is too small to impose on another driver.
+    The plain intelligent driver model at its desired speed. It is not blended with `cah_accel`: a
+    small gap that a driver accepts for itself after a cut-in is too small to impose on another
+    driver.
+
+    Args:
+        constants: Constants of the model.
+        vehicle: Parameters of the driver that judges the gap.
+        speed: Speed of the follower [m/s].
+        time_gap: Time gap that the follower keeps [s].
+        leader: Leader of the follower.
 
     Source:
-        Kesting, Treiber, Helbing 2007, whose safety criterion is in the terms of the plain model.
+        Kesting, Treiber, Helbing 2007, whose safety criterion uses the plain model.
     """
-    z = desired_gap(vehicle, speed, closing, time_gap) / maximum(gap, constants.min_effective_gap)
-    return minimum(vehicle.accel * (np.float32(1.0) - z * z), np.float32(0.0))
+    z = desired_gap(vehicle, speed, time_gap, leader.closing_speed) / maximum(
+        leader.gap, constants.min_effective_gap
+    )
+    return minimum(vehicle.accel * (ONE - z * z), ZERO)

@@ -1,4 +1,4 @@
-"""What drivers perceive at one decision: data only, without the functions that compute it."""
+"""Perception of drivers at one decision: data only, without the functions that compute it."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ from overtaking.core.arrays import F32, Mask
 
 @dataclass(slots=True, kw_only=True)
 class Neighbours:
-    """Nearest vehicles of the own direction by role; `state` lists the roles.
+    """Nearest vehicles in the same direction of travel by role; `state` lists the roles.
 
     Attributes:
         slot: Slot of the neighbour as a whole number, or `NO_SLOT`, (role, vehicle, simulation).
         gap: Gap between bumpers, negative when alongside, (role, vehicle, simulation) [m].
         distance: Distance of the centres along the road, never negative,
             (role, vehicle, simulation) [m].
-        lateral_distance: Lateral position of the neighbour minus the own one, positive to the left,
-            (role, vehicle, simulation) [m].
-        half_length: Half of its length, (role, vehicle, simulation) [m].
-        lane_right_edge: Right border of the own lane, (vehicle, simulation) [m].
-        lane_left_edge: Left border of the own lane, (vehicle, simulation) [m].
+        lateral_distance: Lateral position of the neighbour minus the driver's, positive to the
+            left, (role, vehicle, simulation) [m].
+        half_length: Half of the neighbour's length, (role, vehicle, simulation) [m].
+        lane_right_edge: Right border of the driver's lane, (vehicle, simulation) [m].
+        lane_left_edge: Left border of the driver's lane, (vehicle, simulation) [m].
     """
 
     slot: F32
@@ -32,7 +32,7 @@ class Neighbours:
 
 @dataclass(slots=True, kw_only=True)
 class Beliefs:
-    """What drivers believe about their neighbours, (role, vehicle, simulation).
+    """Beliefs of drivers about their neighbours, (role, vehicle, simulation).
 
     Attributes:
         is_detected: Whether the driver has detected the neighbour.
@@ -50,7 +50,7 @@ class Beliefs:
 
 @dataclass(slots=True, kw_only=True)
 class OncomingVehicle:
-    """The nearest oncoming vehicle of each driver, and what the driver believes about it.
+    """The nearest oncoming vehicle of each driver, and the driver's beliefs about it.
 
     Arrays have shape (vehicle, simulation).
 
@@ -94,16 +94,17 @@ class OncomingTraffic:
 
 @dataclass(slots=True, kw_only=True)
 class DecisionContext:
-    """What the drivers of a batch perceive at one decision.
+    """Perception of the drivers of a batch at one decision.
 
     Attributes:
-        neighbours: The nearest vehicles of the own direction, as they are.
-        beliefs: What each driver believes about them.
+        neighbours: The nearest vehicles in the same direction of travel, as they are.
+        beliefs: Beliefs of each driver about them.
         checks_mirrors: Whether the driver checks mirrors and adjacent lanes now, (vehicle,
             simulation). Between such looks it keeps its intention.
         gives_way: Whether another driver that indicates for the same gap goes first, (vehicle,
             simulation).
         oncoming: Vehicles of the other direction; None on one-way roads.
+        decision_index: Index of the decision, 20 per second.
     """
 
     neighbours: Neighbours
@@ -111,3 +112,4 @@ class DecisionContext:
     checks_mirrors: Mask
     gives_way: Mask
     oncoming: OncomingTraffic | None
+    decision_index: int

@@ -1,6 +1,6 @@
-"""Gap acceptance: what drivers intend, from the gaps that they believe to be around them.
+"""Gap acceptance: what drivers intend, by the gaps in which they believe.
 
-The ego decides so, and on two-way roads every driver; `slots` selects the rows of the arrays.
+The ego decides by gap acceptance, and on two-way roads every driver; `slots` selects the rows.
 """
 
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import exp, maximum, minimum
+from overtaking.core.float32_math import HALF, ONE, ZERO, exp, maximum, minimum
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.car_following import cah_accel, imposed_accel
-from overtaking.sim.reference.decision_context import Beliefs, DecisionContext, Neighbours
+from overtaking.sim.reference.car_following import Leader, cah_accel, imposed_accel
+from overtaking.sim.reference.decision_context import DecisionContext, Neighbours
 from overtaking.sim.reference.lane_change import anticipated_follower, lane_change_direction
 from overtaking.sim.reference.pass_continuation import PassContinuation
 from overtaking.sim.reference.passing import (
@@ -34,16 +34,12 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_STEADY = np.float32(0.0)
-
-_ONE = np.float32(1.0)
-
 _MIN_GAP_FACTOR = np.float32(1e-6)  # Keeps the imposed braking finite without demands [1].
 
 
 @dataclass(slots=True, kw_only=True)
 class GapAcceptanceInputs:
-    """What drivers know when they decide; arrays of the shape of `slots`, or one for each role.
+    """Beliefs and demands of drivers at a decision; by role, or of the shape of the slots.
 
     Attributes:
         slots: Slots of the drivers.
@@ -62,7 +58,7 @@ class GapAcceptanceInputs:
             gap, ignores vehicles beside it, and cancels nothing.
         pulls_out_by_script: Whether the script makes it pull out now: it has detected a slower
             leader.
-        forced_decision: `ForcedDecision` of a branch, 0 for none.
+        forced_decision: `ForcedDecision` of a branch, 0 without one.
     """
 
     slots: SlotSelection
@@ -80,10 +76,14 @@ class GapAcceptanceInputs:
     pulls_out_by_script: Mask
     forced_decision: F32
 
+    def leader(self, role: int) -> Leader:
+        """The leader in a role as the driver believes, without its braking."""
+        return Leader(gap=self.gap[role], closing_speed=self.closing_speed[role])
+
 
 @dataclass(slots=True, kw_only=True)
 class Intent:
-    """What drivers intend and start at a decision; masks of the shape of the selected slots.
+    """Wishes and actions of drivers at a decision; masks of the shape of the selected slots.
 
     Attributes:
         wants_to_pull_out: Wants to pull out, and indicates it.
@@ -107,200 +107,198 @@ class Intent:
 
 
 def gap_acceptance_inputs(
-    state: State,
-    params: StepParameters,
-    neighbours: Neighbours,
-    beliefs: Beliefs,
-    slots: SlotSelection,
+    state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> GapAcceptanceInputs:
-    """What drivers believe, and how much they demand after their wait.
-
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        neighbours: Neighbours.
-        beliefs: What drivers believe of them.
-        slots: The drivers.
-    """
-    vehicles, simulations = params.vehicles, params.simulations
-    own = vehicles.at_slots(slots)
-    waited = state.overtake.time_waiting[slots] * own.inverse_patience
-    impatience = maximum(exp(-waited), params.constants.patience_floor)
-    gap, closing = beliefs.gap[:, slots], beliefs.closing_speed[:, slots]
-    demand = own.gap_demand_factor * impatience
-    told = ordered = np.zeros(demand.shape, bool)
-    if slots == EGO_SLOT:
-        told = is_scripted(params)
-        seen = told & beliefs.is_detected[LEADER, slots]
-        ordered = seen & (true_closing_speed_to_leader(state, neighbours) > own.min_speed_gain)
+    """Beliefs of drivers, and their demands after the time for which they have waited."""
+    constants, neighbours, beliefs = params.constants, context.neighbours, context.beliefs
+    vehicle = params.vehicles.at_slots(slots)
+    gap, closing_speed = beliefs.gap[:, slots], beliefs.closing_speed[:, slots]
+    relative_wait = state.overtake.time_waiting[slots] * vehicle.inverse_patience
+    patience_left = maximum(exp(-relative_wait), constants.patience_floor)
+    gap_factor = vehicle.gap_demand_factor * patience_left
     # Waiting lowers the gaps that a driver asks for itself; it does not raise the braking that it
     # may impose on others (UN R157).
-    bounded = minimum(
-        own.safe_decel / maximum(demand, _MIN_GAP_FACTOR), params.constants.max_imposed_decel
+    imposed_decel = minimum(
+        vehicle.safe_decel / maximum(gap_factor, _MIN_GAP_FACTOR), constants.max_imposed_decel
     )
+    tall_factor = ONE
+    if params.road.has_oncoming_traffic:
+        tall_factor = tall_vehicle_gap_factor(params, neighbours.slot[LEADER, slots])
+    # Only the ego can have a script or a forced decision.
+    follows_script = pulls_out = np.zeros(gap_factor.shape, bool)
+    forced_decision = np.zeros_like(params.simulations.forced_decision)
+    if slots == EGO_SLOT:
+        follows_script = is_scripted(params)
+        has_slower_leader = true_closing_speed_to_leader(state, neighbours) > vehicle.min_speed_gain
+        pulls_out = follows_script & beliefs.is_detected[LEADER, slots] & has_slower_leader
+        forced_decision = params.simulations.forced_decision
     return GapAcceptanceInputs(
         slots=slots,
-        vehicle=own,
+        vehicle=vehicle,
         speed=state.motion.vx[slots],
         gap=gap,
-        closing_speed=closing,
+        closing_speed=closing_speed,
         is_detected=beliefs.is_detected[:, slots],
-        leader_speed=state.motion.vx[slots] - closing[LEADER],
-        gap_factor=demand,
-        acceptable_imposed_decel=minimum(bounded, own.max_assumed_decel),
-        patience_left=impatience,
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, neighbours.slot[LEADER, slots])
-        if params.road.has_oncoming_traffic
-        else _ONE,
-        is_scripted=told,
-        pulls_out_by_script=ordered,
-        forced_decision=simulations.forced_decision
-        if slots == EGO_SLOT
-        else np.zeros_like(simulations.forced_decision),
+        leader_speed=state.motion.vx[slots] - closing_speed[LEADER],
+        gap_factor=gap_factor,
+        acceptable_imposed_decel=minimum(imposed_decel, vehicle.max_assumed_decel),
+        patience_left=patience_left,
+        tall_vehicle_gap_factor=tall_factor,
+        is_scripted=follows_script,
+        pulls_out_by_script=pulls_out,
+        forced_decision=forced_decision,
     )
 
 
 def is_scripted(params: StepParameters) -> Mask:
-    """Whether the ego changes lanes by the script of the study: it demands no gap."""
-    vehicles = params.vehicles
-    return vehicles.at_slots(EGO_SLOT).gap_demand_factor <= 0
+    """Whether the ego changes lanes by the script of the study: it asks for no gap."""
+    return params.vehicles.at_slots(EGO_SLOT).gap_demand_factor <= 0
 
 
 def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
-    """True speed of the ego over that of its leader, by which the script decides [m/s]."""
-    return state.motion.vx[EGO_SLOT] - value_at_slot(
-        state.motion.vx, neighbours.slot[LEADER, EGO_SLOT]
-    )
+    """True speed of the ego minus its leader's, by which the script decides [m/s]."""
+    leader_slot = neighbours.slot[LEADER, EGO_SLOT]
+    return state.motion.vx[EGO_SLOT] - value_at_slot(state.motion.vx, leader_slot)
 
 
 def imposed_accel_on_driver(
-    params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing: F32
+    params: StepParameters, inputs: GapAcceptanceInputs, leader: Leader
 ) -> F32:
-    """Acceleration that a vehicle ahead forces on a driver at the gap demanded now."""
+    """Acceleration that a leader imposes on a driver, by the time gap it asks for now [m/s^2]."""
     time_gap = inputs.vehicle.time_gap * inputs.gap_factor
-    return imposed_accel(params.constants, inputs.vehicle, inputs.speed, gap, closing, time_gap)
+    return imposed_accel(params.constants, inputs.vehicle, inputs.speed, time_gap, leader)
 
 
 def imposed_accel_by_driver(
-    params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing: F32
+    params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing_speed: F32
 ) -> F32:
-    """Acceleration that a driver in front would force on a vehicle behind."""
+    """Acceleration that a driver imposes on a follower, by the time gap it asks for now [m/s^2].
+
+    Args:
+        params: Parameters of the batch.
+        inputs: Beliefs and demands of the driver.
+        gap: Gap to the follower [m].
+        closing_speed: Speed of the follower minus the driver's [m/s].
+    """
+    driver = Leader(gap=gap, closing_speed=closing_speed)
     time_gap = inputs.vehicle.time_gap * inputs.gap_factor
-    return imposed_accel(
-        params.constants, inputs.vehicle, inputs.speed + closing, gap, closing, time_gap
-    )
+    follower_speed = inputs.speed + closing_speed
+    return imposed_accel(params.constants, inputs.vehicle, follower_speed, time_gap, driver)
 
 
 def wants_to_overtake(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
-    own = inputs.vehicle
-    slower = own.desired_speed - inputs.leader_speed > own.min_speed_gain * inputs.patience_left
-    soon = inputs.gap[LEADER] < own.pull_out_ttc * inputs.closing_speed[LEADER]
-    kept = own.time_gap * inputs.tall_vehicle_gap_factor
-    neighbours = params.constants.close_time_gap * kept * inputs.speed + own.min_gap
-    close = inputs.gap[LEADER] < neighbours
-    return inputs.is_detected[LEADER] & slower & (soon | close)
+    """Whether the leader is so slow and so near that the driver wants to overtake now."""
+    vehicle, leader = inputs.vehicle, inputs.leader(LEADER)
+    speed_gain = vehicle.desired_speed - inputs.leader_speed
+    is_slow = speed_gain > vehicle.min_speed_gain * inputs.patience_left
+    is_reached_soon = leader.gap < vehicle.pull_out_ttc * leader.closing_speed
+    kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor
+    near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap
+    is_near = leader.gap < near_gap
+    return inputs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
 
 
 def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether the next lane looks free enough, and faster, to this driver.
+    """Whether the lane on the left looks free enough and, on one-way roads, faster.
 
-    The lane of oncoming traffic is free while no other is seen to overtake there.
+    On two-way roads that is the opposing lane: a vehicle ahead in it overtakes as well, and the
+    driver waits for it. `accepts_oncoming_gap` judges oncoming vehicles.
     """
-    constants, own = params.constants, inputs.vehicle
-    front = (
-        imposed_accel_on_driver(
-            params, inputs, inputs.gap[LEFT_LEADER], inputs.closing_speed[LEFT_LEADER]
-        )
-        >= -own.decel
+    constants, vehicle = params.constants, inputs.vehicle
+    leader = inputs.leader(LEFT_LEADER)
+    accel = imposed_accel_on_driver(params, inputs, leader)
+    is_free_ahead = accel >= -vehicle.decel
+    gap, closing_speed = inputs.gap[LEFT_FOLLOWER], inputs.closing_speed[LEFT_FOLLOWER]
+    follower_accel_now = imposed_accel_by_driver(params, inputs, gap, closing_speed)
+    follower_accel_soon = imposed_accel_by_driver(
+        params, inputs, *anticipated_follower(params, gap, closing_speed)
     )
-    gap, closing = inputs.gap[LEFT_FOLLOWER], inputs.closing_speed[LEFT_FOLLOWER]
-    now = imposed_accel_by_driver(params, inputs, gap, closing)
-    rear = (
-        minimum(
-            now,
-            imposed_accel_by_driver(params, inputs, *anticipated_follower(params, gap, closing)),
-        )
-        >= -inputs.acceptable_imposed_decel
+    follower_accel = minimum(follower_accel_now, follower_accel_soon)
+    is_free_behind = (follower_accel >= -inputs.acceptable_imposed_decel) & (
+        gap > constants.min_rear_gap * inputs.gap_factor
     )
-    rear = rear & (gap > constants.min_rear_gap * inputs.gap_factor)
+    has_no_leader = ~inputs.is_detected[LEFT_LEADER]
     if params.road.has_oncoming_traffic:
-        return rear & ~inputs.is_detected[LEFT_LEADER]
-    next_speed = inputs.speed - inputs.closing_speed[LEFT_LEADER]
-    gain = next_speed - inputs.leader_speed > own.min_speed_gain * inputs.patience_left
-    far = inputs.gap[LEFT_LEADER] > inputs.gap[LEADER] + constants.waiting_time_gap * inputs.speed
-    return front & rear & (gain | far | ~inputs.is_detected[LEFT_LEADER])
+        return is_free_behind & has_no_leader
+    speed_gain = (inputs.speed - leader.closing_speed) - inputs.leader_speed
+    is_faster = speed_gain > vehicle.min_speed_gain * inputs.patience_left
+    extra_gap = constants.waiting_time_gap * inputs.speed
+    is_far = leader.gap > inputs.gap[LEADER] + extra_gap
+    return is_free_ahead & is_free_behind & (is_faster | is_far | has_no_leader)
 
 
 def accepts_return_gaps(
-    params: StepParameters, inputs: GapAcceptanceInputs, room_left: F32 | np.float32 = _ONE
+    params: StepParameters, inputs: GapAcceptanceInputs, gap_factor: F32 | np.float32 = ONE
 ) -> Mask:
-    """Whether the slower lane has room: behind when the line is crossed, ahead at the end.
+    """Whether the lane on the right has space for the return.
+
+    The gap behind is judged for when the line is crossed, the gap ahead for the end of the return.
 
     Args:
         params: Parameters of the batch.
-        inputs: What drivers know.
-        room_left: How much more room is left behind than to a car [1].
+        inputs: Beliefs and demands of the drivers.
+        gap_factor: Factor on the gap that is left to the overtaken vehicle, 1 for a car [1].
     """
-    own, zero = inputs.vehicle, np.float32(0.0)
-    closing, ahead = inputs.closing_speed[RIGHT_FOLLOWER], inputs.closing_speed[RIGHT_LEADER]
-    crossing = np.float32(0.5) * own.lane_change_duration
-    gap = inputs.gap[RIGHT_FOLLOWER] - crossing * minimum(closing, zero)
-    left = gap >= own.return_time_gap * (inputs.speed + closing) * inputs.patience_left * room_left
-    rear = left & (
-        imposed_accel_by_driver(params, inputs, gap, closing) >= -inputs.acceptable_imposed_decel
+    constants, vehicle = params.constants, inputs.vehicle
+    leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
+    time_to_line = HALF * vehicle.lane_change_duration
+    # A growing gap counts, a shrinking one does not: the imposed braking covers it.
+    follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * minimum(closing_speed, ZERO)
+    follower_speed = inputs.speed + closing_speed
+    min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * gap_factor
+    follower_accel = imposed_accel_by_driver(params, inputs, follower_gap, closing_speed)
+    is_free_behind = (follower_gap >= min_gap) & (
+        follower_accel >= -inputs.acceptable_imposed_decel
     )
-    room = inputs.gap[RIGHT_LEADER] - own.lane_change_duration * maximum(ahead, zero)
-    front = imposed_accel_on_driver(params, inputs, room, ahead) >= -own.decel
-    constants = params.constants
-    # On a two-way road one returns even if one will soon catch up with the next vehicle.
+    leader_gap = leader.gap - vehicle.lane_change_duration * maximum(leader.closing_speed, ZERO)
+    leader_then = Leader(gap=leader_gap, closing_speed=leader.closing_speed)
+    is_free_ahead = imposed_accel_on_driver(params, inputs, leader_then) >= -vehicle.decel
+    # On a two-way road drivers return even if they soon reach the next vehicle.
     if params.road.has_oncoming_traffic:
-        return rear & front & (inputs.gap[RIGHT_LEADER] > constants.min_return_gap)
-    return (
-        rear
-        & front
-        & (inputs.gap[RIGHT_LEADER] > constants.stay_time * inputs.closing_speed[RIGHT_LEADER])
-    )
+        return is_free_behind & is_free_ahead & (leader.gap > constants.min_return_gap)
+    stays_free = leader.gap > constants.stay_time * leader.closing_speed
+    return is_free_behind & is_free_ahead & stays_free
 
 
 def lane_change_is_dangerous(
-    params: StepParameters, inputs: GapAcceptanceInputs, lead: int, rear: int
+    params: StepParameters, inputs: GapAcceptanceInputs, old_leader_role: int
 ) -> Mask:
-    """Whether the lane being entered has turned dangerous, and the old one still has room.
+    """Whether the lane that is entered has become dangerous, and the old one still has space.
 
     Args:
         params: Parameters of the batch.
-        inputs: What drivers know.
-        lead: Role of the vehicle ahead in the old lane.
-        rear: Role of the vehicle behind in the old lane.
+        inputs: Beliefs and demands of the drivers.
+        old_leader_role: Role of the leader in the old lane; its follower has the next number.
     """
-    constants, own = params.constants, inputs.vehicle
-    imposed = imposed_accel_by_driver(
+    constants, vehicle = params.constants, inputs.vehicle
+    follower_accel = imposed_accel_by_driver(
         params, inputs, inputs.gap[FOLLOWER], inputs.closing_speed[FOLLOWER]
     )
-    braking = imposed_accel_on_driver(
-        params, inputs, inputs.gap[LEADER], inputs.closing_speed[LEADER]
+    accel = imposed_accel_on_driver(params, inputs, inputs.leader(LEADER))
+    max_imposed_decel = constants.abort_imposed_factor * inputs.acceptable_imposed_decel
+    is_dangerous = (follower_accel < -max_imposed_decel) | (
+        accel < -(constants.abort_factor * vehicle.decel)
     )
-    bad = (imposed < -(constants.abort_imposed_factor * inputs.acceptable_imposed_decel)) | (
-        braking < -(constants.abort_factor * own.decel)
-    )
-    back = cah_accel(constants, inputs.speed, inputs.gap[lead], inputs.closing_speed[lead], _STEADY)
-    return bad & (back >= -own.max_assumed_decel) & (inputs.gap[rear] > constants.min_rear_gap)
+    old_leader_accel = cah_accel(constants, inputs.speed, inputs.leader(old_leader_role))
+    can_brake = old_leader_accel >= -vehicle.max_assumed_decel
+    has_space_behind = inputs.gap[old_leader_role + 1] > constants.min_rear_gap
+    return is_dangerous & can_brake & has_space_behind
 
 
 def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether the lane beside has room enough for a driver in a hurry when the line is crossed."""
-    simulations = params.simulations
-    constants, closing = params.constants, inputs.closing_speed[RIGHT_LEADER]
-    crossing = np.float32(0.5) * simulations.urgent_change_duration
-    front = inputs.gap[RIGHT_LEADER] - crossing * closing
-    rear = inputs.gap[RIGHT_FOLLOWER] - crossing * maximum(
-        inputs.closing_speed[RIGHT_FOLLOWER], _STEADY
-    )
-    squeezed = minimum(rear, front) > constants.min_return_gap
-    # It brakes on the way: waiting until it need not brake would be too late behind a slow vehicle.
-    ahead = cah_accel(constants, inputs.speed, inputs.gap[RIGHT_LEADER], closing, _STEADY)
-    return squeezed & (ahead >= -(constants.abort_factor * inputs.vehicle.decel))
+    """Whether the lane on the right has the least space for an urgent return.
+
+    The gaps are judged for when the line is crossed. The driver may brake behind the leader while
+    it moves over: behind a slow vehicle it would be too late to wait for a gap without braking.
+    """
+    constants = params.constants
+    leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
+    time_to_line = HALF * params.simulations.urgent_change_duration
+    leader_gap = leader.gap - time_to_line * leader.closing_speed
+    follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * maximum(closing_speed, ZERO)
+    has_space = minimum(follower_gap, leader_gap) > constants.min_return_gap
+    accel = cah_accel(constants, inputs.speed, leader)
+    return has_space & (accel >= -(constants.abort_factor * inputs.vehicle.decel))
 
 
 def has_gap_behind(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
@@ -315,180 +313,170 @@ def form_intent(
     slots: SlotSelection,
     continuation: PassContinuation | None,
 ) -> Intent:
-    """What drivers want, and what of it is done now that they have signalled long enough.
+    """Wishes of drivers, and which of them they carry out after indicating for long enough.
 
     Args:
-        state: State at a decision.
+        state: The wanted side and the time of indicating change.
         params: Parameters of the batch.
-        context: What drivers perceive at this decision.
-        slots: The drivers.
+        context: Perception of the drivers at this decision.
+        slots: Slots of the drivers.
         continuation: How their pass goes on; None on one-way roads.
     """
-    inputs = gap_acceptance_inputs(state, params, context.neighbours, context.beliefs, slots)
-    checks_mirrors = context.checks_mirrors[slots]
-    arrived = state.has_finished_lane_change(slots)
-    passed = has_passed_target(state, params, slots)
-    start = _wants_to_pull_out(state, params, context, inputs, arrived)
-    back = _wants_to_return(state, params, inputs, passed, checks_mirrors, continuation)
-    update_indicator(state, params, slots, start, back)
-    ready = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
-    sure = (checks_mirrors & ~context.gives_way[slots]) | inputs.is_scripted
-    abort = _cancels_pull_out(state, params, inputs, checks_mirrors)
-    remain = _cancels_return(state, params, inputs, checks_mirrors)
-    back_now = ready
+    inputs = gap_acceptance_inputs(state, params, context, slots)
+    wants_to_pull_out = _wants_to_pull_out(state, params, context, inputs)
+    wants_to_return = _wants_to_return(state, params, context, inputs, continuation)
+    update_indicator(state, params, slots, wants_to_pull_out, wants_to_return)
+    has_indicated = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
+    goes_first = context.checks_mirrors[slots] & ~context.gives_way[slots]
+    decides_now = goes_first | inputs.is_scripted
+    forced_decision = inputs.forced_decision
+    cancels_pull_out = _cancels_pull_out(state, params, context, inputs)
+    cancels_return = _cancels_return(state, params, context, inputs)
+    may_return = has_indicated
     if continuation is not None:
-        falls_in = (
+        falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
-        back_now = (ready | continuation.must_return_urgently) & ~falls_in
-        abort = abort | falls_in
-        remain = np.zeros_like(remain)  # The other lane is no place to stay.
+        may_return = (has_indicated | continuation.must_return_urgently) & ~falls_back
+        cancels_pull_out = cancels_pull_out | falls_back
+        # In the opposing lane no driver can stay.
+        cancels_return = np.zeros_like(cancels_return)
     return Intent(
-        wants_to_pull_out=start,
-        wants_to_return=back,
-        starts_pull_out=start
-        & ready
-        & (sure | (inputs.forced_decision == ForcedDecision.PULL_OUT)),
-        starts_return=back & back_now & (sure | (inputs.forced_decision == ForcedDecision.RETURN)),
-        cancels_pull_out=abort,
-        cancels_return=remain,
-        has_passed_target=passed,
-        has_finished_lane_change=arrived,
+        wants_to_pull_out=wants_to_pull_out,
+        wants_to_return=wants_to_return,
+        starts_pull_out=wants_to_pull_out
+        & has_indicated
+        & (decides_now | (forced_decision == ForcedDecision.PULL_OUT)),
+        starts_return=wants_to_return
+        & may_return
+        & (decides_now | (forced_decision == ForcedDecision.RETURN)),
+        cancels_pull_out=cancels_pull_out,
+        cancels_return=cancels_return,
+        has_passed_target=has_passed_target(state, params, slots),
+        has_finished_lane_change=state.has_finished_lane_change(slots),
     )
 
 
 def _wants_to_pull_out(
-    state: State,
-    params: StepParameters,
-    context: DecisionContext,
-    inputs: GapAcceptanceInputs,
-    arrived: Mask,
+    state: State, params: StepParameters, context: DecisionContext, inputs: GapAcceptanceInputs
 ) -> Mask:
-    """Whether an overtake is wanted and looked possible, or is forced by a branch."""
+    """Whether drivers want to overtake and accept the gaps, or a branch forces them to."""
     constants, slots, oncoming = params.constants, inputs.slots, context.oncoming
-    rested = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
+    has_paused = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
     has_lane = state.lane_choice.lane[slots] < np.float32(params.road.num_lanes - 1)
-    free = state.is_in_stage(Stage.FOLLOW, slots) & arrived & rested & has_lane
-    seen = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
+    follows = state.is_in_stage(Stage.FOLLOW, slots)
+    can_pull_out = follows & state.has_finished_lane_change(slots) & has_paused & has_lane
+    wants_now = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
     if oncoming is not None:
         opportunity = passing_opportunity(state, params, context, slots)
-        seen = seen & accepts_oncoming_gap(
+        wants_now = wants_now & accepts_oncoming_gap(
             params, inputs.vehicle, inputs.speed, inputs.patience_left, opportunity
         )
-        seen = seen & ~oncoming.leader_pulls_out[slots]
-    seen = np.where(inputs.is_scripted, inputs.pulls_out_by_script, seen)
-    wanted = np.where(
-        context.checks_mirrors[slots] | inputs.is_scripted,
-        seen,
-        state.lane_choice.wanted_side[slots] > 0,
-    )
-    wanted = wanted & (inputs.forced_decision != ForcedDecision.STAY)
-    forced = (inputs.forced_decision == ForcedDecision.PULL_OUT) & (
+        wants_now = wants_now & ~oncoming.leader_pulls_out[slots]
+    wants_now = np.where(inputs.is_scripted, inputs.pulls_out_by_script, wants_now)
+    # Between two checks of the mirrors drivers keep their intention.
+    decides = context.checks_mirrors[slots] | inputs.is_scripted
+    wants = np.where(decides, wants_now, state.lane_choice.wanted_side[slots] > 0)
+    wants = wants & (inputs.forced_decision != ForcedDecision.STAY)
+    # A branch forces the first attempt only; later ones are the driver's own.
+    is_forced = (inputs.forced_decision == ForcedDecision.PULL_OUT) & (
         state.overtake.has_attempted == 0
     )
-    return free & (wanted | forced)
+    return can_pull_out & (wants | is_forced)
 
 
 def _wants_to_return(
     state: State,
     params: StepParameters,
+    context: DecisionContext,
     inputs: GapAcceptanceInputs,
-    passed: Mask,
-    checks_mirrors: Mask,
     continuation: PassContinuation | None,
 ) -> Mask:
-    """Whether drivers may return: past the target, or stuck beside it, or forced by a branch."""
+    """Whether drivers want to return: past the target, stuck beside it, or forced by a branch."""
     constants, slots = params.constants, inputs.slots
-    has_lane = state.is_in_stage(Stage.PASS, slots) & (
-        state.lane_choice.lane[slots] >= np.float32(1.0)
-    )
-    late = state.overtake.time_in_stage[slots] > constants.give_up_after
-    stuck = late & (
-        state.motion.s[slots] < value_at_slot(state.motion.s, state.overtake.target_slot[slots])
-    )
-    rested = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
+    target_slot = state.overtake.target_slot[slots]
+    has_lane = state.lane_choice.lane[slots] >= ONE
+    can_return = state.is_in_stage(Stage.PASS, slots) & has_lane
+    is_behind_target = state.motion.s[slots] < value_at_slot(state.motion.s, target_slot)
+    is_stuck = is_behind_target & (state.overtake.time_in_stage[slots] > constants.give_up_after)
+    has_passed = has_passed_target(state, params, slots)
+    has_paused = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
     if continuation is None:
-        may = accepts_return_gaps(params, inputs) & (passed | stuck)
+        accepts_gaps = accepts_return_gaps(params, inputs) & (has_passed | is_stuck)
     else:
-        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[slots])
-        hurried = (
-            continuation.accepts_small_gap & accepts_urgent_return_gaps(params, inputs) & passed
+        gap_factor = tall_vehicle_gap_factor(params, target_slot)
+        accepts_usual_gaps = accepts_return_gaps(params, inputs, gap_factor)
+        accepts_small_gaps = (
+            continuation.accepts_small_gap & accepts_urgent_return_gaps(params, inputs) & has_passed
         )
-        may = (accepts_return_gaps(params, inputs, room) & (passed | stuck)) | hurried
-        rested = rested | hurried
-    seen = np.where(inputs.is_scripted, passed, may) & rested
-    wanted = np.where(
-        checks_mirrors | inputs.is_scripted, seen, state.lane_choice.wanted_side[slots] < 0
-    )
-    return has_lane & (wanted | (inputs.forced_decision == ForcedDecision.RETURN))
+        accepts_gaps = (accepts_usual_gaps & (has_passed | is_stuck)) | accepts_small_gaps
+        # An urgent return waits for no pause after the pull-out.
+        has_paused = has_paused | accepts_small_gaps
+    wants_now = np.where(inputs.is_scripted, has_passed, accepts_gaps) & has_paused
+    decides = context.checks_mirrors[slots] | inputs.is_scripted
+    wants = np.where(decides, wants_now, state.lane_choice.wanted_side[slots] < 0)
+    return can_return & (wants | (inputs.forced_decision == ForcedDecision.RETURN))
 
 
 def _cancels_pull_out(
-    state: State, params: StepParameters, inputs: GapAcceptanceInputs, checks_mirrors: Mask
+    state: State, params: StepParameters, context: DecisionContext, inputs: GapAcceptanceInputs
 ) -> Mask:
-    """Whether drivers go back while pulling out: in danger, or forced by a branch."""
-    danger = (
-        checks_mirrors
-        & ~inputs.is_scripted
-        & lane_change_is_dangerous(params, inputs, RIGHT_LEADER, RIGHT_FOLLOWER)
-    )
-    forced = inputs.forced_decision == ForcedDecision.CANCEL
-    return can_cancel_pull_out(state, params, inputs.slots) & (danger | forced)
+    """Whether drivers go back while they pull out: in danger, or forced by a branch."""
+    decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
+    is_dangerous = decides & lane_change_is_dangerous(params, inputs, RIGHT_LEADER)
+    is_forced = inputs.forced_decision == ForcedDecision.CANCEL
+    return can_cancel_pull_out(state, params, inputs.slots) & (is_dangerous | is_forced)
 
 
 def _cancels_return(
-    state: State, params: StepParameters, inputs: GapAcceptanceInputs, checks_mirrors: Mask
+    state: State, params: StepParameters, context: DecisionContext, inputs: GapAcceptanceInputs
 ) -> Mask:
-    """Whether drivers give up their way back in danger, unless a branch forces a return."""
-    danger = (
-        checks_mirrors
-        & ~inputs.is_scripted
-        & lane_change_is_dangerous(params, inputs, LEFT_LEADER, LEFT_FOLLOWER)
-    )
-    return (
-        can_cancel_return(state, params, inputs.slots)
-        & danger
-        & (inputs.forced_decision != ForcedDecision.RETURN)
-    )
+    """Whether drivers give up their return in danger, unless a branch forces them to return."""
+    decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
+    is_dangerous = decides & lane_change_is_dangerous(params, inputs, LEFT_LEADER)
+    must_return = inputs.forced_decision == ForcedDecision.RETURN
+    return can_cancel_return(state, params, inputs.slots) & is_dangerous & ~must_return
 
 
 def has_passed_target(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
     """Whether the target's front is visibly behind the own rear."""
-    vehicles = params.vehicles
-    behind = state.motion.s[slots] - value_at_slot(
-        state.motion.s, state.overtake.target_slot[slots]
-    )
-    bodies = vehicles.half_length[slots] + value_at_slot(
-        vehicles.half_length, state.overtake.target_slot[slots]
-    )
-    return behind > bodies + params.constants.return_clearance
+    s, half_length = state.motion.s, params.vehicles.half_length
+    target_slot = state.overtake.target_slot[slots]
+    ego_lead = s[slots] - value_at_slot(s, target_slot)
+    half_lengths = half_length[slots] + value_at_slot(half_length, target_slot)
+    return ego_lead > half_lengths + params.constants.return_clearance
 
 
 def is_quicker_to_turn_back(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether going back is shorter than going on."""
+    """Whether a lane change has just begun, so that turning back is quicker than finishing it."""
     return state.path.elapsed[slots] < params.constants.abort_until * state.path.duration[slots]
 
 
 def can_cancel_pull_out(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether drivers pull out, and going back is shorter than going on."""
+    """Whether drivers have just begun to pull out."""
     return state.is_in_stage(Stage.PULL_OUT, slots) & is_quicker_to_turn_back(state, params, slots)
 
 
 def can_cancel_return(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether drivers change back by a whole lane, and going back is shorter than going on."""
-    comes_back = state.is_in_stage(Stage.RETURN, slots) | state.is_in_stage(Stage.ABORT, slots)
-    _, whole = lane_change_direction(state, params)
-    return comes_back & is_quicker_to_turn_back(state, params, slots) & whole[slots]
+    """Whether drivers have just begun to go back by a whole lane."""
+    goes_back = state.is_in_stage(Stage.RETURN, slots) | state.is_in_stage(Stage.ABORT, slots)
+    is_early = is_quicker_to_turn_back(state, params, slots)
+    return goes_back & is_early & lane_change_direction(state, params).is_whole_lane[slots]
 
 
 def update_indicator(
-    state: State, params: StepParameters, slots: SlotSelection, start: Mask, back: Mask
+    state: State,
+    params: StepParameters,
+    slots: SlotSelection,
+    wants_to_pull_out: Mask,
+    wants_to_return: Mask,
 ) -> None:
-    """Remember the side that is wanted, and for how long it has been shown."""
-    decision_index, zero, one = params.constants.decision, np.float32(0.0), np.float32(1.0)
-    state.lane_choice.wanted_side[slots] = np.where(start, one, np.where(back, -one, zero))
-    # Doubts while waiting do not switch the indicator off at once.
-    fading = maximum(state.overtake.time_indicating[slots] - decision_index, zero)
+    """Store the wanted side, and count for how long drivers have indicated it."""
+    decision, wants_change = params.constants.decision, wants_to_pull_out | wants_to_return
+    side = np.where(wants_to_pull_out, ONE, np.where(wants_to_return, -ONE, ZERO))
+    state.lane_choice.wanted_side[slots] = side
+    time = state.overtake.time_indicating[slots]
+    # The time runs down when the wish ends, so a short doubt does not restart the lead time.
     state.overtake.time_indicating[slots] = np.where(
-        start | back, state.overtake.time_indicating[slots] + decision_index, fading
+        wants_change, time + decision, maximum(time - decision, ZERO)
     )

@@ -1,12 +1,24 @@
-"""Lane changes of the other vehicles."""
+"""Lane changes by MOBIL: incentives, safety, cancelling, and the start of a lane change.
+
+On one-way roads all drivers but the ego decide by MOBIL. Every lane change starts here.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import maximum, minimum
+from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, maximum, minimum
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.car_following import acc_accel, cah_accel, imposed_accel
-from overtaking.sim.reference.decision_context import Beliefs
+from overtaking.sim.reference.car_following import (
+    Follower,
+    Leader,
+    acc_accel,
+    cah_accel,
+    imposed_accel,
+)
+from overtaking.sim.reference.decision_context import Beliefs, DecisionContext
 from overtaking.sim.reference.neighbour_search import lane_borders, nearest_image
 from overtaking.sim.reference.perception import draw_shoulder_check
 from overtaking.sim.reference.state import (
@@ -22,193 +34,244 @@ from overtaking.sim.reference.state import (
 from overtaking.sim.reference.steering import start_path
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_STEADY = np.float32(0.0)
+_MIN_CLOSING_SPEED = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
 
 
-_MIN_SPEED = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
+class MobilIncentives(NamedTuple):
+    """Incentives to change lanes [m/s^2]."""
+
+    to_left: F32
+    to_right: F32
 
 
-LaneClaims = tuple[F32, F32]
-"""Lanes and sides, each (vehicle, simulation), of `claimed`."""
+class LaneClaims(NamedTuple):
+    """Lanes that drivers claim by their indicators, (vehicle, simulation)."""
+
+    lane: F32  # Lane of the vehicle.
+    side: F32  # Side that it indicates before it moves over, as `Controls.indicator`.
+
+
+class LaneChangeDirection(NamedTuple):
+    """Direction of the last lane change, (vehicle, simulation)."""
+
+    is_to_left: Mask
+    is_whole_lane: Mask  # Whether it crosses a whole lane; a cancelled lane change does not.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneMoves:
+    """Lane changes that start at a decision; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        to_left: Whether the vehicle moves to the left.
+        to_right: Whether it moves to the right.
+        is_cancelled: Whether the move cancels a lane change, and so is shorter.
+        urgent_duration: Duration of an urgent lane change, 0 for one of the usual duration; None
+            if no change is urgent [s].
+    """
+
+    to_left: Mask
+    to_right: Mask
+    is_cancelled: Mask
+    urgent_duration: F32 | None = None
 
 
 def imposed_accel_on_follower(
-    params: StepParameters, vehicle: VehicleParameters, speed: F32, gap: F32, closing: F32
+    params: StepParameters, vehicle: VehicleParameters, speed: F32, gap: F32, closing_speed: F32
 ) -> F32:
-    """Acceleration imposed on a follower, judged by the standard of the driver in front [m/s^2]."""
-    return imposed_accel(params.constants, vehicle, speed + closing, gap, closing, vehicle.time_gap)
+    """Acceleration that a driver would impose on a follower, by its own time gap [m/s^2].
+
+    Args:
+        params: Parameters of the batch.
+        vehicle: Parameters of the driver in front.
+        speed: Its speed [m/s].
+        gap: Gap to the follower [m].
+        closing_speed: Speed of the follower minus the driver's [m/s].
+    """
+    driver = Leader(gap=gap, closing_speed=closing_speed)
+    follower_speed = speed + closing_speed
+    return imposed_accel(params.constants, vehicle, follower_speed, vehicle.time_gap, driver)
 
 
 def mobil_incentives(
     params: StepParameters,
-    vehicle: VehicleParameters,
-    v: F32,
+    driver: Follower,
     beliefs: Beliefs,
-    own: F32,
-    most: F32 | np.float32 = NO_ACCEL_LIMIT,
-) -> tuple[F32, F32]:
-    """MOBIL's incentives to change to the fast and to the slow side [m/s^2].
+    accel: F32,
+    accel_limit: F32 | np.float32 = NO_ACCEL_LIMIT,
+) -> MobilIncentives:
+    """MOBIL's incentives to change to the left and to the right [m/s^2].
 
-    European rule: to the fast side only the new follower counts, to the slow side the old one;
-    above 60 km/h no driver expects to be faster than the traffic on the fast side.
+    European rule: for a change to the left only the new follower counts, for a change to the right
+    only the old one. Above 60 km/h no driver expects to be faster than the traffic on its left.
 
     Args:
         params: Parameters of the batch.
-        vehicle: Driver parameters, of all vehicles or of one.
-        v: Own speed [m/s].
-        beliefs: What drivers believe about their neighbours.
-        own: Acceleration behind the present leader [m/s^2].
-        most: Acceleration that drivers do not go beyond, in whatever lane [m/s^2].
+        driver: The drivers, of all vehicles or of one.
+        beliefs: Beliefs of the drivers about their neighbours.
+        accel: Acceleration behind the present leader [m/s^2].
+        accel_limit: Largest acceleration of the drivers in any lane [m/s^2].
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
     """
-    constants = params.constants
-    gap, closing = beliefs.gap, beliefs.closing_speed
-    desired, time = vehicle.desired_speed, vehicle.time_gap
-    fast = minimum(
-        acc_accel(constants, vehicle, v, desired, gap[LEFT_LEADER], closing[LEFT_LEADER], time),
-        most,
+    constants, vehicle, speed = params.constants, driver.vehicle, driver.speed
+    gap, closing_speed = beliefs.gap, beliefs.closing_speed
+
+    def accel_behind(role: int) -> F32:
+        leader = Leader(gap=gap[role], closing_speed=closing_speed[role])
+        return minimum(acc_accel(constants, driver, leader), accel_limit)
+
+    accel_left, accel_right = accel_behind(LEFT_LEADER), accel_behind(RIGHT_LEADER)
+    keeps_behind_left = speed > constants.no_passing_right_speed
+    reference_accel = np.where(keeps_behind_left, minimum(accel, accel_left), accel)
+    accel_right = np.where(keeps_behind_left, minimum(accel_right, accel), accel_right)
+    length = TWO * vehicle.half_length
+    # The new follower, with the driver ahead of it and without.
+    follower_gap, follower_closing = gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]
+    new_follower_accel = imposed_accel_on_follower(
+        params, vehicle, speed, follower_gap, follower_closing
     )
-    slow = minimum(
-        acc_accel(constants, vehicle, v, desired, gap[RIGHT_LEADER], closing[RIGHT_LEADER], time),
-        most,
-    )
-    no_passing = v > constants.no_passing_right_speed
-    here = np.where(no_passing, minimum(own, fast), own)
-    there = np.where(no_passing, minimum(slow, own), slow)
-    body = np.float32(2.0) * vehicle.half_length
-    after = imposed_accel_on_follower(
-        params, vehicle, v, gap[LEFT_FOLLOWER], closing[LEFT_FOLLOWER]
-    )
-    open_gap = gap[LEFT_FOLLOWER] + gap[LEFT_LEADER] + body
-    before = imposed_accel_on_follower(
+    new_follower_accel_without = imposed_accel_on_follower(
         params,
         vehicle,
-        v - closing[LEFT_LEADER],
-        open_gap,
-        closing[LEFT_FOLLOWER] + closing[LEFT_LEADER],
+        speed - closing_speed[LEFT_LEADER],
+        follower_gap + gap[LEFT_LEADER] + length,
+        follower_closing + closing_speed[LEFT_LEADER],
     )
-    relieved_gap = gap[FOLLOWER] + gap[LEADER] + body
-    now = imposed_accel_on_follower(params, vehicle, v, gap[FOLLOWER], closing[FOLLOWER])
-    relieved = imposed_accel_on_follower(
-        params, vehicle, v - closing[LEADER], relieved_gap, closing[FOLLOWER] + closing[LEADER]
+    # The old follower, without the driver ahead of it and with.
+    old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length
+    old_follower_accel = imposed_accel_on_follower(
+        params, vehicle, speed, gap[FOLLOWER], closing_speed[FOLLOWER]
     )
-    to_fast = fast - here + vehicle.politeness * (after - before) - vehicle.keep_right_bias
-    to_slow = there - own + vehicle.politeness * (relieved - now) + vehicle.keep_right_bias
-    return to_fast, to_slow
+    old_follower_accel_without = imposed_accel_on_follower(
+        params,
+        vehicle,
+        speed - closing_speed[LEADER],
+        old_follower_gap,
+        closing_speed[FOLLOWER] + closing_speed[LEADER],
+    )
+    new_follower_change = new_follower_accel - new_follower_accel_without
+    old_follower_change = old_follower_accel_without - old_follower_accel
+    to_left = accel_left - reference_accel + vehicle.politeness * new_follower_change
+    to_right = accel_right - accel + vehicle.politeness * old_follower_change
+    return MobilIncentives(to_left - vehicle.keep_right_bias, to_right + vehicle.keep_right_bias)
 
 
 def is_safe_lane_change(
-    params: StepParameters,
-    vehicle: VehicleParameters,
-    v: F32,
-    beliefs: Beliefs,
-    front: int,
-    rear: int,
+    params: StepParameters, driver: Follower, beliefs: Beliefs, leader_role: int
 ) -> Mask:
     """Whether a lane change endangers neither the driver nor the new follower, now and soon.
 
     Args:
         params: Parameters of the batch.
-        vehicle: Driver parameters, of all vehicles or of one.
-        v: Own speed [m/s].
-        beliefs: What drivers believe about their neighbours.
-        front: Role of the vehicle ahead in the new lane.
-        rear: Role of the one behind.
+        driver: The drivers, of all vehicles or of one.
+        beliefs: Beliefs of the drivers about their neighbours.
+        leader_role: Role of the leader in the new lane; the follower has the next number.
     """
-    constants = params.constants
-    gap, closing = beliefs.gap, beliefs.closing_speed
-    braking = minimum(
-        imposed_accel_on_follower(params, vehicle, v, gap[rear], closing[rear]),
-        imposed_accel_on_follower(
-            params, vehicle, v, *anticipated_follower(params, gap[rear], closing[rear])
-        ),
+    constants, vehicle, speed = params.constants, driver.vehicle, driver.speed
+    gap, closing_speed = beliefs.gap[leader_role], beliefs.closing_speed[leader_role]
+    rear_gap, rear_closing_speed = (
+        beliefs.gap[leader_role + 1],
+        beliefs.closing_speed[leader_role + 1],
     )
-    own = imposed_accel(constants, vehicle, v, gap[front], closing[front], vehicle.time_gap)
-    room = (gap[rear] > constants.min_rear_gap) & (gap[front] > constants.min_rear_gap)
-    return room & (braking >= -vehicle.safe_decel) & (own >= -vehicle.safe_decel)
+    rear_accel_now = imposed_accel_on_follower(params, vehicle, speed, rear_gap, rear_closing_speed)
+    rear_accel_soon = imposed_accel_on_follower(
+        params, vehicle, speed, *anticipated_follower(params, rear_gap, rear_closing_speed)
+    )
+    leader = Leader(gap=gap, closing_speed=closing_speed)
+    accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, leader)
+    has_space = (rear_gap > constants.min_rear_gap) & (gap > constants.min_rear_gap)
+    is_safe_for_follower = minimum(rear_accel_now, rear_accel_soon) >= -vehicle.safe_decel
+    return has_space & is_safe_for_follower & (accel >= -vehicle.safe_decel)
 
 
-def anticipated_follower(params: StepParameters, gap: F32, closing: F32) -> tuple[F32, F32]:
-    """Gap [m] to a follower, and how fast it closes [m/s], if it speeds up for some seconds."""
+def anticipated_follower(params: StepParameters, gap: F32, closing_speed: F32) -> tuple[F32, F32]:
+    """Gap [m] and closing speed [m/s] of a follower that accelerates for some seconds."""
     constants = params.constants
-    faster = constants.foresight_accel * constants.foresight
-    return gap - constants.foresight * (closing + np.float32(0.5) * faster), closing + faster
+    speed_gain = constants.foresight_accel * constants.foresight
+    later_gap = gap - constants.foresight * (closing_speed + HALF * speed_gain)
+    return later_gap, closing_speed + speed_gain
 
 
 def change_lanes_by_mobil(
-    state: State,
-    params: StepParameters,
-    beliefs: Beliefs,
-    own: F32,
-    checks_mirrors: Mask,
-    decision_index: int,
+    state: State, params: StepParameters, context: DecisionContext, accel: F32
 ) -> None:
-    """Let the other vehicles change lanes where it pays and is safe, or back in danger.
+    """Let all drivers but the ego change lanes where it pays and is safe, or cancel in danger.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        beliefs: What drivers believe about their neighbours.
-        own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
-        checks_mirrors: Which drivers look around, (vehicle, simulation).
-        decision_index: Number of the decision.
+        context: Perception of the drivers at this decision.
+        accel: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
     """
-    vehicles = params.vehicles
+    vehicles, beliefs, choice = params.vehicles, context.beliefs, state.lane_choice
+    checks_mirrors = context.checks_mirrors
+    # Before any indicator changes, so that all drivers decide by the same state.
     claims = lane_claims(state)
-    to_fast, to_slow = mobil_incentives(
-        params, vehicles, state.motion.vx, beliefs, own, state.road.accel_limit
+    driver = Follower(
+        vehicle=vehicles,
+        speed=state.motion.vx,
+        desired_speed=vehicles.desired_speed,
+        time_gap=vehicles.time_gap,
     )
-    ready = checks_mirrors & _is_ready_for_lane_change(state, params)
-    has_fast = state.lane_choice.lane < np.float32(params.road.num_lanes - 1)
-    has_slow = state.lane_choice.lane >= np.float32(1.0)
-    safe_fast = is_safe_lane_change(
-        params, vehicles, state.motion.vx, beliefs, LEFT_LEADER, LEFT_FOLLOWER
-    )
-    safe_slow = is_safe_lane_change(
-        params, vehicles, state.motion.vx, beliefs, RIGHT_LEADER, RIGHT_FOLLOWER
-    )
-    # A driver that would have to pull out again soon stays; it cannot see how fast a distant
-    # vehicle is.
-    worth = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.motion.vx
-    fast = ready & has_fast & safe_fast & (to_fast > vehicles.lane_change_threshold)
-    slow = ready & has_slow & safe_slow & (to_slow > vehicles.lane_change_threshold) & worth & ~fast
-    wanted = _signed_side(fast, slow)
-    shows = checks_mirrors & (state.path.elapsed >= state.path.duration)
-    shows[EGO_SLOT] = False
+    incentives = mobil_incentives(params, driver, beliefs, accel, state.road.accel_limit)
+    can_change = checks_mirrors & _is_ready_for_lane_change(state, params)
+    has_left_lane = choice.lane < np.float32(params.road.num_lanes - 1)
+    has_right_lane = choice.lane >= ONE
+    is_safe_left = is_safe_lane_change(params, driver, beliefs, LEFT_LEADER)
+    is_safe_right = is_safe_lane_change(params, driver, beliefs, RIGHT_LEADER)
+    # A driver that would soon have to pull out again stays, whatever the speeds: it cannot tell the
+    # speed of a distant vehicle.
+    is_free_ahead = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.motion.vx
+    pays_left = incentives.to_left > vehicles.lane_change_threshold
+    pays_right = incentives.to_right > vehicles.lane_change_threshold
+    to_left = can_change & has_left_lane & is_safe_left & pays_left
+    to_right = can_change & has_right_lane & is_safe_right & pays_right & is_free_ahead & ~to_left
+    side = _signed_side(to_left, to_right)
+    sets_indicator = checks_mirrors & (state.path.elapsed >= state.path.duration)
+    sets_indicator[EGO_SLOT] = False
     state.controls.indicator = np.where(
-        shows, wanted * vehicles.uses_indicator, state.controls.indicator
+        sets_indicator, side * vehicles.uses_indicator, state.controls.indicator
     )
-    decided = update_wanted_side(state, params, wanted, checks_mirrors) & ~gives_way(
-        state, params, wanted, claims
+    starts = update_wanted_side(state, params, side, checks_mirrors) & ~gives_way(
+        state, params, side, claims
     )
-    back, to_fast = _cancels_lane_change(state, params, beliefs)
-    back = back & checks_mirrors
-    fast, slow = (fast & decided) | (back & ~to_fast), (slow & decided) | (back & to_fast)
-    start_lane_changes(state, params, (fast, slow, back), beliefs, decision_index)
+    direction = lane_change_direction(state, params)
+    cancels = checks_mirrors & _cancels_lane_change(state, params, beliefs, direction)
+    moves = LaneMoves(
+        to_left=(to_left & starts) | (cancels & ~direction.is_to_left),
+        to_right=(to_right & starts) | (cancels & direction.is_to_left),
+        is_cancelled=cancels,
+    )
+    start_lane_changes(state, params, context, moves)
 
 
 def update_wanted_side(
-    state: State, params: StepParameters, wanted: F32, checks_mirrors: Mask
+    state: State, params: StepParameters, side: F32, checks_mirrors: Mask
 ) -> Mask:
-    """Remember the wanted side; whether drivers have indicated it for long enough."""
-    vehicles = params.vehicles
-    same = (wanted == state.lane_choice.wanted_side) & (wanted != 0)
-    others = checks_mirrors.copy()
-    others[EGO_SLOT] = False
-    restarts = others & ~same
-    state.lane_choice.time_wanted = np.where(
-        restarts, np.float32(0.0), state.lane_choice.time_wanted
-    )
-    state.lane_choice.wanted_side = np.where(others, wanted, state.lane_choice.wanted_side)
-    return others & same & (state.lane_choice.time_wanted >= vehicles.indicator_lead_time)
+    """Store the wanted side; return whether drivers have wanted it for their indicator lead time.
+
+    Args:
+        state: Its `lane_choice` changes.
+        params: Parameters of the batch.
+        side: Side of the wanted lane change, as `Controls.indicator`.
+        checks_mirrors: Whether drivers check their mirrors now; the others keep their side.
+    """
+    choice = state.lane_choice
+    is_unchanged = (side == choice.wanted_side) & (side != 0)
+    decides = checks_mirrors.copy()
+    decides[EGO_SLOT] = False
+    choice.time_wanted = np.where(decides & ~is_unchanged, ZERO, choice.time_wanted)
+    choice.wanted_side = np.where(decides, side, choice.wanted_side)
+    return decides & is_unchanged & (choice.time_wanted >= params.vehicles.indicator_lead_time)
 
 
 def lane_claims(state: State) -> LaneClaims:
     """The lane of each vehicle, and the side that it indicates before it moves over."""
-    waits = (state.path.elapsed >= state.path.duration) & (state.motion.is_wreck == 0)
-    return state.lane_choice.lane.copy(), np.where(waits, state.controls.indicator, np.float32(0.0))
+    keeps_lane = (state.path.elapsed >= state.path.duration) & (state.motion.is_wreck == 0)
+    side = np.where(keeps_lane, state.controls.indicator, ZERO)
+    return LaneClaims(lane=state.lane_choice.lane.copy(), side=side)
 
 
 def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
@@ -219,114 +282,113 @@ def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaim
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        side: Where drivers want to go, as `Controls.indicator`, (vehicle, simulation).
+        side: Side to which drivers want to move, as `Controls.indicator`, (vehicle, simulation).
         claims: `lane_claims` at the start of the decision.
     """
-    constants = params.constants
-    waits = np.zeros(state.motion.s.shape, bool)
-    for lane, towards, place in zip(*claims, state.motion.s, strict=True):
-        ahead = nearest_image(params, place - state.motion.s)
-        same = (
-            (towards == -side)
-            & (lane == state.lane_choice.lane + np.float32(2.0) * side)
-            & (side != 0)
-        )
-        close = np.abs(ahead) < constants.claim_time * state.motion.vx
-        waits = waits | (same & close & ((ahead > 0) | ((ahead == 0) & (side < 0))))
-    return waits
+    reach = params.constants.claim_time * state.motion.vx
+    # The other driver wants the same lane, from two lanes away, towards this driver.
+    other_lane = state.lane_choice.lane + TWO * side
+    must_wait = np.zeros(state.motion.s.shape, bool)
+    for claimed_lane, claimed_side, s in zip(*claims, state.motion.s, strict=True):
+        distance_ahead = nearest_image(params, s - state.motion.s)
+        is_same_gap = (claimed_side == -side) & (claimed_lane == other_lane) & (side != 0)
+        is_near = np.abs(distance_ahead) < reach
+        goes_first = (distance_ahead > 0) | ((distance_ahead == 0) & (side < 0))
+        must_wait = must_wait | (is_same_gap & is_near & goes_first)
+    return must_wait
 
 
-def lane_change_direction(state: State, params: StepParameters) -> tuple[Mask, Mask]:
-    """Whether each lane change is to the left, and over a whole lane, not a cancelled one."""
-    low, high = lane_borders(state, params, 0.0)
-    half = np.float32(0.5)
-    way = half * (low + high) - state.path.coefficients[0]
-    return way > 0, np.abs(way) > half * (high - low)
+def lane_change_direction(state: State, params: StepParameters) -> LaneChangeDirection:
+    """Direction of the last lane change, and whether it crosses a whole lane."""
+    right_edge, left_edge = lane_borders(state, params, 0.0)
+    distance = HALF * (right_edge + left_edge) - state.path.coefficients[0]
+    return LaneChangeDirection(
+        is_to_left=distance > 0, is_whole_lane=np.abs(distance) > HALF * (left_edge - right_edge)
+    )
 
 
 def _cancels_lane_change(
-    state: State, params: StepParameters, beliefs: Beliefs
-) -> tuple[Mask, Mask]:
-    """Whether drivers cancel a lane change that has turned dangerous, and whether to the left.
+    state: State, params: StepParameters, beliefs: Beliefs, direction: LaneChangeDirection
+) -> Mask:
+    """Whether drivers cancel a lane change that has become dangerous.
 
     A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth
     until they left the road.
     """
-    vehicles = params.vehicles
-    constants = params.constants
-    v, gap, closing = state.motion.vx, beliefs.gap, beliefs.closing_speed
-    to_fast, whole = lane_change_direction(state, params)
-    front, behind = (
-        tuple(np.where(to_fast, values[slow], values[fast]) for values in (gap, closing))
-        for slow, fast in ((RIGHT_LEADER, LEFT_LEADER), (RIGHT_FOLLOWER, LEFT_FOLLOWER))
+    vehicles, constants, speed = params.vehicles, params.constants, state.motion.vx
+    gap, closing_speed = beliefs.gap, beliefs.closing_speed
+    # After a change to the left, the old lane is the one on the right.
+    old_leader_gap, old_leader_closing_speed = (
+        np.where(direction.is_to_left, values[RIGHT_LEADER], values[LEFT_LEADER])
+        for values in (gap, closing_speed)
     )
-    bad_rear = imposed_accel_on_follower(params, vehicles, v, gap[FOLLOWER], closing[FOLLOWER]) < -(
-        constants.abort_imposed_factor * vehicles.safe_decel
+    old_follower_gap = np.where(direction.is_to_left, gap[RIGHT_FOLLOWER], gap[LEFT_FOLLOWER])
+    follower_accel = imposed_accel_on_follower(
+        params, vehicles, speed, gap[FOLLOWER], closing_speed[FOLLOWER]
     )
-    own = imposed_accel(constants, vehicles, v, gap[LEADER], closing[LEADER], vehicles.time_gap)
-    bad_front = own < -(constants.abort_factor * vehicles.decel)
-    back = cah_accel(constants, v, front[0], front[1], _STEADY)
-    room = (back >= -vehicles.max_assumed_decel) & (behind[0] > constants.min_rear_gap)
-    early = state.path.elapsed < constants.abort_until * state.path.duration
-    sound = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
-    sound[EGO_SLOT] = False
-    return (bad_rear | bad_front) & room & early & whole & sound, to_fast
+    endangers_follower = follower_accel < -(constants.abort_imposed_factor * vehicles.safe_decel)
+    leader = Leader(gap=gap[LEADER], closing_speed=closing_speed[LEADER])
+    accel = imposed_accel(constants, vehicles, speed, vehicles.time_gap, leader)
+    must_brake_hard = accel < -(constants.abort_factor * vehicles.decel)
+    old_leader = Leader(gap=old_leader_gap, closing_speed=old_leader_closing_speed)
+    can_brake = cah_accel(constants, speed, old_leader) >= -vehicles.max_assumed_decel
+    can_go_back = can_brake & (old_follower_gap > constants.min_rear_gap)
+    is_early = state.path.elapsed < constants.abort_until * state.path.duration
+    is_driven = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
+    is_driven[EGO_SLOT] = False
+    is_dangerous = endangers_follower | must_brake_hard
+    return is_dangerous & can_go_back & is_early & direction.is_whole_lane & is_driven
 
 
 def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
-    """Which vehicles may change lanes by MOBIL: sound ones but the ego, a pause after the last."""
-    vehicles = params.vehicles
-    arrived = state.path.elapsed >= state.path.duration
-    rested = state.lane_choice.time_since_lane_change >= params.constants.cooldown
-    ready = arrived & rested & (state.motion.is_wreck == 0) & (vehicles.valid > 0)
-    ready[EGO_SLOT] = False
-    return ready
+    """Whether drivers may change lanes by MOBIL: not the ego, no wreck, a pause after the last."""
+    has_finished = state.path.elapsed >= state.path.duration
+    has_paused = state.lane_choice.time_since_lane_change >= params.constants.cooldown
+    is_sound = state.motion.is_wreck == 0
+    is_ready = has_finished & has_paused & is_sound & (params.vehicles.valid > 0)
+    is_ready[EGO_SLOT] = False
+    return is_ready
 
 
 def start_lane_changes(
-    state: State,
-    params: StepParameters,
-    sides: tuple[Mask, Mask, Mask],
-    beliefs: Beliefs,
-    decision_index: int,
-    hasty: F32 | None = None,
+    state: State, params: StepParameters, context: DecisionContext, moves: LaneMoves
 ) -> None:
-    """Begin a lane change of the masked vehicles, with the indicator where it is used.
+    """Start lane changes, with the indicator of drivers that use it.
 
-    It takes the driver's usual time, or less where the leader would be reached before.
-
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        sides: Drivers who move to the left, to the right, and those of them who cancel a lane
-            change and so have less far to go; each (vehicle, simulation).
-        beliefs: What drivers believe of the leader.
-        decision_index: Number of the decision.
-        hasty: Duration of an urgent lane change, 0 for the usual one, (vehicle, simulation) [s].
+    A lane change takes the driver's usual time, or less if the vehicle would reach its leader
+    before it has left the lane.
     """
-    vehicles = params.vehicles
-    constants, (fast, slow, back) = params.constants, sides
-    step, moved = _signed_side(fast, slow), fast | slow
-    state.lane_choice.lane = state.lane_choice.lane + step
-    low, high = lane_borders(state, params, 0.0)
-    left = beliefs.gap[LEADER] / maximum(beliefs.closing_speed[LEADER], _MIN_SPEED)
-    hurried = maximum(
-        (left - constants.lane_clearance_time) / constants.lane_cleared_share,
+    vehicles, constants, choice = params.vehicles, params.constants, state.lane_choice
+    beliefs = context.beliefs
+    lane_step, is_moving = (
+        _signed_side(moves.to_left, moves.to_right),
+        moves.to_left | moves.to_right,
+    )
+    choice.lane = choice.lane + lane_step
+    right_edge, left_edge = lane_borders(state, params, 0.0)
+    time_to_leader = beliefs.gap[LEADER] / maximum(
+        beliefs.closing_speed[LEADER], _MIN_CLOSING_SPEED
+    )
+    # The vehicle is to be clear of its leader's lane at this share of the path, with time to spare.
+    shortened = maximum(
+        (time_to_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
         constants.min_lane_change_duration,
     )
-    usual = minimum(vehicles.lane_change_duration, hurried)
-    duration = np.where(back, constants.abort_duration_share * vehicles.lane_change_duration, usual)
-    if hasty is not None:
-        duration = np.where(hasty > 0, hasty, duration)
-    start_path(state, moved, np.float32(0.5) * (low + high), duration)
-    state.controls.indicator = np.where(
-        moved, step * vehicles.uses_indicator, state.controls.indicator
+    duration = np.where(
+        moves.is_cancelled,
+        constants.abort_duration_share * vehicles.lane_change_duration,
+        minimum(vehicles.lane_change_duration, shortened),
     )
-    state.lane_choice.wanted_side = np.where(moved, np.float32(0.0), state.lane_choice.wanted_side)
-    draw_shoulder_check(state, params, moved, decision_index)
+    if moves.urgent_duration is not None:
+        duration = np.where(moves.urgent_duration > 0, moves.urgent_duration, duration)
+    start_path(state, is_moving, HALF * (right_edge + left_edge), duration)
+    state.controls.indicator = np.where(
+        is_moving, lane_step * vehicles.uses_indicator, state.controls.indicator
+    )
+    choice.wanted_side = np.where(is_moving, ZERO, choice.wanted_side)
+    draw_shoulder_check(state, params, is_moving, context.decision_index)
 
 
-def _signed_side(fast: Mask, slow: Mask) -> F32:
-    """1 towards the fast side, -1 towards the slow side, 0 for neither."""
-    one, zero = np.float32(1.0), np.float32(0.0)
-    return np.where(fast, one, zero) - np.where(slow, one, zero)
+def _signed_side(to_left: Mask, to_right: Mask) -> F32:
+    """1 to the left, -1 to the right, 0 for neither."""
+    return np.where(to_left, ONE, ZERO) - np.where(to_right, ONE, ZERO)

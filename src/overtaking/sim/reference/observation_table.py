@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import minimum
+from overtaking.core.float32_math import HALF, TWO, ZERO, minimum
 from overtaking.model.driver_interface import (
     OBSERVATION_SIZE,
     EgoColumns,
@@ -28,20 +28,15 @@ from overtaking.sim.reference.gap_acceptance import (
 from overtaking.sim.reference.oncoming import expected_closing_speed, observe_second_oncoming
 from overtaking.sim.reference.pass_continuation import can_abort_pass, decide_pass_continuation
 from overtaking.sim.reference.passing import gap_ahead_of, line_is_solid, tall_vehicle_gap_factor
-from overtaking.sim.reference.state import LEADER, State, value_at_slot
+from overtaking.sim.reference.state import LEADER, State, is_leader_role, value_at_slot
 from overtaking.world.step_parameters import StepParameters
-
-_HALF = np.float32(0.5)
-
-
-_TWO = np.float32(2.0)
 
 
 class NeighbourMotion(NamedTuple):
     """Motion of a neighbour relative to the ego, each of shape (simulation,).
 
     Attributes:
-        is_detected: Whether there is a vehicle that the ego notices.
+        is_detected: Whether a vehicle exists and the ego has detected it.
         gap: Gap between the bumpers [m].
         closing_speed: Speed at which the gap shrinks [m/s].
         accel: Acceleration [m/s^2].
@@ -58,7 +53,6 @@ def observation_table(
     params: StepParameters,
     context: DecisionContext,
     *,
-    decision_index: int,
     observes_truth: bool,
 ) -> F32:
     """Observations of all egos, shape (simulation, `OBSERVATION_SIZE`).
@@ -66,8 +60,7 @@ def observation_table(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        context: Percepts and beliefs of the drivers.
-        decision_index: Number of the decision.
+        context: Perception of the drivers at this decision.
         observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
     table = np.zeros((state.motion.s.shape[1], OBSERVATION_SIZE), np.float32)
@@ -76,14 +69,14 @@ def observation_table(
     _fill_columns(ego, _ego_columns(state, params, context))
     for role in NeighbourRole:
         if observes_truth:
-            motion = _true_motion(state, context.neighbours, params, role)
+            motion = _true_motion(state, params, context.neighbours, role)
         else:
             motion = _believed_motion(state, params, context, role)
         columns = _neighbour_columns(state, params, context.neighbours, role=role, motion=motion)
         _fill_columns(neighbours[:, role], columns)
     if context.oncoming is not None:
         oncoming = context.oncoming.nearest
-        second = observe_second_oncoming(state, params, context, decision_index)
+        second = observe_second_oncoming(state, params, context)
         for role, vehicle in enumerate((oncoming, second), len(NeighbourRole)):
             columns = _oncoming_columns(state, params, vehicle, observes_truth=observes_truth)
             _fill_columns(neighbours[:, role], columns)
@@ -100,7 +93,7 @@ def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingCo
 def _ego_columns(state: State, params: StepParameters, context: DecisionContext) -> EgoColumns:
     """The ego itself."""
     ego, neighbours = EGO_SLOT, context.neighbours
-    lane_centre = _HALF * (neighbours.lane_right_edge[ego] + neighbours.lane_left_edge[ego])
+    lane_centre = HALF * (neighbours.lane_right_edge[ego] + neighbours.lane_left_edge[ego])
     return EgoColumns(
         speed=state.motion.vx[ego],
         requested_accel=state.controls.requested_accel[ego],
@@ -134,7 +127,7 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
 def _believed_motion(
     state: State, params: StepParameters, context: DecisionContext, role: NeighbourRole
 ) -> NeighbourMotion:
-    """The model driver's beliefs; true closing speeds if the script decides."""
+    """The model driver's beliefs; the true closing speed to the leader if the script decides."""
     beliefs, ego = context.beliefs, EGO_SLOT
     is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]
     if role == NeighbourRole.LEADER:
@@ -148,20 +141,19 @@ def _believed_motion(
 
 
 def _true_motion(
-    state: State, neighbours: Neighbours, params: StepParameters, role: NeighbourRole
+    state: State, params: StepParameters, neighbours: Neighbours, role: NeighbourRole
 ) -> NeighbourMotion:
     """The true motion of a neighbour; a large gap and zeros without one."""
-    slot, zero = neighbours.slot[role, EGO_SLOT], np.float32(0.0)
+    slot = neighbours.slot[role, EGO_SLOT]
     exists = slot >= 0
     speeds, _ = state.road_velocity()
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
-    is_ahead = role % 2 == 0
-    closing_speed = ego_speed - speed if is_ahead else speed - ego_speed
+    closing_speed = ego_speed - speed if is_leader_role(role) else speed - ego_speed
     return NeighbourMotion(
         is_detected=exists,
         gap=np.where(exists, neighbours.gap[role, EGO_SLOT], params.constants.unseen_gap),
-        closing_speed=np.where(exists, closing_speed, zero),
-        accel=np.where(exists, value_at_slot(state.motion.accel_lon, slot), zero),
+        closing_speed=np.where(exists, closing_speed, ZERO),
+        accel=np.where(exists, value_at_slot(state.motion.accel_lon, slot), ZERO),
     )
 
 
@@ -176,12 +168,12 @@ def _neighbour_columns(
     """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
     vehicles, constants = params.vehicles, params.constants
     slot = neighbours.slot[role, EGO_SLOT]
-    brakes = (value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel) | (
-        value_at_slot(state.motion.is_wreck, slot) > 0
-    )
+    requested_accel = value_at_slot(state.controls.requested_accel, slot)
+    is_wreck = value_at_slot(state.motion.is_wreck, slot) > 0
+    stop_lamp = (requested_accel < -constants.stop_lamp_decel) | is_wreck
 
     def if_detected(values: F32) -> F32:
-        return np.where(motion.is_detected, values, np.float32(0.0))
+        return np.where(motion.is_detected, values, ZERO)
 
     return NeighbourColumns(
         is_detected=_flag(motion.is_detected),
@@ -190,8 +182,8 @@ def _neighbour_columns(
         accel=motion.accel,
         lateral_distance=if_detected(neighbours.lateral_distance[role, EGO_SLOT]),
         indicator=if_detected(value_at_slot(state.controls.indicator, slot)),
-        stop_lamp=if_detected(_flag(brakes)),
-        length=if_detected(_TWO * neighbours.half_length[role, EGO_SLOT]),
+        stop_lamp=if_detected(_flag(stop_lamp)),
+        length=if_detected(TWO * neighbours.half_length[role, EGO_SLOT]),
         is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
         is_two_wheeler=if_detected(value_at_slot(vehicles.two_wheeler, slot)),
     )
@@ -209,20 +201,19 @@ def _oncoming_columns(
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
     d = np.stack(
-        [state.position_seen_by_each(params, j)[1][ego] for j in range(len(state.motion.s))]
+        [state.position_seen_by_each(params, other)[1][ego] for other in range(len(speeds))]
     )
     if observes_truth:
         is_detected, gap = slot >= 0, vehicle.gap[ego]
-        closing_speed, accel = (
-            speeds[ego] + value_at_slot(speeds, slot),
-            value_at_slot(state.motion.accel_lon, slot),
-        )
+        closing_speed = speeds[ego] + value_at_slot(speeds, slot)
+        accel = value_at_slot(state.motion.accel_lon, slot)
     else:
         is_detected, gap = vehicle.is_detected[ego], vehicle.believed_gap[ego]
+        # Drivers do not judge the acceleration of an oncoming vehicle.
         closing_speed, accel = vehicle.closing_speed[ego], np.zeros_like(gap)
 
     def if_detected(values: F32) -> F32:
-        return np.where(is_detected, values, np.float32(0.0))
+        return np.where(is_detected, values, ZERO)
 
     return NeighbourColumns(
         is_detected=_flag(is_detected),
@@ -230,9 +221,10 @@ def _oncoming_columns(
         closing_speed=if_detected(closing_speed),
         accel=if_detected(accel),
         lateral_distance=if_detected(value_at_slot(d, slot) - state.motion.d[ego]),
+        # Its left is the ego's right.
         indicator=if_detected(-value_at_slot(state.controls.indicator, slot)),
-        stop_lamp=np.zeros_like(gap),
-        length=if_detected(_TWO * vehicle.half_length[ego]),
+        stop_lamp=np.zeros_like(gap),  # On its rear, which the ego does not see.
+        length=if_detected(TWO * vehicle.half_length[ego]),
         is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
         is_two_wheeler=if_detected(value_at_slot(vehicles.two_wheeler, slot)),
     )
@@ -249,9 +241,8 @@ def _passing_columns(
     ego = EGO_SLOT
     continuation = decide_pass_continuation(state, params, context, ego)
     leader = context.neighbours.slot[LEADER, ego]
-    overtaken = np.where(
-        state.is_in_stage(Stage.FOLLOW, ego), leader, state.overtake.target_slot[ego]
-    )
+    follows = state.is_in_stage(Stage.FOLLOW, ego)
+    overtaken = np.where(follows, leader, state.overtake.target_slot[ego])
     gap_ahead_of_leader = gap_ahead_of(state, params, leader, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],
@@ -260,10 +251,10 @@ def _passing_columns(
         gap_ahead_of_leader=minimum(gap_ahead_of_leader, params.constants.unseen_gap),
         tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, overtaken),
         line_is_solid=_flag(line_is_solid(state, params, ego, params.constants.line_lookahead)),
-        return_urgency=_HALF * continuation.must_return_urgently
-        + _HALF * continuation.accepts_small_gap,
-        abort_state=_HALF * continuation.must_abort
-        + _HALF * (continuation.must_abort & continuation.fits_into_lane),
+        return_urgency=HALF * continuation.must_return_urgently
+        + HALF * continuation.accepts_small_gap,
+        abort_state=HALF * continuation.must_abort
+        + HALF * (continuation.must_abort & continuation.fits_into_lane),
         can_abort_pass=_flag(can_abort_pass(state, params, ego)),
     )
 

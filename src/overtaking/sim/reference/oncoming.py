@@ -100,9 +100,9 @@ def observe_oncoming(
 
 
 def observe_second_oncoming(
-    state: State, params: StepParameters, context: DecisionContext, decision_index: int
+    state: State, params: StepParameters, context: DecisionContext
 ) -> OncomingVehicle:
-    """The oncoming vehicle behind the nearest one, and what each driver would believe about it.
+    """The oncoming vehicle behind the nearest one, and each driver's beliefs about it.
 
     The model's drivers decide by the nearest alone; an external driver observes the second one,
     too. It is detected together with the nearest, if it can be seen.
@@ -112,7 +112,7 @@ def observe_second_oncoming(
     second, _ = nearest_oncoming(state, params, first.slot)
     ranges = first.sight_distance, first.sight_distance
     sighting = _sighting(state, params, context.neighbours, second, ranges)
-    return _believe(state, params, sighting, first.is_detected, decision_index)
+    return _believe(state, params, sighting, first.is_detected, context.decision_index)
 
 
 def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours) -> F32:

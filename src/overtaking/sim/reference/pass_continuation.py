@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import maximum, minimum
+from overtaking.core.float32_math import HALF, TWO, ZERO, maximum, minimum
 from overtaking.model.trajectories import Stage
-from overtaking.sim.reference.car_following import acc_accel, cah_accel
+from overtaking.sim.reference.car_following import Follower, Leader, acc_accel, cah_accel
 from overtaking.sim.reference.decision_context import DecisionContext, OncomingVehicle
 from overtaking.sim.reference.passing import (
     MIN_CLOSING_SPEED,
@@ -34,9 +34,6 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 _FAR = np.float32(1e9)  # Time until a driver without an oncoming vehicle meets one [s].
-_ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
-_TWO = np.float32(2.0)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -73,7 +70,7 @@ class RelativeMotion:
         target_slot: Slot of the target.
         speed: Speed of the driver [m/s].
         target_speed: Speed of the target [m/s].
-        closing_speed: Speed of the driver minus that of the target [m/s].
+        closing_speed: Speed of the driver minus the target's [m/s].
         target_lead: How far the target is ahead, now and for an abort.
     """
 
@@ -169,12 +166,12 @@ def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> 
 
 def _distance_to_clear(motion: RelativeMotion) -> F32:
     """Distance that the driver still has to gain on its target to return ahead of it [m]."""
-    return maximum(motion.target_lead.now + motion.target_lead.needed, _ZERO)
+    return maximum(motion.target_lead.now + motion.target_lead.needed, ZERO)
 
 
 def _time_to_move_over(params: StepParameters) -> F32:
     """Half of an urgent lane change, which follows once the bodies are clear [s]."""
-    return _HALF * params.simulations.urgent_change_duration
+    return HALF * params.simulations.urgent_change_duration
 
 
 def _abort_decel(params: StepParameters, vehicle: VehicleParameters) -> F32:
@@ -201,8 +198,8 @@ def _time_to_abort(
     It solves distance = decel * t^2 / 2 - closing_speed * t.
     """
     decel, closing_speed = _abort_decel(params, vehicle), motion.closing_speed
-    distance = maximum(motion.target_lead.needed - motion.target_lead.now, _ZERO)
-    root = np.sqrt(closing_speed * closing_speed + _TWO * decel * distance)
+    distance = maximum(motion.target_lead.needed - motion.target_lead.now, ZERO)
+    root = np.sqrt(closing_speed * closing_speed + TWO * decel * distance)
     return (closing_speed + root) / decel + _time_to_move_over(params)
 
 
@@ -226,8 +223,8 @@ def _return_space(
     # Large vehicles get a longer return gap than cars.
     factor = tall_vehicle_gap_factor(params, motion.target_slot)
     return_time_gap = vehicle.return_time_gap * factor
-    wanted = vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed
-    return ReturnSpace(size=size, is_cramped=size < wanted)
+    usual_size = vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed
+    return ReturnSpace(size=size, is_cramped=size < usual_size)
 
 
 def _aborts_early(params: StepParameters, motion: RelativeMotion, times: PassTimes) -> Mask:
@@ -253,7 +250,7 @@ def _would_cross_solid_line(
     times: PassTimes,
 ) -> Mask:
     """Whether a driver that heeds solid lines would return across one."""
-    distance = maximum(motion.speed, _ZERO) * times.complete
+    distance = maximum(motion.speed, ZERO) * times.complete
     heeds_solid_lines = params.vehicles.heeds_solid_lines[slots] > 0
     return line_is_solid(state, params, slots, distance) & heeds_solid_lines
 
@@ -285,8 +282,8 @@ def _distance_gained_while_braking(
     constants: ModelConstants, closing_speed: F32, decel: F32
 ) -> F32:
     """Distance that is still gained on a vehicle until braking has taken the closing speed [m]."""
-    closing_speed = maximum(closing_speed, _ZERO)
-    return closing_speed * (constants.brake_ramp + closing_speed / (_TWO * decel))
+    closing_speed = maximum(closing_speed, ZERO)
+    return closing_speed * (constants.brake_ramp + closing_speed / (TWO * decel))
 
 
 def _must_return_before_next(
@@ -307,14 +304,15 @@ def _must_return_before_next(
         state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
     gap, closing_speed = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
-    lengths = _TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
+    lengths = TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
     distance = gap + lengths + constants.min_return_gap
     speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
     time = time_to_pass(constants, vehicles, distance, speeds)
     time = time + _time_to_move_over(params) + constants.urgent_return_margin
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
-    needed_accel = cah_accel(constants, speed, gap, closing_speed, _ZERO)
+    next_vehicle = Leader(gap=gap, closing_speed=closing_speed)
+    needed_accel = cah_accel(constants, speed, next_vehicle)
     can_brake = needed_accel >= -_abort_decel(params, vehicles)
     return is_past_target & would_be_late & can_brake
 
@@ -358,23 +356,25 @@ def accel_limit_while_passing(
     along_road, _ = state.road_velocity()
     target_speed = value_at_slot(along_road, state.overtake.target_slot)
     is_slow_enough = along_road < target_speed - constants.abort_speed_difference
-    abort_accel = np.where(is_slow_enough, _ZERO, -_abort_decel(params, vehicles))
+    abort_accel = np.where(is_slow_enough, ZERO, -_abort_decel(params, vehicles))
     neighbour_gap = context.neighbours.gap
-    gap_in_middle = _HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
+    gap_in_middle = HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
     speed = state.motion.vx
-    time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, _ZERO) / maximum(
+    time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, ZERO) / maximum(
         speed, constants.slip_speed
     )
-    following_accel = acc_accel(
-        constants,
-        vehicles,
-        speed,
-        current_passing_speed(state, params),
-        beliefs.gap[RIGHT_LEADER],
-        beliefs.closing_speed[RIGHT_LEADER],
-        minimum(constants.return_time_gap_share * vehicles.time_gap, time_gap_in_middle),
-        beliefs.accel[RIGHT_LEADER],
+    follower = Follower(
+        vehicle=vehicles,
+        speed=speed,
+        desired_speed=current_passing_speed(state, params),
+        time_gap=minimum(constants.return_time_gap_share * vehicles.time_gap, time_gap_in_middle),
     )
+    next_vehicle = Leader(
+        gap=beliefs.gap[RIGHT_LEADER],
+        closing_speed=beliefs.closing_speed[RIGHT_LEADER],
+        accel=beliefs.accel[RIGHT_LEADER],
+    )
+    following_accel = acc_accel(constants, follower, next_vehicle)
     must_return = _must_return_before_next(state, params, context)
     limit = np.where(must_return, following_accel, NO_ACCEL_LIMIT)
     return np.where(state.overtake.must_abort > 0, abort_accel, limit)

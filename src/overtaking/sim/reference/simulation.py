@@ -1,4 +1,4 @@
-"""The loop over time."""
+"""The loop over time: decisions 20 times a second, and motion between them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from overtaking.sim.reference.ego_action import (
     EgoAction,
     action_at,
     action_from_integers,
-    ordered_wheel_angle,
+    requested_wheel_angle,
     with_requested_accel,
 )
 from overtaking.sim.reference.neighbour_search import find_neighbours
@@ -42,7 +42,6 @@ from overtaking.world.constants import SUBSTEPS
 from overtaking.world.step_parameters import (
     ParameterSwitch,
     StepParameters,
-    VehicleParameters,
     step_parameters,
 )
 
@@ -52,65 +51,67 @@ class ReferenceStepper:
 
     Args:
         params: Parameters of a batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None if the model's own driver
             decides.
-        observes_truth: Whether the truth is observed, not what the ego believes.
+        observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
 
     def __init__(self, params: StepParameters, kind: str | None, *, observes_truth: bool) -> None:
-        """Stand before the first decision."""
-        self._params, self._kind, self._is_true = params, kind, observes_truth
+        """Prepare the first decision."""
+        self._params, self._kind, self._observes_truth = params, kind, observes_truth
         self._local_params = params
-        self._stride = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
+        self._steps_at_once = _steps_at_once(params)
         self._state, self._step = State.at_start(params), 0
-        self._ran = np.ones(params.scenario_index.shape, np.bool_)
+        self._is_running = np.ones(params.scenario_index.shape, np.bool_)
 
     def observe_start(self) -> SteppedObservation:
-        """The observations at the start."""
-        table, runs = self._observe()
-        return SteppedObservation(table, runs, np.zeros(runs.shape, np.uint32))
+        """Observe the start."""
+        table, is_running = self._observe()
+        return SteppedObservation(table, is_running, np.zeros(is_running.shape, np.uint32))
 
     def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
-        """Carry out the same orders for some decisions.
+        """Carry out the same action for some decisions.
 
         Args:
-            values: Steps of each number of the action, shape (simulation, `MAX_ACTION_PARTS`).
+            values: Numbers of the action in steps of their resolution, shape (simulation,
+                `MAX_ACTION_PARTS`).
             decisions: Number of decisions, at least 1.
         """
         action = None if self._kind is None else action_from_integers(self._kind, values)
-        num_decisions = np.zeros(self._ran.shape, np.uint32)
-        table = np.zeros((len(self._ran), OBSERVATION_SIZE), np.float32)
+        num_decisions = np.zeros(self._is_running.shape, np.uint32)
+        table = np.zeros((len(self._is_running), OBSERVATION_SIZE), np.float32)
         for _ in range(decisions):
             self._act(action)
-            num_decisions += self._ran
+            num_decisions += self._is_running
             observed, is_running = self._observe()
             # A simulation that has ended keeps the observation of its last decision.
-            table = np.where(self._ran[:, None], observed, table)
-            self._ran = is_running
-        return SteppedObservation(table, self._ran, num_decisions)
+            table = np.where(self._is_running[:, None], observed, table)
+            self._is_running = is_running
+        return SteppedObservation(table, self._is_running, num_decisions)
 
     def _observe(self) -> tuple[F32, Mask]:
-        """Observed numbers of all egos, ended simulations included, and which simulations run."""
+        """Observations of all egos, ended simulations included, and which simulations run."""
         is_running = np.float32(self._step) <= self._state.end_step
-        self._perceive()
+        self._local_params = with_local_speeds(self._state, self._params)
+        self._context = perceive(self._state, self._local_params, self._step)
         table = observation_table(
-            self._state,
-            self._local_params,
-            self._context,
-            decision_index=self._step // SUBSTEPS,
-            observes_truth=self._is_true,
+            self._state, self._local_params, self._context, observes_truth=self._observes_truth
         )
         return table, is_running
 
-    def _perceive(self) -> None:
-        self._local_params = with_local_speeds(self._state, self._params)
-        self._context = perceive(self._state, self._local_params, self._step)
-
     def _act(self, action: EgoAction | None) -> None:
-        state, params = self._state, self._local_params
-        pairs = act(state, params, self._context, None, self._step, action)
-        for k in range(0, SUBSTEPS, self._stride):
-            advance(state, params, pairs, self._step + k, self._stride, action)
+        """Carry out the decisions of all drivers, and move to the next decision."""
+        state, params, first_step = self._state, self._local_params, self._step
+        pairs = act(state, params, self._context, step=first_step, action=action)
+        for k in range(0, SUBSTEPS, self._steps_at_once):
+            advance(
+                state,
+                params,
+                pairs,
+                step=first_step + k,
+                steps_at_once=self._steps_at_once,
+                action=action,
+            )
         self._step += SUBSTEPS
 
 
@@ -139,71 +140,92 @@ def run(
         scenario: A batch of scenarios.
         params: Parameters of the batch.
         switches: Parameters that take over at later steps, in their order.
-        actions: What another driver did with the ego; None for the model's own.
+        actions: Actions of an external driver of the ego; None if the model's driver decides.
     """
     state = State.at_start(params)
     recorder = Recorder(scenario, params)
     pairs: collisions.Pairs = {}
     action: EgoAction | None = None
-    # One linearly implicit step from decision to decision: an explicit one of 50 ms is unstable at
-    # low speed. Frames at other times than decisions need a state at every step.
-    steps_at_once = SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
+    steps_at_once = _steps_at_once(params)
     step = 0
     while (np.float32(step) <= state.end_step).any():
-        for then in (one for at, one in switches if at == step):
-            displace_vehicles(state, params.vehicles, then.vehicles)
-            if then.judgement_errors is not None:
-                state.noise.distance_error[EGO_SLOT], state.noise.speed_error[EGO_SLOT] = (
-                    then.judgement_errors
-                )
-            params = then
+        for switch in switches:
+            if switch.step == step:
+                switch_parameters(state, params, switch.params)
+                params = switch.params
         if step % SUBSTEPS == 0:
             action = action_at(actions, step // SUBSTEPS)
-            pairs = decide(state, params, recorder, step, action)
+            pairs = decide(state, params, step=step, action=action, recorder=recorder)
         if step % params.steps_per_frame == 0:
-            recorder.record_frame(
-                state, params, np.float32(step) <= state.end_step, step // params.steps_per_frame
-            )
-        advance(state, params, pairs, step, steps_at_once, action)
+            is_running = np.float32(step) <= state.end_step
+            recorder.record_frame(state, params, is_running, step // params.steps_per_frame)
+        advance(state, params, pairs, step=step, steps_at_once=steps_at_once, action=action)
         step += steps_at_once
     return dataclasses.replace(recorder.finish(state), actions=actions)
 
 
-def displace_vehicles(state: State, before: VehicleParameters, after: VehicleParameters) -> None:
-    """Move vehicles by as much as their starts differ, as if they had always been there."""
-    ahead, faster = after.start_s - before.start_s, after.start_speed - before.start_speed
-    moved = (ahead != 0) | (faster != 0)
-    state.motion.s = np.where(moved, state.motion.s + ahead, state.motion.s)
-    state.motion.vx = np.where(moved, state.motion.vx + faster, state.motion.vx)
-    state.attention.past_s = np.where(moved, state.attention.past_s + ahead, state.attention.past_s)
-    state.attention.past_speed = np.where(
-        moved, state.attention.past_speed + faster, state.attention.past_speed
-    )
+def _steps_at_once(params: StepParameters) -> int:
+    """Number of integration steps that are made as one.
+
+    One linearly implicit step leads from decision to decision: an explicit one of 50 ms is unstable
+    at low speed. Frames at other times than decisions need a state at every step.
+    """
+    return SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
+
+
+def switch_parameters(state: State, params: StepParameters, new_params: StepParameters) -> None:
+    """Adapt the state to parameters that take over in the middle of a simulation.
+
+    Vehicles move by the difference of their starts, and so do their remembered positions, as if
+    they had always been there.
+    """
+    vehicles, new_vehicles = params.vehicles, new_params.vehicles
+    s_change = new_vehicles.start_s - vehicles.start_s
+    speed_change = new_vehicles.start_speed - vehicles.start_speed
+    # Adding 0 could change the sign of a zero, so the others keep their numbers.
+    is_moved = (s_change != 0) | (speed_change != 0)
+    motion, past = state.motion, state.attention
+    motion.s = np.where(is_moved, motion.s + s_change, motion.s)
+    motion.vx = np.where(is_moved, motion.vx + speed_change, motion.vx)
+    past.past_s = np.where(is_moved, past.past_s + s_change, past.past_s)
+    past.past_speed = np.where(is_moved, past.past_speed + speed_change, past.past_speed)
+    if new_params.judgement_errors is not None:
+        distance_error, speed_error = new_params.judgement_errors
+        state.noise.distance_error[EGO_SLOT] = distance_error
+        state.noise.speed_error[EGO_SLOT] = speed_error
 
 
 def decide(
     state: State,
     params: StepParameters,
-    recorder: Recorder | None,
+    *,
     step: int,
     action: EgoAction | None = None,
+    recorder: Recorder | None = None,
 ) -> collisions.Pairs:
-    """Everything that happens 20 times a second: weather, perception, decisions."""
+    """Compute everything that happens 20 times a second: weather, perception, decisions.
+
+    Args:
+        state: It changes.
+        params: Parameters of the batch.
+        step: Index of the integration step.
+        action: Action of an external driver of the ego; None if the model's driver decides.
+        recorder: Records the ego's percepts; None without a recording.
+
+    Returns:
+        The pairs of vehicles that may touch before the next decision.
+    """
     params = with_local_speeds(state, params)
     context = perceive(state, params, step)
-    return act(state, params, context, recorder, step, action)
+    return act(state, params, context, step=step, action=action, recorder=recorder)
 
 
 def perceive(state: State, params: StepParameters, step: int) -> DecisionContext:
-    """What happens 20 times a second before anyone decides: weather, perception."""
-    vehicles = params.vehicles
-    constants = params.constants
+    """Compute the weather at each vehicle and the perception of all drivers at a decision."""
+    constants, road, choice = params.constants, params.road, state.lane_choice
     decision_index = step // SUBSTEPS
-    road = params.road
-    state.lane_choice.time_since_lane_change = (
-        state.lane_choice.time_since_lane_change + constants.decision
-    )
-    state.lane_choice.time_wanted = state.lane_choice.time_wanted + constants.decision
+    choice.time_since_lane_change = choice.time_since_lane_change + constants.decision
+    choice.time_wanted = choice.time_wanted + constants.decision
     state.overtake.time_in_stage = state.overtake.time_in_stage + constants.decision
     collisions.wreck_off_road_vehicles(state, params, step)
     perception.record_history(state, decision_index)
@@ -214,26 +236,24 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     road_conditions.update_friction(state, params)
     road_conditions.update_wind(state, params)
     steering.update_wind_trim(state, params, step)
+    # After the drivers have answered the wind: nobody foresees the pushes of the study.
     road_conditions.apply_study_push(state, params, decision_index)
     neighbours = find_neighbours(state, params)
     if step == 0:
-        perception.draw_shoulder_check(state, params, vehicles.valid > 0, decision_index)
+        perception.draw_shoulder_check(state, params, params.vehicles.valid > 0, decision_index)
     checks_mirrors = perception.checks_mirrors_now(state, params, decision_index)
-    oncoming = (
-        observe_oncoming(state, params, neighbours, decision_index)
-        if road.has_oncoming_traffic
-        else None
-    )
+    oncoming = None
+    if road.has_oncoming_traffic:
+        oncoming = observe_oncoming(state, params, neighbours, decision_index)
     beliefs = perception.form_beliefs(state, params, neighbours, decision_index, checks_mirrors)
-    waits = lane_change.gives_way(
-        state, params, state.lane_choice.wanted_side, lane_change.lane_claims(state)
-    )
+    claims = lane_change.lane_claims(state)
     return DecisionContext(
         neighbours=neighbours,
         beliefs=beliefs,
         checks_mirrors=checks_mirrors,
-        gives_way=waits,
+        gives_way=lane_change.gives_way(state, params, choice.wanted_side, claims),
         oncoming=oncoming,
+        decision_index=decision_index,
     )
 
 
@@ -241,25 +261,36 @@ def act(
     state: State,
     params: StepParameters,
     context: DecisionContext,
-    recorder: Recorder | None,
+    *,
     step: int,
-    action: EgoAction | None,
+    action: EgoAction | None = None,
+    recorder: Recorder | None = None,
 ) -> collisions.Pairs:
-    """The decisions of all drivers; with an external driver, the ego carries out `action`."""
-    neighbours, beliefs, oncoming = context.neighbours, context.beliefs, context.oncoming
-    leader = acceleration.accel_behind_leader(state, params, neighbours, beliefs, oncoming)
-    if oncoming is not None:
-        leader = minimum(leader, accel_for_oncoming(state, params, oncoming))
-        leader = minimum(leader, accel_limit_while_passing(state, params, context))
-    old_leader = acceleration.accel_behind_old_leader(state, params, neighbours, beliefs, oncoming)
-    acceleration.apply_pedals(state, params, *with_requested_accel(action, leader, old_leader))
-    if oncoming is None:
-        lane_change.change_lanes_by_mobil(
-            state, params, beliefs, leader, context.checks_mirrors, step // SUBSTEPS
-        )
+    """Let all drivers decide; with an external driver, the ego carries out its action.
+
+    Args:
+        state: It changes.
+        params: Parameters of the batch.
+        context: Perception of the drivers at this decision.
+        step: Index of the integration step.
+        action: Action of an external driver of the ego; None if the model's driver decides.
+        recorder: Records the ego's percepts; None without a recording.
+
+    Returns:
+        The pairs of vehicles that may touch before the next decision.
+    """
+    leader_accel = acceleration.accel_behind_leader(state, params, context)
+    if context.oncoming is not None:
+        leader_accel = minimum(leader_accel, accel_for_oncoming(state, params, context.oncoming))
+        leader_accel = minimum(leader_accel, accel_limit_while_passing(state, params, context))
+    old_leader_accel = acceleration.accel_behind_old_leader(state, params, context)
+    requested_accels = with_requested_accel(action, leader_accel, old_leader_accel)
+    acceleration.apply_pedals(state, params, *requested_accels)
+    if context.oncoming is None:
+        lane_change.change_lanes_by_mobil(state, params, context, leader_accel)
     else:
-        overtake.decide_others(state, params, context, step)
-    overtake.decide_ego(state, params, context, recorder, step, action)
+        overtake.decide_others(state, params, context)
+    overtake.decide_ego(state, params, context, step=step, action=action, recorder=recorder)
     return collisions.pairs_that_may_touch(state, params)
 
 
@@ -267,17 +298,26 @@ def advance(
     state: State,
     params: StepParameters,
     pairs: collisions.Pairs,
+    *,
     step: int,
     steps_at_once: int,
     action: EgoAction | None = None,
 ) -> None:
-    """Steer, move, collide: one step of 10 ms, or `steps_at_once` of them at once."""
-    simulations = params.simulations
-    constants = params.constants
+    """Steer, move and collide over one integration step, or over several at once.
+
+    Args:
+        state: It changes.
+        params: Parameters of the batch.
+        pairs: Pairs that may touch, from the last decision.
+        step: Index of the integration step.
+        steps_at_once: 1, or `SUBSTEPS` for the whole way to the next decision.
+        action: Action of an external driver of the ego; None if the model's driver decides.
+    """
+    constants, simulations = params.constants, params.simulations
     step_length = constants.step if steps_at_once == 1 else constants.decision
     before = (state.motion.s, state.motion.d)
     angle = steering.steer(
-        state, params, simulations.max_lateral_accel, step_length, ordered_wheel_angle(action)
+        state, params, simulations.max_lateral_accel, step_length, requested_wheel_angle(action)
     )
     vehicle_dynamics.advance_motion(state, params, angle, step_length)
     collisions.resolve_contacts(state, params, pairs, before, step, step_length)

@@ -95,7 +95,7 @@ class _Drive:
             take_over(state, reading, self._stage.scenario)
             contacts = self._stage.contacts(reading.frame)
             note_contacts(state, given, contacts, step - SUBSTEPS)
-            decide(state, given, self._recorder, step)
+            decide(state, given, step=step, recorder=self._recorder)
             if step % given.steps_per_frame == 0:
                 active = np.float32(step) <= state.end_step
                 self._recorder.record_frame(state, given, active, step // given.steps_per_frame)
