@@ -1,13 +1,13 @@
-"""Do the law in Python and the law as a logic program say the same of every simulation?
+"""Do the rules in Python and the rules as logic programs give the same verdict on every simulation?
 
     python benchmarks/logic_law.py                          # 10,000 simulations of three profiles
     python benchmarks/logic_law.py --simulations 1000 --seed 7
     python benchmarks/logic_law.py --data data/us101        # a data set, of recordings too
     python benchmarks/logic_law.py --law de                 # German law
 
-Every verdict of the rules of a law that are there twice is compared, and the first frame of
-every breach. Simulations are drawn, judged and forgotten in groups, so that memory is flat. Exits
-with 1 if there is a difference.
+Every verdict of the rules that exist in both forms is compared, and the first frame of every
+breach. Simulations are drawn, judged and dropped in groups, so that memory is flat. Exits with 1 if
+there is a difference.
 """
 
 import argparse
@@ -18,13 +18,17 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # The programs' oracle is a test's.
+
+from tests.support.logic_law import CODES, law_reasoner, program_verdicts
+
 import overtaking as ot
-from overtaking.analysis.logic.law import PROGRAMS, judged, lawyer
-from overtaking.analysis.logic.reasoning import Reasoner
-from overtaking.analysis.logic.source import Group, groups
+from overtaking.analysis.logic.reasoner import Reasoner
+from overtaking.analysis.logic.recorded_facts import SimulationGroup, read_groups
 from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.law.judging import LAWS, judge_pack
 from overtaking.model.verdicts import Verdict
@@ -33,10 +37,10 @@ from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
-SHARES = {"pinto2023-physical": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
-"""What part of the simulations is of which profile."""
+PROFILE_SHARES = {"pinto2023-physical": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
+"""Share of each profile in the simulations."""
 
-PIECE = 64
+GROUP_SIZE = 64
 """Simulations in memory at a time."""
 
 _KIB_PER_MIB = 1024
@@ -44,89 +48,98 @@ _KIB_PER_MIB = 1024
 
 @dataclass(kw_only=True)
 class Tally:
-    """What was compared.
+    """Counts of the comparison.
 
     Attributes:
-        simulations: How many.
-        verdicts: How many there are of each rule and verdict.
-        differences: Descriptions of those that differ.
+        num_simulations: Number of compared simulations.
+        verdicts: Number of simulations for each rule and verdict.
+        differences: Descriptions of the verdicts that differ.
     """
 
-    simulations: int = 0
+    num_simulations: int = 0
     verdicts: Counter[tuple[str, str]] = field(default_factory=Counter[tuple[str, str]])
     differences: list[str] = field(default_factory=list[str])
 
 
-def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
-    """Simulations of a profile, a piece at a time."""
-    chosen = load_specification(profile)
-    road = load_road(chosen.road)
-    for first in range(0, number, PIECE):
-        numbers = np.arange(first, min(first + PIECE, number))
-        runs = engine.simulate(ScenarioSource(chosen, road, seed).sample(numbers.astype(np.uint64)))
-        yield Group(numbers=numbers, case=case_from_trajectories(runs), done=int(numbers[-1]) + 1)
+def simulate_profile(profile: str, num_simulations: int, seed: int) -> Iterator[SimulationGroup]:
+    """Simulations of a profile, one group after the other."""
+    specification = load_specification(profile)
+    road = load_road(specification.road)
+    scenarios = ScenarioSource(specification, road, seed)
+    for first in range(0, num_simulations, GROUP_SIZE):
+        simulation_ids = np.arange(first, min(first + GROUP_SIZE, num_simulations))
+        trajectories = engine.simulate(scenarios.sample(simulation_ids.astype(np.uint64)))
+        yield SimulationGroup(
+            simulation_ids=simulation_ids,
+            case=case_from_trajectories(trajectories),
+            num_read=int(simulation_ids[-1]) + 1,
+        )
 
 
-def compare(reasoner: Reasoner, group: Group, tally: Tally, where: str, law: str) -> None:
+def compare(
+    reasoner: Reasoner, group: SimulationGroup, tally: Tally, source_name: str, law: str
+) -> None:
     """Compare all verdicts of a group, and the first frames of breaches."""
-    found, said = judge_pack(LAWS[law], group.case), judged(reasoner, group, law)
-    codes = PROGRAMS[law][1]
-    place = [found.rule_codes.index(code) for code in codes]
-    verdict, first = found.verdict[:, place], found.first_frame[:, place]
-    tally.simulations += len(verdict)
-    for rule, code in enumerate(codes):
-        for value, count in zip(*np.unique(verdict[:, rule], return_counts=True), strict=True):
+    findings, logic = judge_pack(LAWS[law], group.case), program_verdicts(reasoner, group, law)
+    codes = CODES[law]
+    columns = [findings.rule_codes.index(code) for code in codes]
+    verdict, first_frame = findings.verdict[:, columns], findings.first_frame[:, columns]
+    tally.num_simulations += len(verdict)
+    for column, code in enumerate(codes):
+        for value, count in zip(*np.unique(verdict[:, column], return_counts=True), strict=True):
             tally.verdicts[code, Verdict(int(value)).name.lower()] += int(count)
     is_illegal = verdict == Verdict.ILLEGAL
-    differs = (verdict != said.verdict) | (is_illegal & (first != said.first))
-    for row, rule in np.argwhere(differs).tolist():
-        python = f"{verdict[row, rule]} from frame {first[row, rule]}"
-        logic = f"{said.verdict[row, rule]} from frame {said.first[row, rule]}"
-        number = group.numbers[row]
-        tally.differences.append(f"{where} {number}, {codes[rule]}: Python {python}, ASP {logic}")
+    differs = (verdict != logic.verdict) | (is_illegal & (first_frame != logic.first_frame))
+    for row, column in np.argwhere(differs).tolist():
+        python = f"{verdict[row, column]} from frame {first_frame[row, column]}"
+        program = f"{logic.verdict[row, column]} from frame {logic.first_frame[row, column]}"
+        simulation = f"{source_name} {group.simulation_ids[row]}"
+        tally.differences.append(f"{simulation}, {codes[column]}: Python {python}, ASP {program}")
 
 
 def main() -> int:
-    """Compare, and print what was found."""
+    """Compare, and print the counts and the differences."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--simulations", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--data", help="a data set instead of simulations that are drawn")
-    parser.add_argument("--law", choices=PROGRAMS, default="pt")
+    parser.add_argument("--law", choices=CODES, default="pt")
     parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     begin, tally = time.perf_counter(), Tally()
-    if given.data:
-        sources = {given.data: groups(ot.load_dataset(given.data), size=PIECE)}
+    if arguments.data:
+        sources = {arguments.data: read_groups(ot.load_dataset(arguments.data), size=GROUP_SIZE)}
     else:
         sources = {
-            profile: drawn(profile, round(given.simulations * share), given.seed)
-            for profile, share in SHARES.items()
+            profile: simulate_profile(profile, round(arguments.simulations * share), arguments.seed)
+            for profile, share in PROFILE_SHARES.items()
         }
-    with lawyer(given.law, timeout_s=1e6) as reasoner:
-        for where, source in sources.items():
-            for group in source:
-                compare(reasoner, group, tally, where, given.law)
-                done = f"\r{where}: {group.done:,}, {len(tally.differences)} differences"
-                print(done, end="", file=sys.stderr, flush=True)
+    with law_reasoner(arguments.law, timeout_s=1e6) as reasoner:
+        for source_name, groups in sources.items():
+            for group in groups:
+                compare(reasoner, group, tally, source_name, arguments.law)
+                progress = (
+                    f"\r{source_name}: {group.num_read:,}, {len(tally.differences)} differences"
+                )
+                print(progress, end="", file=sys.stderr, flush=True)
     seconds = time.perf_counter() - begin
     values = {
-        "simulations": tally.simulations,
+        "simulations": tally.num_simulations,
         "verdicts": sum(tally.verdicts.values()),
         "differences": tally.differences,
         "seconds": round(seconds, 1),
-        "memory_mib": round(_memory_mib()),
+        "memory_mib": round(_peak_memory_mib()),
         "by_rule": {" ".join(key): count for key, count in sorted(tally.verdicts.items())},
     }
-    print(json.dumps(values, indent=2) if given.json else _page(values, tally, given.law))
+    print(json.dumps(values, indent=2) if arguments.json else _page(values, tally, arguments.law))
     return 1 if tally.differences else 0
 
 
 def _page(values: Mapping[str, object], tally: Tally, law: str) -> str:
-    """The result for people."""
+    """The result as a table of rules and verdicts, and the differences."""
     names = [verdict.name.lower() for verdict in Verdict]
     lines = ["", f"{'rule':<6}" + "".join(f"{name:>16}" for name in names)]
-    for code in PROGRAMS[law][1]:
+    for code in CODES[law]:
         counts = (tally.verdicts[code, name] for name in names)
         lines.append(f"{code:<6}" + "".join(f"{count:>16,}" for count in counts))
     lines.append(
@@ -137,10 +150,10 @@ def _page(values: Mapping[str, object], tally: Tally, law: str) -> str:
     return "\n".join(lines + tally.differences)
 
 
-def _memory_mib() -> float:
-    """Most memory that this process or the reasoner has used [MiB]."""
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return max(resource.getrusage(one).ru_maxrss for one in who) / _KIB_PER_MIB
+def _peak_memory_mib() -> float:
+    """Peak memory of this process or the reasoner, the larger of the two [MiB]."""
+    processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return max(resource.getrusage(process).ru_maxrss for process in processes) / _KIB_PER_MIB
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def states(data: Dataset) -> pd.DataFrame:
 
 def rows_of(data: Dataset, query: str, **bounds: Any) -> set[tuple[int | str, ...]]:
     found = overtaking.logic.ask(data, query, **bounds)
-    assert found.num_asked == len(data)
+    assert found.num_simulations == len(data)
     return set(found.rows)
 
 
@@ -157,7 +157,7 @@ def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
 
 def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
     found = overtaking.logic.ask(data, "simulation(S)", simulation_ids=[3, 7])
-    assert (found.rows, found.num_asked) == ([(3,), (7,)], 2)
+    assert (found.rows, found.num_simulations) == ([(3,), (7,)], 2)
     with pytest.raises(ConfigError, match=f"expected 0 to {SIMULATIONS - 1}, got 99"):
         overtaking.logic.ask(data, "simulation(S)", simulation_ids=[99])
 
@@ -180,8 +180,8 @@ def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
         ("event(S,start,F)", "got start"),
         ("vehicle(S,fast,_,_,_)", "V in vehicle(S, V, Kind, Length, Width) to be a number"),
         ("event(S,attempt,F), target(S,F)", "each variable to be one kind of thing"),
-        ("simulation(S), X > 3", "got X, which nothing gives a value to"),
-        ("not night(S)", "got S, which nothing gives a value to"),
+        ("simulation(S), X > 3", "got X, to which no atom gives a value"),
+        ("not night(S)", "got S, to which no atom gives a value"),
         ("(" * 500 + "1" + ")" * 500 + " = X", "at most 40 brackets"),
         ("simulation(S), " * 500, "at most 2000 characters"),
         ("", "expected a condition"),
@@ -239,8 +239,8 @@ def test_a_proof_names_article_frames_and_facts(data: Dataset, capsys: pytest.Ca
     fact = f"ego_speed({number},{first},{round(speed * 1000)})"
     assert "L12, Speed limit (Article 27): broken in frame" in page
     assert f"fact: {fact}" in page
-    (proof,) = (one for one in overtaking.logic.prove(data, number) if one.rule == "l12")
-    assert (proof.first, proof.last) == (first, int(broken["last_frame"]))
+    (proof,) = (proof for proof in overtaking.logic.prove(data, number) if proof.rule == "l12")
+    assert (proof.first_frame, proof.last_frame) == (first, int(broken["last_frame"]))
 
 
 def test_the_words_are_listed(data: Dataset, capsys: pytest.CaptureFixture[str]):

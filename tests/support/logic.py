@@ -6,56 +6,63 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.logic import facts as writing
-from overtaking.analysis.logic.source import Group
+from overtaking.analysis.logic.fact_files import (
+    DEFAULT_FRAME_STEP,
+    all_facts,
+    fact_lines,
+    road_facts,
+    simulation_facts,
+)
+from overtaking.analysis.logic.recorded_facts import SimulationGroup
 
 if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 Row = tuple[Any, ...]
-ALL = writing.everything(with_law=True)
+ALL_FACTS = all_facts(with_law=True)
 
 
-def group_of(case: Case) -> Group:
+def group_of(case: Case) -> SimulationGroup:
     """A case as a group of simulations without labels."""
-    return Group(numbers=np.arange(case.signals.num_simulations), case=case)
+    return SimulationGroup(simulation_ids=np.arange(case.signals.num_simulations), case=case)
 
 
-def program_of(case: Case, *, every: int = writing.EVERY) -> str:
+def facts_text(case: Case, *, frame_step: int = DEFAULT_FRAME_STEP) -> str:
     """All facts of a case, as text."""
-    shared = writing.shared_facts(case.trajectories, ALL)
-    found = writing.facts(group_of(case), ALL, every=every)
-    return (writing.text(shared) + writing.text(found)).decode()
+    group = group_of(case)
+    columns = road_facts(group, ALL_FACTS)
+    columns |= simulation_facts(group, ALL_FACTS, frame_step=frame_step)
+    return fact_lines(columns).decode()
 
 
-def solved(text: str, *asked: str) -> dict[str, set[Row]]:
-    """What a program without choices says.
+def solve(program: str, *predicates: str) -> dict[str, set[Row]]:
+    """The atoms that follow from a program without choices.
 
     Args:
-        text: Facts and rules.
-        asked: Names of predicates; all of them if there is none.
+        program: Facts and rules.
+        predicates: Names of predicates; without names all of them.
 
     Returns:
         The arguments of the atoms by predicate.
     """
     import clingo
 
-    complaints: list[str] = []
-    control = clingo.Control(logger=lambda _, message: complaints.append(message))
-    control.add("base", [], text)
+    messages: list[str] = []
+    control = clingo.Control(logger=lambda _, message: messages.append(message))
+    control.add("base", [], program)
     control.ground([("base", [])])
-    assert [one for one in complaints if "does not occur" not in one] == []
+    assert [message for message in messages if "does not occur" not in message] == []
     atoms = control.symbolic_atoms
-    found: dict[str, set[Row]] = {}
+    rows: dict[str, set[Row]] = {}
     for name, arity, is_positive in atoms.signatures:
-        if name in (asked or (name,)):
+        if name in (predicates or (name,)):
             for atom in atoms.by_signature(name, arity, is_positive):
-                found.setdefault(name, set()).add(tuple(map(value, atom.symbol.arguments)))
-    return found
+                rows.setdefault(name, set()).add(tuple(map(_plain_value, atom.symbol.arguments)))
+    return rows
 
 
-def value(symbol: object) -> int | str:
-    """A number or a constant of clingo as Python's."""
+def _plain_value(symbol: object) -> int | str:
+    """A number or a constant of clingo as a value of Python."""
     import clingo
 
     assert isinstance(symbol, clingo.Symbol)

@@ -214,14 +214,14 @@ def _export_facts(
     takes as `**options`. `numbers` are the simulations to write, None for all: `Any`, because
     `check_arguments` does not know the type of arrays. Other arguments as in `export_dataset`.
     """
-    from overtaking.analysis.logic.export import write_facts
+    from overtaking.analysis.logic.fact_files import write_facts
 
     return write_facts(
         dataset,
         out,
         language=language,
-        chosen=numbers,
-        every=frame_step,
+        simulation_ids=numbers,
+        frame_step=frame_step,
         with_law=with_law,
         progress=progress,
     )

@@ -21,8 +21,8 @@ from overtaking.data.load import Dataset
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
-    from overtaking.analysis.logic.ask import Answers
     from overtaking.analysis.logic.proof import Proof
+    from overtaking.analysis.logic.query import Answers
 
 
 @check_arguments
@@ -71,15 +71,15 @@ def ask(
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
-    from overtaking.analysis.logic.ask import ask as ask_reasoner
+    from overtaking.analysis.logic.query import ask as ask_reasoner
     from overtaking.data.choice import chosen as select_simulations
 
     source = load_dataset(dataset)
     return ask_reasoner(
         source,
         query,
-        chosen=select_simulations(source, simulation_ids, overtake_class, policy),
-        every=frame_step,
+        simulation_ids=select_simulations(source, simulation_ids, overtake_class, policy),
+        frame_step=frame_step,
         max_rows=max_rows,
         timeout_s=timeout_s,
         memory_mib=memory_mib,
@@ -103,11 +103,11 @@ def prove(dataset: str | Path | Dataset, simulation_id: int) -> "tuple[Proof, ..
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
-    from overtaking.analysis.logic.proof import proofs
-    from overtaking.analysis.logic.source import groups
+    from overtaking.analysis.logic.proof import prove_breaches
+    from overtaking.analysis.logic.recorded_facts import read_groups
     from overtaking.data.choice import chosen as select_simulations
 
     source = load_dataset(dataset)
-    # `groups` splits simulations into portions for the reasoner; of one simulation it yields one.
-    (group,) = groups(source, select_simulations(source, [simulation_id]))
-    return proofs(group)
+    # `read_groups` splits simulations into portions for the reasoner; one simulation is one group.
+    (group,) = read_groups(source, select_simulations(source, [simulation_id]))
+    return prove_breaches(group)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from rich.console import Group
 
-    from overtaking.analysis.logic.ask import Answers
-    from overtaking.analysis.logic.proof import Proof
+    from overtaking.analysis.logic.proof import Proof, ProofStep
+    from overtaking.analysis.logic.query import Answers
 
 Query = Annotated[
     str | None, typer.Argument(metavar="[QUERY]", help="Condition in clingo's language, in quotes.")
@@ -85,12 +85,12 @@ def values_of(answers: "Answers") -> dict[str, Any]:
     """The answers as plain values."""
     return {
         "columns": [
-            {"name": one.name, "type": None if one.kind is None else one.kind.name}
-            for one in answers.columns
+            {"name": column.name, "type": column.argument_type and column.argument_type.name}
+            for column in answers.columns
         ],
         "rows": [list(row) for row in answers.rows],
         "is_cut": answers.is_cut,
-        "simulations_asked": answers.num_asked,
+        "simulations_asked": answers.num_simulations,
         "frame_interval_ms": answers.frame_interval_ms,
     }
 
@@ -124,51 +124,61 @@ def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
 
 def _words() -> "Iterator[dict[str, Any]]":
     """Every predicate with its origin."""
-    from overtaking.analysis.logic.vocabulary import FACTS, LAW, THEORY
+    from overtaking.analysis.logic.fact_files import FACTS
+    from overtaking.analysis.logic.programs import LAW_PREDICATES, THEORY_PREDICATES
 
-    for source, predicates in (("fact", FACTS), ("theory", THEORY), ("law", LAW)):
-        for one in predicates:
-            types = [{"name": name, "type": kind.name} for name, kind in one.arguments]
-            yield {"predicate": one.head, "from": source, "about": one.about, "arguments": types}
+    groups = (("fact", FACTS.values()), ("theory", THEORY_PREDICATES), ("law", LAW_PREDICATES))
+    for source, predicates in groups:
+        for predicate in predicates:
+            yield {
+                "predicate": predicate.signature_text,
+                "from": source,
+                "about": predicate.meaning,
+                "arguments": [
+                    {"name": label, "type": argument_type.name}
+                    for label, argument_type in predicate.arguments.items()
+                ],
+            }
 
 
 def _proof(proof: "Proof") -> dict[str, Any]:
     """A proof as plain values."""
-    from overtaking.analysis.logic.law import title_of
+    from overtaking.analysis.logic.proof import title_of
 
     return {"title": title_of(proof.rule), **dataclasses.asdict(proof)}
 
 
 def _proofs_page(simulation: int, proofs: "tuple[Proof, ...]") -> str:
     """All proofs as text; a step that occurs again is not repeated."""
-    from overtaking.analysis.logic.law import CODES, title_of
+    from overtaking.analysis.logic.proof import title_of
+    from overtaking.analysis.logic.vocabulary import RULE_CODES
 
     if not proofs:
-        return f"Simulation {simulation} breaks none of {', '.join(CODES)}.\n"
+        return f"Simulation {simulation} breaks none of {', '.join(RULE_CODES)}.\n"
     shown: set[str] = set()
     lines: list[str] = []
-    for one in proofs:
-        frames = f"frames {one.first} to {one.last}, {one.num_frames} in all"
-        if one.num_frames == 1:
-            frames = f"frame {one.first}"
-        lines += [f"{title_of(one.rule)}: broken in {frames}", *_steps(one.step, 1, shown), ""]
+    for proof in proofs:
+        frames = f"frames {proof.first_frame} to {proof.last_frame}, {proof.num_frames} in all"
+        if proof.num_frames == 1:
+            frames = f"frame {proof.first_frame}"
+        lines += [f"{title_of(proof.rule)}: broken in {frames}", *_steps(proof.step, 1, shown), ""]
     return "\n".join(lines)
 
 
-def _steps(step: Any, depth: int, shown: set[str]) -> "Iterator[str]":
+def _steps(step: "ProofStep", depth: int, shown: set[str]) -> "Iterator[str]":
     """A step and all that it rests on, a line each."""
     indent, inner = " " * (_INDENT * depth), " " * (_INDENT * (depth + 1))
     if step.atom in shown:
-        yield f"{indent}{step.says} (as above)"
+        yield f"{indent}{step.sentence} (as above)"
         return
     shown.add(step.atom)
     more = f" (and so for {step.num_skipped} before)" if step.num_skipped else ""
-    yield f"{indent}{step.says}{more}"
+    yield f"{indent}{step.sentence}{more}"
     for text in step.facts:
         yield f"{inner}fact: {text}"
     if step.conditions:
         yield f"{inner}where {'; '.join(step.conditions)}"
-    if step.absent:
-        yield f"{inner}and {'; '.join(step.absent)}"
-    for one in step.because:
-        yield from _steps(one, depth + 1, shown)
+    if step.absent_literals:
+        yield f"{inner}and {'; '.join(step.absent_literals)}"
+    for premise in step.premises:
+        yield from _steps(premise, depth + 1, shown)

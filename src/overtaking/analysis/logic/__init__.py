@@ -1,4 +1,16 @@
-"""Data sets as logic: facts, a background theory, questions, and the law a second time.
+"""Data sets as logic: facts, rules of ASP programs, queries, and proofs of breaches.
 
-Everything is an integer of a declared unit, and no term of a program can leave 32 bits.
+Every argument is an integer of a declared type or a constant, and no term of a program can leave
+32 bits.
+
+Modules:
+    vocabulary: Types, predicates, and the rounding of measurements to integers.
+    recorded_facts: Groups of simulations; facts about their roads, vehicles and events.
+    law_facts: Measurements of the ego that only the law reads.
+    fact_files: Facts as text, and folders of files.
+    programs: Predicates and rules of the programs, their dependencies, and ranges of values.
+    query: Queries: parse, refuse, answer.
+    reasoner: clingo in a process beside this one.
+    reasoner_process: That process.
+    proof: Proofs of breaches.
 """

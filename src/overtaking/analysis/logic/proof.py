@@ -12,48 +12,56 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from overtaking.analysis.logic.clauses import kind, needed, program, reasoner
-from overtaking.analysis.logic.facts import group_text
-from overtaking.analysis.logic.question import variables_of
-from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
-from overtaking.analysis.logic.vocabulary import MAX_FRAME
+from overtaking.analysis.logic.fact_files import pooled_facts
+from overtaking.analysis.logic.programs import (
+    import_clingo,
+    node_kind,
+    rules_needed_by,
+    rules_of_program,
+)
+from overtaking.analysis.logic.query import answer_variables
+from overtaking.analysis.logic.reasoner import MEMORY_MIB, TIMEOUT_S, Reasoner
+from overtaking.analysis.logic.vocabulary import MAX_FRAME, RULE, RULE_CODES
 from overtaking.core.equality import ContentEquality
+from overtaking.labels.law.portugal import PORTUGAL
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
-    from overtaking.analysis.logic.clauses import Clause
-    from overtaking.analysis.logic.source import Group
+    from overtaking.analysis.logic.programs import ProgramRule
+    from overtaking.analysis.logic.recorded_facts import SimulationGroup
 
-_INSTANCE = "because__"
+_INSTANCE_PREDICATE = "because__"
+"""Its arguments: index of the rule, conclusion, atoms of the body, values of the variables."""
+
 _VARIABLE = re.compile(r"\b[A-Z]\w*\b")
 
-Ground = tuple[Any, ...]
-"""An atom: its name and its arguments."""
+GroundAtom = tuple[Any, ...]
+"""An atom without variables: its name and its arguments."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step(ContentEquality):
+class ProofStep(ContentEquality):
     """An instance of a rule.
 
     Attributes:
         atom: Its conclusion.
-        says: The conclusion in words; the atom where the rule has no gloss.
+        sentence: The conclusion in words; the atom where the rule has no gloss.
         conditions: The comparisons that hold, with their values.
         facts: The facts that it reads.
-        absent: The literals that must not hold.
-        because: The instances from which the other atoms that it reads follow.
-        num_skipped: Number of instances of the same rule between it and those.
+        absent_literals: The literals that must not hold.
+        premises: The instances from which the other atoms that it reads follow.
+        num_skipped: Number of instances of the same rule between it and its premises.
     """
 
     atom: str
-    says: str
+    sentence: str
     conditions: tuple[str, ...]
     facts: tuple[str, ...]
-    absent: tuple[str, ...]
-    because: tuple[Step, ...]
+    absent_literals: tuple[str, ...]
+    premises: tuple[ProofStep, ...]
     num_skipped: int = 0
 
 
@@ -63,170 +71,205 @@ class Proof(ContentEquality):
 
     Attributes:
         rule: Name of the rule in the program.
-        first: First frame of the breach.
-        last: Last frame of the breach.
+        first_frame: First frame of the breach.
+        last_frame: Last frame of the breach.
         num_frames: Number of frames in which it is broken.
         step: The proof for the first frame.
     """
 
     rule: str
-    first: int
-    last: int
+    first_frame: int
+    last_frame: int
     num_frames: int
-    step: Step
+    step: ProofStep
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Recorded:
-    """A rule whose instances are recorded.
-
-    Attributes:
-        clause: The rule.
-        names: Its variables.
-        text: The rule that records its instances.
-    """
-
-    clause: Clause
-    names: tuple[str, ...]
-    text: str
+def title_of(rule: str) -> str:
+    """Code, title and article of a rule by its name in the program."""
+    rule_of_law = PORTUGAL.rule(RULE_CODES[RULE.constants.index(rule)])
+    return f"{rule_of_law.code}, {rule_of_law.title} ({rule_of_law.article})"
 
 
-def proofs(
-    group: Group, *, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB
+def prove_breaches(
+    group: SimulationGroup, *, timeout_s: float = TIMEOUT_S, memory_mib: int = MEMORY_MIB
 ) -> tuple[Proof, ...]:
     """A proof for each rule of the program that one simulation breaks.
 
     Args:
-        group: That simulation.
+        group: The simulation, alone.
         timeout_s: Time limit of the reasoner [s].
         memory_mib: Memory limit [MiB].
 
     Raises:
-        ConfigError: It exceeds its time or memory.
+        ConfigError: The reasoner exceeds its time or memory.
         MissingExtraError: clingo is not installed.
     """
-    asked = needed(program("law.lp"), [("illegal", (None,) * 2)])
-    recorded = [_recorded(index, clause) for index, clause in enumerate(asked.clauses)]
-    text = asked.text + "\n".join(one.text for one in recorded)
-    with Reasoner(text, ((_INSTANCE, 4),), timeout_s=timeout_s, memory_mib=memory_mib) as one:
-        rows = one.rows(group_text(group, asked.demand, MAX_FRAME))
-    derivation = _Derivation(recorded, rows)
-    return tuple(derivation.proofs())
+    needed = rules_needed_by([("illegal", (None,) * 2)], rules_of_program("law.lp"))
+    instance_rules = [_instance_rule(index, rule) for index, rule in enumerate(needed.rules)]
+    program = needed.program + "\n".join(rule.text for rule in instance_rules)
+    predicates = ((_INSTANCE_PREDICATE, 4),)
+    # The law reads no positions, so the frames with positions are as few as possible.
+    facts = pooled_facts(group, needed.requested_facts, MAX_FRAME)
+    with Reasoner(program, predicates, timeout_s=timeout_s, memory_mib=memory_mib) as reasoner:
+        rows = reasoner.solve(facts)
+    return tuple(_Derivation(instance_rules, rows).proofs())
 
 
-def _recorded(index: int, clause: Clause) -> _Recorded:
-    """A rule and its place, as one that records instances."""
-    fresh = count()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _InstanceRule:
+    """A rule whose instances are recorded.
+
+    Attributes:
+        rule: The rule of the law.
+        variables: Its variables.
+        text: The rule that records its instances.
+    """
+
+    rule: ProgramRule
+    variables: tuple[str, ...]
+    text: str
+
+
+def _instance_rule(index: int, rule: ProgramRule) -> _InstanceRule:
+    """The rule that records the instances of a rule, under its index."""
+    numbers = count()
     body = [
-        _named(literal, fresh) if _is_read(literal) else literal for literal in clause.tree.body
+        _with_named_variables(literal, numbers) if _is_positive_atom(literal) else literal
+        for literal in rule.tree.body
     ]
-    names, head = tuple(variables_of(body)), clause.tree.head
-    is_pool = kind(head.atom) == "SymbolicAtom" and kind(head.atom.symbol) == "Pool"
-    if not body or is_pool:
-        return _Recorded(clause=clause, names=(), text="")
-    # The trailing commas make tuples of the lists, also of those with one member or none.
-    read = "".join(f"{literal}," for literal in body if _is_read(literal))
-    values = "".join(f"{name}," for name in names)
+    head = rule.tree.head
+    is_pool = node_kind(head.atom) == "SymbolicAtom" and node_kind(head.atom.symbol) == "Pool"
+    if not body or is_pool:  # Facts of the program, such as thresholds, need no premises.
+        return _InstanceRule(rule=rule, variables=(), text="")
+    variables = tuple(answer_variables(body))
+    # The trailing commas make tuples of the lists, also of empty ones and those with one member.
+    premises = "".join(f"{literal}," for literal in body if _is_positive_atom(literal))
+    values = "".join(f"{name}," for name in variables)
     condition = "; ".join(str(literal) for literal in body)
-    text = f"{_INSTANCE}({index},{head},({read}),({values})) :- {condition}."
-    return _Recorded(clause=clause, names=names, text=text)
+    text = f"{_INSTANCE_PREDICATE}({index},{head},({premises}),({values})) :- {condition}."
+    return _InstanceRule(rule=rule, variables=variables, text=text)
 
 
-def _is_read(literal: Any) -> bool:
+def _is_positive_atom(literal: Any) -> bool:
     """Whether a literal is an atom that must hold."""
-    return kind(literal) == "Literal" and kind(literal.atom) == "SymbolicAtom" and not literal.sign
+    is_literal = node_kind(literal) == "Literal"
+    return is_literal and node_kind(literal.atom) == "SymbolicAtom" and not literal.sign
 
 
-def _named(tree: Any, fresh: Iterator[int]) -> Any:
-    """The same with a name for each anonymous variable."""
+def _with_named_variables(tree: Any, numbers: Iterator[int]) -> Any:
+    """The same tree with a name for each anonymous variable, so that its value is recorded."""
 
-    class Names(reasoner().ast.Transformer):
+    class Renaming(import_clingo().ast.Transformer):
         def visit_Variable(self, node: Any) -> Any:
-            return node.update(name=f"Any{next(fresh)}") if node.name == "_" else node
+            return node.update(name=f"Any{next(numbers)}") if node.name == "_" else node
 
-    return Names().visit(tree)
+    return Renaming().visit(tree)
+
+
+class _Instance(NamedTuple):
+    """An instance of a rule."""
+
+    rule_index: int
+    body: list[GroundAtom]
+    values: list[Any]
 
 
 class _Derivation:
     """All instances of rules, by their conclusions."""
 
-    def __init__(self, recorded: list[_Recorded], rows: list[list[Any]]) -> None:
-        self._recorded = recorded
-        self._instances: dict[Ground, list[tuple[int, list[Ground], list[Any]]]] = {}
-        for index, head, read, values in rows:
-            body = [_ground(one) for one in read]
-            self._instances.setdefault(_ground(head), []).append((index, body, values))
-        for found in self._instances.values():
-            found.sort(key=lambda one: (str(one[0]).zfill(4), [_order(each) for each in one[2]]))
+    def __init__(self, instance_rules: list[_InstanceRule], rows: list[list[Any]]) -> None:
+        self._rules = instance_rules
+        self._instances: dict[GroundAtom, list[_Instance]] = {}
+        for index, head, premises, values in rows:
+            body = [_ground_atom(premise) for premise in premises]
+            instance = _Instance(index, body, values)
+            self._instances.setdefault(_ground_atom(head), []).append(instance)
+        for instances in self._instances.values():
+            instances.sort(
+                key=lambda instance: (
+                    instance.rule_index,
+                    [_sort_key(value) for value in instance.values],
+                )
+            )
 
     def proofs(self) -> Iterator[Proof]:
         """A proof for each broken rule, in the order of the rules."""
-        broken: dict[str, set[int]] = {}
+        frames_by_rule: dict[str, set[int]] = {}
         for name, *arguments in self._instances:
             if name == "breach":
-                broken.setdefault(str(arguments[1]), set()).add(int(arguments[2]))
+                frames_by_rule.setdefault(str(arguments[1]), set()).add(int(arguments[2]))
         illegal = [atom for atom in self._instances if atom[0] == "illegal"]
-        for atom in sorted(illegal, key=lambda one: int(one[2].removeprefix("l"))):
-            frames = broken[atom[2]]
+        for atom in sorted(illegal, key=lambda atom: int(atom[2].removeprefix("l"))):
+            frames = frames_by_rule[atom[2]]
             yield Proof(
                 rule=atom[2],
-                first=min(frames),
-                last=max(frames),
+                first_frame=min(frames),
+                last_frame=max(frames),
                 num_frames=len(frames),
                 step=self._step(atom),
             )
 
-    def _step(self, atom: Ground) -> Step:
-        """The first instance that concludes an atom, with all that it rests on."""
-        index, body, values = self._instances[atom][0]
-        end, skipped = self._end_of_chain(index, body)
-        clause = self._recorded[index].clause
-        known = dict(zip(self._recorded[index].names, values, strict=True))
-        facts = [_text(one) for one in body if one not in self._instances]
-        derived = [one for one in end if one in self._instances]
-        return Step(
-            atom=_text(atom),
-            says=re.sub(r"\{(\w+)\}", lambda at: str(known[at[1]]), clause.gloss) or _text(atom),
+    def _step(self, atom: GroundAtom) -> ProofStep:
+        """The first instance that concludes an atom, with all its premises."""
+        instance = self._instances[atom][0]
+        chain_begin, num_skipped = self._follow_chain(instance)
+        instance_rule = self._rules[instance.rule_index]
+        literals = instance_rule.rule.tree.body
+        values = dict(zip(instance_rule.variables, instance.values, strict=True))
+        facts = [_atom_text(premise) for premise in instance.body if premise not in self._instances]
+        derived = [premise for premise in chain_begin if premise in self._instances]
+        gloss = instance_rule.rule.gloss
+        sentence = re.sub(r"\{(\w+)\}", lambda match: str(values[match[1]]), gloss)
+        return ProofStep(
+            atom=_atom_text(atom),
+            sentence=sentence or _atom_text(atom),
             conditions=tuple(
-                _put(literal, known)
-                for literal in clause.tree.body
-                if kind(literal) == "Literal" and kind(literal.atom) != "SymbolicAtom"
+                _with_values(literal, values)
+                for literal in literals
+                if node_kind(literal) == "Literal" and node_kind(literal.atom) != "SymbolicAtom"
             ),
             facts=tuple(dict.fromkeys(facts)),
-            absent=tuple(
-                _put(literal, known) for literal in clause.tree.body if getattr(literal, "sign", 0)
+            absent_literals=tuple(
+                _with_values(literal, values) for literal in literals if getattr(literal, "sign", 0)
             ),
-            because=tuple(self._step(one) for one in dict.fromkeys(derived)),
-            num_skipped=skipped,
+            premises=tuple(self._step(premise) for premise in dict.fromkeys(derived)),
+            num_skipped=num_skipped,
         )
 
-    def _end_of_chain(self, index: int, body: list[Ground]) -> tuple[list[Ground], int]:
-        """What a recursive rule begins with, and how many of its instances lie between."""
-        skipped = 0
+    def _follow_chain(self, instance: _Instance) -> tuple[list[GroundAtom], int]:
+        """The body with which a recursive rule begins, and the number of instances between."""
+        num_skipped = 0
         while True:
-            again = [self._instances[one][0] for one in body if one in self._instances]
-            again = [one for one in again if one[0] == index]
-            if not again:
-                return body, skipped
-            body, skipped = again[0][1], skipped + 1
+            premises = [
+                self._instances[premise][0]
+                for premise in instance.body
+                if premise in self._instances
+            ]
+            same_rule = [
+                premise for premise in premises if premise.rule_index == instance.rule_index
+            ]
+            if not same_rule:
+                return instance.body, num_skipped
+            instance, num_skipped = same_rule[0], num_skipped + 1
 
 
-def _ground(term: Any) -> Ground:
-    """An atom as clingo returns it; one without arguments is its name."""
+def _ground_atom(term: Any) -> GroundAtom:
+    """An atom as clingo returns it; an atom without arguments is its name."""
     return tuple(term) if isinstance(term, list) else (term,)
 
 
-def _order(value: Any) -> tuple[bool, Any]:
+def _sort_key(value: Any) -> tuple[bool, Any]:
+    """Numbers before names, which Python cannot compare with each other."""
     return isinstance(value, str), value
 
 
-def _text(atom: Ground) -> str:
+def _atom_text(atom: GroundAtom) -> str:
     name, *arguments = atom
-    return f"{name}({','.join(str(one) for one in arguments)})" if arguments else str(name)
+    return f"{name}({','.join(map(str, arguments))})" if arguments else str(name)
 
 
-def _put(literal: Any, known: dict[str, Any]) -> str:
+def _with_values(literal: Any, values: Mapping[str, Any]) -> str:
     """A literal with the values of its variables, without brackets around all of it."""
-    found = _VARIABLE.sub(lambda name: str(known.get(name[0], name[0])), str(literal))
-    is_bracketed = found.startswith("(") and found.endswith(")") and "(" not in found[1:]
-    return found[1:-1] if is_bracketed else found
+    text = _VARIABLE.sub(lambda match: str(values.get(match[0], match[0])), str(literal))
+    is_bracketed = text.startswith("(") and text.endswith(")") and "(" not in text[1:]
+    return text[1:-1] if is_bracketed else text

@@ -1,17 +1,16 @@
-"""The vocabulary of the logic: every predicate with types, units and ranges of its arguments.
+"""Types, predicates, and the rounding of measurements to integers.
 
-The predicates are declared in `vocabulary.toml`. Facts, theory, law and questions are checked
-against it, and the headers of exported files are written from it. `recorded._Recorded` has a method
-with the name of each fact, which measures it.
+Facts, programs and queries use predicates whose arguments have declared types. The ranges of the
+types bound every term of a program, so that clingo computes within 32 bits.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.knowledge.toml_reader import load_toml
+import numpy as np
+
 from overtaking.labels.law.judging import STORED_POLICIES
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import Outcome
@@ -25,152 +24,176 @@ from overtaking.model.verdicts import OvertakeClass, Verdict
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
+    from overtaking.core.arrays import F32, I64
+
 INT_BITS = 32
 """Width of clingo's integers; sums and products beyond it wrap silently."""
 
-LARGEST = 2 ** (INT_BITS - 1) - 1
+MAX_INT = 2 ** (INT_BITS - 1) - 1
 
 
 @dataclass(frozen=True, slots=True)
-class Type:
-    """The type of an argument.
+class ArgumentType:
+    """The type of an argument: a range of integers, or a set of constants.
 
     Attributes:
         name: Its name in declarations.
-        about: A few words, with the unit.
-        low: Smallest integer; meaningless for constants.
-        high: Largest integer.
-        names: The constants in the order of their codes; empty for integers.
+        meaning: A few words, with the unit.
+        low: Smallest integer; unused for constants.
+        high: Largest integer; unused for constants.
+        constants: The constants in the order of their codes; empty for integers.
     """
 
     name: str
-    about: str
+    meaning: str
     low: int = 0
     high: int = 0
-    names: tuple[str, ...] = ()
+    constants: tuple[str, ...] = ()
 
 
-def _constants(name: str, about: str, *words: str) -> Type:
-    """Words as constants of both languages, which begin with a small letter."""
-    return Type(name, about, names=tuple(word.lower() for word in words))
+def _enumeration(name: str, meaning: str, *constants: str) -> ArgumentType:
+    """A type of constants, in lower case: both languages take a capital letter for a variable."""
+    return ArgumentType(name, meaning, constants=tuple(constant.lower() for constant in constants))
 
 
-EVENTS = (
-    *(
-        "first",
-        "last",
-        "following_begin",
-        "attempt",
-        "line_crossed",
-        "overlap_begin",
-        "overlap_end",
-    ),
+EVENT_NAMES = (
+    *("first", "last"),
+    *("following_begin", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
     *("return_begin", "return_end", "abort", "abort_end"),
     *("collision", "road_departure", "spin", "drift"),
 )
-"""Attributes of `OvertakeEvents` that become facts; `first` and `last` always happen."""
+"""Fields of `OvertakeEvents` that become facts; `first` and `last` happen in every simulation."""
 
 SIDES = ("right", "left")
-CODES = (
+RULE_CODES = (
     *("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L17", "L18", "L20", "L21"),
     *("L24", "L25", "L26", "L28", "L29"),
 )
-"""The Portuguese rules that are written as a logic program too."""
+"""The Portuguese rules in `law.lp`."""
 
 MAX_FRAME = 1_000_000
+# The largest lengths and speeds of which a program can add four, or multiply one by 10, within 32
+# bits. A test computes the ranges of all terms.
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
 
-SIMULATION = Type("simulation", "number of a simulation in its data set", 0, 10**9)
-VEHICLE = Type("vehicle", "slot of a vehicle, the ego being 0", 0, MAX_VEHICLES - 1)
-LANE = Type("lane", "lane index, 0 the slowest, -1 beyond the slow edge", -1, 16)
-FRAME = Type("frame", "number of a frame", 0, MAX_FRAME)
-COUNT = Type("count", "number of things", 0, MAX_FRAME)
-PERCENT = Type("percent", "hundredths", 0, 100)
-INTERVAL = Type("ms", "duration of a frame in milliseconds", 1, 1000)
-MM = Type("mm", "length in millimetres", -MAX_MM, MAX_MM)
-SIZE = Type("size", "length or width of a vehicle in millimetres", 0, 100_000)
-SPEED = Type("mm_per_s", "speed in millimetres per second", -MAX_SPEED, MAX_SPEED)
-BRAKING = Type("mm_per_s2", "deceleration in millimetres per second squared", 0, 1_000_000)
-KIND = _constants("kind", "class of vehicle", *(kind.code for kind in VehicleKind))
-EVENT = _constants("event", "what happened, see the page on events", *EVENTS)
-PLACE = _constants("place", "place around the ego", *(one.name for one in NeighbourRole), "target")
-SIDE = _constants("side", "left is where one overtakes", *SIDES)
-MARK = _constants("mark", "line as seen from one side", *(one.name for one in RoadMark))
-PLACE_KIND = _constants("place_kind", "what a stretch of road is", *(one.name for one in ZoneKind))
-ROAD = _constants("road", "kind of road", "motorway", "other", "town")
-POLICY = _constants("policy", "which rules count", *(one.name for one in STORED_POLICIES))
-CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
-OUTCOME = _constants("outcome", "how it ended, legality aside", *(one.name for one in Outcome))
-UNKNOWN = _constants("unknown", "what a recording does not tell", *UNKNOWNS)
-RULE = _constants("rule", "rule of law", *CODES)
-VERDICT = _constants("verdict", "what a rule says", *(one.name for one in Verdict))
+SIMULATION = ArgumentType("simulation", "number of a simulation in its data set", 0, 10**9)
+VEHICLE = ArgumentType("vehicle", "slot of a vehicle, 0 for the ego", 0, MAX_VEHICLES - 1)
+LANE = ArgumentType("lane", "lane index, 0 for the slowest, -1 beyond the slow edge", -1, 16)
+FRAME = ArgumentType("frame", "number of a frame", 0, MAX_FRAME)
+COUNT = ArgumentType("count", "number of things", 0, MAX_FRAME)
+PERCENT = ArgumentType("percent", "hundredths", 0, 100)
+MILLISECONDS = ArgumentType("ms", "duration of a frame in milliseconds", 1, 1000)
+MM = ArgumentType("mm", "length in millimetres", -MAX_MM, MAX_MM)
+SIZE = ArgumentType("size", "length or width of a vehicle in millimetres", 0, 100_000)
+SPEED = ArgumentType("mm_per_s", "speed in millimetres per second", -MAX_SPEED, MAX_SPEED)
+BRAKING = ArgumentType("mm_per_s2", "deceleration in millimetres per second squared", 0, 1_000_000)
+KIND = _enumeration("kind", "class of vehicle", *(kind.code for kind in VehicleKind))
+EVENT = _enumeration("event", "event of an overtake", *EVENT_NAMES)
+ROLE = _enumeration(
+    "place", "place around the ego", *(role.name for role in NeighbourRole), "target"
+)
+SIDE = _enumeration("side", "left is the overtaking side", *SIDES)
+MARK = _enumeration("mark", "line as seen from one side", *(mark.name for mark in RoadMark))
+ZONE_KIND = _enumeration("place_kind", "kind of zone", *(kind.name for kind in ZoneKind))
+ROAD = _enumeration("road", "kind of road", "motorway", "other", "town")
+POLICY = _enumeration("policy", "set of rules that count", *(p.name for p in STORED_POLICIES))
+CLASS = _enumeration("class", "class of a simulation", *(c.title for c in OvertakeClass))
+OUTCOME = _enumeration("outcome", "end of the overtake", *(outcome.name for outcome in Outcome))
+UNKNOWN = _enumeration("unknown", "input that a recording may lack", *UNKNOWNS)
+RULE = _enumeration("rule", "rule of law", *RULE_CODES)
+VERDICT = _enumeration("verdict", "verdict of a rule", *(verdict.name for verdict in Verdict))
+
+ARGUMENT_TYPES = {
+    argument_type.name: argument_type
+    for argument_type in (
+        *(SIMULATION, VEHICLE, LANE, FRAME, COUNT, PERCENT, MILLISECONDS, MM, SIZE, SPEED),
+        *(BRAKING, KIND, EVENT, ROLE, SIDE, MARK, ROAD, POLICY, CLASS, OUTCOME, UNKNOWN, RULE),
+        *(VERDICT, ZONE_KIND),
+        # The others occur in the programs only.
+        ArgumentType("km_per_h", "speed in kilometres per hour", 0, 1000),
+        ArgumentType("duration", "time in milliseconds", 0, 3_600_000),
+        ArgumentType("hundredths", "time in hundredths of a second", 0, 10_000),
+        _enumeration("limits", "class of vehicle by its speed limits", "light", "van", "heavy"),
+    )
+}
+"""Every type by its name."""
 
 Signature = tuple[str, int]
+"""Name and number of arguments of a predicate."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Predicate:
-    """One predicate.
+    """A predicate of facts or of a program.
 
     Attributes:
         name: Its name.
-        about: What it says of its arguments.
-        arguments: Name and type of each argument.
-        never: Constants of an argument's type that the argument never has, by its name.
+        meaning: Its statement about its arguments.
+        arguments: Type of each argument by its label.
+        unused_constants: By label, constants of the type that the argument has in no fact.
     """
 
     name: str
-    about: str
-    arguments: tuple[tuple[str, Type], ...]
-    never: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    meaning: str
+    arguments: Mapping[str, ArgumentType]
+    unused_constants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def signature(self) -> Signature:
         """Name and number of arguments."""
         return self.name, len(self.arguments)
 
-    def constants(self, label: str) -> frozenset[str]:
-        """The constants that an argument can have in facts; empty for numbers."""
-        return frozenset(dict(self.arguments)[label].names) - {*self.never.get(label, ())}
+    @property
+    def types(self) -> tuple[ArgumentType, ...]:
+        """The types of the arguments in order."""
+        return tuple(self.arguments.values())
 
     @property
-    def head(self) -> str:
-        """The atom with the names of its arguments."""
-        return f"{self.name}({', '.join(name for name, _ in self.arguments)})"
+    def signature_text(self) -> str:
+        """The atom with the labels of its arguments."""
+        return f"{self.name}({', '.join(self.arguments)})"
+
+    def constants(self, label: str) -> frozenset[str]:
+        """The constants that an argument can have in facts; empty for integers."""
+        return frozenset(self.arguments[label].constants) - {*self.unused_constants.get(label, ())}
 
 
-TYPES = {
-    of.name: of
-    for of in (
-        *(SIMULATION, VEHICLE, LANE, FRAME, COUNT, PERCENT, INTERVAL, MM, SIZE, SPEED, BRAKING),
-        *(KIND, EVENT, PLACE, SIDE, MARK, ROAD, POLICY, CLASS, OUTCOME, UNKNOWN, RULE, VERDICT),
-        PLACE_KIND,
-        Type("km_per_h", "speed in kilometres per hour", 0, 1000),
-        Type("duration", "time in milliseconds", 0, 3_600_000),
-        Type("hundredths", "time in hundredths of a second", 0, 10_000),
-        _constants("limits", "class of vehicle by its speed limits", "light", "van", "heavy"),
-    )
-}
-"""Every type by its name; the last four occur in the programs only."""
+_THOUSANDTHS_PER_UNIT = 1000.0
+
+# Thresholds of the law are whole millimetres. A measurement with a lower limit is rounded down, one
+# with an upper limit is rounded up: the integer then lies on the same side of the limit.
 
 
-def _declared(group: str) -> tuple[Predicate, ...]:
-    """The predicates of a section of `vocabulary.toml`."""
-    return tuple(
-        Predicate(
-            name,
-            one["about"],
-            tuple((label, TYPES[of]) for label, of in one["arguments"].items()),
-            {label: tuple(names) for label, names in one.get("never", {}).items()},
-        )
-        for name, one in load_toml(Path(__file__).with_suffix(".toml"))[group].items()
-    )
+def rounded_down_mm(values: F32) -> I64:
+    """Thousandths, rounded down: at least a whole limit exactly where the value is."""
+    return np.floor(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
 
 
-ROAD_FACTS, RECORDED, MEASURED = (_declared(group) for group in ("road", "recorded", "measured"))
-FACTS = (*ROAD_FACTS, *RECORDED, *MEASURED)
-BY_NAME = {one.name: one for one in FACTS}
-THEORY, LAW = _declared("theory"), _declared("law")
-PREDICATES = {one.signature: one for one in (*FACTS, *THEORY, *LAW)}
-"""Every predicate that a question may name."""
+def rounded_up_mm(values: F32) -> I64:
+    """Thousandths, rounded up: at most a whole limit exactly where the value is."""
+    return np.ceil(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
+
+
+def nearest_mm(values: NDArray[np.floating]) -> I64:
+    """Thousandths, rounded half up."""
+    return np.floor(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT + 0.5).astype(np.int64)
+
+
+def limits_beside(limits: F32, values: F32) -> I64:
+    """Limits in thousandths that compare with the rounded values as limits compare with values.
+
+    Args:
+        limits: The limits, of any shape.
+        values: The values, of the same shape, which `rounded_down_mm` rounds.
+
+    Returns:
+        The limits rounded up, or the nearest integer on their side of the rounded value.
+    """
+    rounded_limits, rounded_values = rounded_up_mm(limits), rounded_down_mm(values)
+    is_above, is_below = limits > values, limits < values
+    shifted = np.where(is_above, np.maximum(rounded_limits, rounded_values + 1), rounded_limits)
+    shifted = np.where(is_below, np.minimum(shifted, rounded_values - 1), shifted)
+    return np.where(is_above | is_below, shifted, rounded_values)

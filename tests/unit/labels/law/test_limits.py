@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.cases import ramp
-from tests.support.logic import group_of
+from tests.support.logic import ALL_FACTS, group_of
+from tests.support.logic_law import law_reasoner, program_verdicts
 from tests.support.overtakes import alone, along_course, limited
 
 from overtaking import label, sample, simulate
-from overtaking.analysis.logic.law import CODES, judged, lawyer
-from overtaking.analysis.logic.recorded import road_columns
+from overtaking.analysis.logic.fact_files import road_facts
+from overtaking.analysis.logic.vocabulary import RULE_CODES
 from overtaking.data.tables.encode import encode
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
 from overtaking.labels.event_detection import case_from_trajectories
@@ -89,8 +90,9 @@ def test_the_limit_of_a_tolerated_share_is_that_which_is_exceeded_most():
     speed = ramp((4.9, 125.7 / 3.6), (5.1, 71 / 3.6), frames=200)
     one = fast(limited((200.0, 600.0, 60.0)), speed=speed)
     for rule in (L12, V2):
-        assert rule.limit is not None
-        assert rule.limit(one)[0] == pytest.approx(60 / 3.6)
+        limit = rule.limit and rule.limit(one)
+        assert limit is not None
+        assert limit[0] == pytest.approx(60 / 3.6)
     assert judge_rule(L12, one).margin[0] == pytest.approx(-11 / 3.6, abs=1e-3)
 
 
@@ -127,11 +129,11 @@ def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind
 
 @pytest.mark.ci
 @given(st.lists(st.floats(0, 4999, width=64), min_size=2, max_size=2, unique=True))
-def test_facts_say_exactly_in_which_frames_a_lower_limit_holds(ends: list[float]):
+def test_the_fact_of_a_lower_limit_holds_at_exactly_the_positions_of_the_limit(ends: list[float]):
     start, stop = sorted(ends)
     road = limited((start, stop, 60.0))
-    run = fast(road).trajectories
-    first, beyond, limit = (int(one[0]) for one in road_columns(run)["lower_limit"])
+    facts = road_facts(group_of(fast(road)), ALL_FACTS)
+    first, beyond, limit = (int(column[0]) for column in facts["lower_limit"])
     assert limit == 16_667
     near = np.array([first - 1, first, beyond - 1, beyond], np.int32)
     lower = road.speed_limit_at(near * 1e-3) < road.speed_limit
@@ -149,19 +151,19 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
     )
     course = dataclasses.replace(road.course or RoadCourse(), speed_limit_spans=lower)
     recorded = simulate_on(profile, dataclasses.replace(road, course=course))
-    with lawyer() as reasoner:
-        said = judged(reasoner, group_of(recorded))
+    with law_reasoner() as reasoner:
+        judgement = program_verdicts(reasoner, group_of(recorded))
     findings = judge_pack(PORTUGAL, recorded)
-    place = [findings.rule_codes.index(code) for code in CODES]
-    np.testing.assert_array_equal(said.verdict, findings.verdict[:, place])
-    is_illegal = said.verdict == Verdict.ILLEGAL
+    columns = [findings.rule_codes.index(code) for code in RULE_CODES]
+    np.testing.assert_array_equal(judgement.verdict, findings.verdict[:, columns])
+    is_illegal = judgement.verdict == Verdict.ILLEGAL
     np.testing.assert_array_equal(
-        said.first[is_illegal], findings.first_frame[:, place][is_illegal]
+        judgement.first_frame[is_illegal], findings.first_frame[:, columns][is_illegal]
     )
     legal_elsewhere = judge_rule(
         L12, case_from_trajectories(simulate(sample(profile, num_simulations=40, seed=23)))
     ).verdict
-    differs = said.verdict[:, CODES.index("L12")] != legal_elsewhere
+    differs = judgement.verdict[:, RULE_CODES.index("L12")] != legal_elsewhere
     assert 0 < differs.sum() < len(differs)
 
 

@@ -1,8 +1,8 @@
-% What follows from the facts of overtaking, for SWI-Prolog. `theory.lp` says the same for clingo.
+% Conclusions from the facts of overtaking, for SWI-Prolog. `theory.lp` has the same rules for clingo.
 %
 % S is a simulation, A and B are vehicles (the ego has number 0), F is a frame. Positions and lengths
-% are in mm, speeds in mm/s; each rule holds in the frames that are written (frame/2), among which
-% are all in which somebody changes lane, or comes to be ahead of, beside or behind another.
+% are in mm, speeds in mm/s. The rules hold in the frames with positions (frame/2), among which are
+% all in which a vehicle changes lane, or comes to be ahead of, beside or behind another one.
 %
 %     swipl facts.pl theory.pl -g "forall(overtakes(S,0,B,F), writeln(S/B/F))" -t halt
 
@@ -47,7 +47,7 @@ ahead(S, A, B, F) :-
 behind(S, B, A, F) :-
     ahead(S, A, B, F).
 
-% between(S,A,B,F): somebody is between A and B ahead of it.
+% between(S,A,B,F): a vehicle is between A and B ahead of it.
 between(S, A, B, F) :-
     ahead(S, C, A, F), ahead(S, B, C, F).
 
@@ -71,18 +71,18 @@ changes_lane(S, V, K, L, F) :-
     lane(S, V, L, F, _), E is F-1,
     lane(S, V, K, _, E).
 
-% leaves_behind(S,A,B,K,F): A leaves lane K to the left, B being ahead in it.
+% leaves_behind(S,A,B,K,F): A leaves lane K to the left while B is ahead in it.
 leaves_behind(S, A, B, K, F) :-
     changes_lane(S, A, K, L, F), L > K,
     in_lane(S, B, F, K),
     position(S, A, F, X), position(S, B, F, Y), X < Y.
 
-% hidden(S,A,B,F): another one in that lane is nearer to A.
+% hidden(S,A,B,F): a vehicle ahead of A, which pulls out, is nearer to it than B.
 hidden(S, A, B, F) :-
     leaves_behind(S, A, B, K, F), leaves_behind(S, A, C, K, F), B =\= C,
     position(S, B, F, Y), position(S, C, F, Z), Z < Y.
 
-% pulls_out(S,A,B,F): A changes to the left behind B, next ahead of it.
+% pulls_out(S,A,B,F): A changes to the left behind B, the next vehicle ahead.
 pulls_out(S, A, B, F) :-
     leaves_behind(S, A, B, _, F), \+ hidden(S, A, B, F).
 

@@ -6,32 +6,32 @@ import re
 
 import pytest
 
-from overtaking.analysis.logic.clauses import possible_constants
-from overtaking.analysis.logic.export import PROGRAMS
-from overtaking.analysis.logic.question import question
-from overtaking.analysis.logic.vocabulary import CODES, PREDICATES
+from overtaking.analysis.logic.fact_files import PROGRAM_FOLDER
+from overtaking.analysis.logic.programs import PREDICATES, possible_constants
+from overtaking.analysis.logic.query import parse_query
+from overtaking.analysis.logic.vocabulary import RULE_CODES
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.portugal import PORTUGAL
 
-NAMES = {code.lower() for code in CODES}
+NAMES = {code.lower() for code in RULE_CODES}
 
 
 @pytest.mark.parametrize("code", [*PORTUGAL.codes, *GERMANY.codes])
 @pytest.mark.parametrize("predicate", ["legal", "illegal", "applies", "not_applicable"])
 def test_a_query_may_name_the_rules_that_a_loaded_program_concludes(predicate, code):
     query = f"{predicate}(S,{code.lower()})"
-    if code in CODES:
-        question(query)
+    if code in RULE_CODES:
+        parse_query(query)
     else:
         with pytest.raises(ConfigError, match=f"one of .*got {code.lower()};"):
-            question(query)
+            parse_query(query)
 
 
 def test_the_rules_that_exist_are_listed_with_the_nearest_first():
-    with pytest.raises(ConfigError) as refused:
-        question("illegal(S,l4)")
-    (listed,) = re.findall(r"one of (.*), got", str(refused.value))
+    with pytest.raises(ConfigError) as error:
+        parse_query("illegal(S,l4)")
+    (listed,) = re.findall(r"one of (.*), got", str(error.value))
     names = listed.split(", ")
     assert set(names) == NAMES
     assert names[0] == "l24"
@@ -61,7 +61,7 @@ def test_the_rules_that_exist_are_listed_with_the_nearest_first():
 )
 def test_a_query_that_can_have_no_answer_is_refused(query):
     with pytest.raises(ConfigError, match=" to be "):
-        question(query)
+        parse_query(query)
 
 
 @pytest.mark.parametrize(
@@ -78,17 +78,17 @@ def test_a_query_that_can_have_no_answer_is_refused(query):
     ],
 )
 def test_a_query_that_can_have_an_answer_is_taken(query):
-    question(query)
+    parse_query(query)
 
 
 def test_a_query_may_name_each_rule_of_the_head_of_the_program():
-    text = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
+    text = (PROGRAM_FOLDER / "law.lp").read_text(encoding="utf-8")
     (rules,) = re.findall(r"^rule\((.*)\)\.$", text, re.MULTILINE)
     assert set(rules.split(";")) == NAMES == possible_constants()["rule", 1, 0]
 
 
-def test_every_argument_with_a_closed_set_can_be_something():
+def test_every_argument_of_constants_can_have_a_constant():
     for (name, arity), predicate in PREDICATES.items():
-        for place, (_, argument_type) in enumerate(predicate.arguments):
-            if argument_type.names:
-                assert possible_constants()[name, arity, place], (name, place)
+        for position, argument_type in enumerate(predicate.types):
+            if argument_type.constants:
+                assert possible_constants()[name, arity, position], (name, position)

@@ -1,33 +1,38 @@
-"""Clingo in a process beside this one: facts in, conclusions out, within limits."""
+"""clingo in a process beside this one: facts in, conclusions out, within limits."""
 
 from __future__ import annotations
 
 import time
 from typing import TYPE_CHECKING, Any, Self
 
-from overtaking.analysis.logic.clauses import reasoner
+from overtaking.analysis.logic.programs import import_clingo
 from overtaking.core.process_limits import check_query_limits, query_limit_error
 from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 
 if TYPE_CHECKING:
+    from overtaking.analysis.logic.reasoner_process import ReasonerSettings
     from overtaking.analysis.logic.vocabulary import Signature
 
+# Default limits of a query.
 MAX_ROWS = 10_000
 TIMEOUT_S = 600.0
 MEMORY_MIB = 2048
-"""Default limits of a question."""
 
-_MOST_READ = 32 * 1024 * 1024
+_RESTART_AFTER_BYTES = 32 * 1024 * 1024
 """Bytes of facts after which the process is replaced: clingo never frees a term."""
 
 
+class ProgramError(Exception):
+    """clingo cannot use a program; the text is clingo's message."""
+
+
 class Reasoner:
-    """A program that is applied to one group of facts after the other; a context.
+    """A program that is applied to one group of facts after the other; a context manager.
 
     Args:
         program: Rules.
-        predicates: Predicates whose atoms are returned; their arguments are the rows.
-        max_rows: Most rows of a group; one more shows that there are others.
+        predicates: Predicates whose atoms are returned; the arguments of an atom are a row.
+        max_rows: Most rows of a group; one more row shows that there are others.
         timeout_s: Time limit for all groups together [s].
         memory_mib: Memory limit [MiB].
     """
@@ -47,21 +52,21 @@ class Reasoner:
             ConfigError: A limit is out of range.
             MissingExtraError: clingo is not installed.
         """
-        reasoner()
+        import_clingo()
         check_query_limits("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
-        self._left, self._timeout, self._memory = timeout_s, timeout_s, memory_mib
-        self._asked = {
+        self._timeout_s, self._seconds_left = timeout_s, timeout_s
+        self._settings: ReasonerSettings = {
             "program": program,
             "predicates": predicates,
             "max_rows": max_rows,
             "memory_mib": memory_mib,
         }
-        self._read = 0
-        self._worker = self._started()
+        self._bytes_read = 0
+        self._worker = self._start_worker()
 
-    def _started(self) -> WorkerProcess:
-        worker = WorkerProcess("overtaking.analysis.logic.child")
-        worker.send(self._asked)
+    def _start_worker(self) -> WorkerProcess:
+        worker = WorkerProcess("overtaking.analysis.logic.reasoner_process")
+        worker.send(self._settings)
         return worker
 
     def __enter__(self) -> Self:
@@ -72,36 +77,31 @@ class Reasoner:
         """End the process."""
         self._worker.close()
 
-    def rows(self, facts: bytes) -> list[list[Any]]:
-        """The arguments of each atom of the predicates that follows from some facts.
+    def solve(self, facts: bytes) -> list[list[Any]]:
+        """The arguments of each atom of the predicates that follows from the facts.
 
         Raises:
-            ConfigError: It exceeds its time or memory.
+            ConfigError: The program exceeds its time or memory.
             ProgramError: The program is wrong.
         """
-        if self._read > _MOST_READ:
+        if self._bytes_read > _RESTART_AFTER_BYTES:
             self._worker.close()
-            self._worker, self._read = self._started(), 0
-        self._read += len(facts)
+            self._worker, self._bytes_read = self._start_worker(), 0
+        self._bytes_read += len(facts)
         begin = time.monotonic()
         self._worker.send(facts)
         try:
-            answer: Any = self._worker.receive(self._left)
+            answer: Any = self._worker.receive(self._seconds_left)
         except TimeoutError:
             raise query_limit_error(
-                "ask", f"an answer within {self._timeout:g} s", "one that takes longer"
+                "ask", f"an answer within {self._timeout_s:g} s", "one that takes longer"
             ) from None
-        self._left -= time.monotonic() - begin
+        self._seconds_left -= time.monotonic() - begin
         if answer is WORKER_ENDED:
             answer = {"error": "memory"}  # clingo aborts where it cannot allocate.
         if answer.get("error") == "memory":
-            raise query_limit_error(
-                "ask", f"at most {self._memory} MiB of memory", "one that needs more"
-            )
+            limit = f"at most {self._settings['memory_mib']} MiB of memory"
+            raise query_limit_error("ask", limit, "one that needs more")
         if "error" in answer:
-            raise ProgramError(" ".join(answer["said"]))
+            raise ProgramError(" ".join(answer["messages"]))
         return answer["rows"]
-
-
-class ProgramError(Exception):
-    """Clingo cannot use a program; the text is what it says."""

@@ -1,0 +1,296 @@
+"""Measurements of the ego in every frame, which only the law reads; never a verdict.
+
+As in `recorded_facts`, a fact is declared at the function that measures it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from overtaking.analysis.logic.recorded_facts import (
+    Fact,
+    concatenate_facts,
+    fact,
+    no_facts,
+)
+from overtaking.analysis.logic.vocabulary import (
+    BRAKING,
+    FRAME,
+    MM,
+    ROLE,
+    SIMULATION,
+    SPEED,
+    VEHICLE,
+    limits_beside,
+    rounded_down_mm,
+    rounded_up_mm,
+)
+from overtaking.labels.law.oncoming_traffic import distance_over_outer_edge
+from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
+from overtaking.labels.law.zones import target_left_edge
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.vehicles import EGO_SLOT
+from overtaking.world.surrogate_safety import drac
+
+if TYPE_CHECKING:
+    from overtaking.analysis.logic.recorded_facts import FactColumns, FactSource
+    from overtaking.core.arrays import IndexArray
+
+LAW_FACTS: dict[str, Fact] = {}
+"""Measurements that only the law reads, by name."""
+
+SLOW_BELOW_MMPS = 10_000
+"""`slow_vehicle` lists vehicles below this speed, 36 km/h; queues are slower [mm/s]."""
+
+_MAX_BRAKING = np.float32(BRAKING.high * 1e-3)
+"""Forced braking where no gap is left to brake in [m/s^2]."""
+
+_ROLES_AHEAD = (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER, NeighbourRole.RIGHT_LEADER)
+
+_TARGET_CODE = len(NeighbourRole)
+"""Code of the constant `target` of `ROLE`, after the neighbours."""
+
+
+@fact(LAW_FACTS, "ego_speed", "Speed of the ego.", S=SIMULATION, F=FRAME, Speed=SPEED)
+def _ego_speed(source: FactSource) -> FactColumns:
+    simulation, frame = np.nonzero(source.signals.valid)
+    speed = source.states.speed[simulation, EGO_SLOT, frame]
+    return source.simulation_ids[simulation], frame, speed
+
+
+@fact(
+    LAW_FACTS,
+    "reach",
+    "Lateral positions of the right and the left side of the ego's body, rounded outwards.",
+    S=SIMULATION,
+    F=FRAME,
+    Right=MM,
+    Left=MM,
+)
+def _ego_edges(source: FactSource) -> FactColumns:
+    index = simulation, frame = np.nonzero(source.signals.valid)
+    right = rounded_down_mm(source.signals.right_edge[index])
+    left = rounded_up_mm(source.signals.left_edge[index])
+    return source.simulation_ids[simulation], frame, right, left
+
+
+@fact(
+    LAW_FACTS,
+    "spacing",
+    "Gap between the bumpers of ego and neighbour, rounded down; speed at which it closes; gap "
+    "that Article 18(1) requires of the rear vehicle, rounded so that it compares as before.",
+    S=SIMULATION,
+    Place=ROLE,
+    F=FRAME,
+    Gap=MM,
+    Closing=SPEED,
+    Lawful=MM,
+)
+def _spacing(source: FactSource) -> FactColumns:
+    codes = sorted(ROLE.constants.index(role) for role in source.roles)
+    return concatenate_facts([_spacing_to(source, code) for code in codes], 6)
+
+
+def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
+    """`spacing` to the vehicle in one role; the rear vehicle, ego or neighbour, keeps the gap."""
+    signals, target = source.signals, source.case.target
+    is_target, is_ahead = role_code == _TARGET_CODE, role_code in _ROLES_AHEAD
+    instants = simulation, frame = _instants_with_vehicle(source, role_code)
+    in_role = (simulation, role_code, frame)
+    gap = target.gap[instants] if is_target else signals.gap[in_role]
+    if is_target:
+        rear_speed = target.speed[instants]
+        closing_speed = rear_speed - signals.speed[instants]
+    else:
+        closing_speed = signals.closing_speed[in_role]
+        ego_speed = signals.speed[instants]
+        rear_speed = ego_speed if is_ahead else ego_speed + closing_speed
+    lawful = lawful_gap(
+        rear_speed, closing_speed, decel_for_safe_distance(signals.friction[instants])
+    )
+    other_slot = target.slot[simulation] if is_target else signals.neighbour_slot[in_role]
+    # From the recorded integers, which are exact; the signals are floats.
+    speed_mmps = source.states.speed
+    ego_mmps = speed_mmps[simulation, EGO_SLOT, frame]
+    other_mmps = speed_mmps[simulation, other_slot.astype(np.intp), frame]
+    closing_mmps = ego_mmps - other_mmps if is_ahead else other_mmps - ego_mmps
+    return (
+        source.simulation_ids[simulation],
+        np.full(len(simulation), role_code),
+        frame,
+        rounded_down_mm(gap),
+        closing_mmps,
+        limits_beside(lawful, gap),
+    )
+
+
+def _instants_with_vehicle(source: FactSource, role_code: int) -> tuple[IndexArray, IndexArray]:
+    """Rows of simulations and frames in which the role is taken."""
+    if role_code == _TARGET_CODE:
+        simulation, frame = np.nonzero(source.case.target.valid)
+    else:
+        has_neighbour = source.signals.neighbour_slot[:, role_code] != NO_VEHICLE
+        simulation, frame = np.nonzero(source.signals.valid & has_neighbour)
+    return simulation, frame
+
+
+@fact(
+    LAW_FACTS,
+    "forced_braking",
+    "Deceleration that a closing gap forces on the neighbour behind, rounded up; at most 1 km/s2.",
+    unused_constants={"Place": ("leader", "left_leader", "right_leader", "target")},
+    S=SIMULATION,
+    Place=ROLE,
+    F=FRAME,
+    Braking=BRAKING,
+)
+def _forced_braking(source: FactSource) -> FactColumns:
+    roles_behind = [
+        role
+        for role in NeighbourRole
+        if role not in _ROLES_AHEAD and role.name.lower() in source.roles
+    ]
+    return concatenate_facts([_forced_braking_of(source, role) for role in roles_behind], 4)
+
+
+def _forced_braking_of(source: FactSource, role: NeighbourRole) -> FactColumns:
+    simulation, frame = _instants_with_vehicle(source, role)
+    closing_speed = source.signals.closing_speed[simulation, role, frame]
+    is_closing = closing_speed > 0
+    simulation, frame = simulation[is_closing], frame[is_closing]
+    decel = drac(source.signals.gap[simulation, role, frame], closing_speed[is_closing])
+    decel = rounded_up_mm(np.minimum(decel, _MAX_BRAKING))
+    return source.simulation_ids[simulation], np.full(len(simulation), int(role)), frame, decel
+
+
+@fact(
+    LAW_FACTS, "target_lead", "How far the ego is ahead of its target.", S=SIMULATION, F=FRAME, X=MM
+)
+def _ego_lead(source: FactSource) -> FactColumns:
+    simulation, slot, frame = _target_instants(source)
+    s = source.states.s
+    ego_lead = s[simulation, EGO_SLOT, frame] - s[simulation, slot, frame]
+    return source.simulation_ids[simulation], frame, ego_lead
+
+
+@fact(LAW_FACTS, "target_speed", "Speed of the target.", S=SIMULATION, F=FRAME, Speed=SPEED)
+def _target_speed(source: FactSource) -> FactColumns:
+    simulation, slot, frame = _target_instants(source)
+    speed = source.states.speed[simulation, slot, frame]
+    return source.simulation_ids[simulation], frame, speed
+
+
+def _target_instants(source: FactSource) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Rows of simulations, slots of the targets and frames in which the target is recorded."""
+    target = source.case.target
+    simulation, frame = np.nonzero(target.valid)
+    return simulation, target.slot[simulation].astype(np.intp), frame
+
+
+@fact(
+    LAW_FACTS,
+    "ego_place",
+    "Position of the ego's centre along a road that changes, or has oncoming traffic.",
+    S=SIMULATION,
+    F=FRAME,
+    X=MM,
+)
+def _ego_position(source: FactSource) -> FactColumns:
+    # No rule reads it on other roads, and there are as many of these facts as frames.
+    if not (source.road.is_two_way or source.road.course):
+        return no_facts(3)
+    simulation, frame = np.nonzero(source.signals.valid)
+    s = source.states.s[simulation, EGO_SLOT, frame]
+    return source.simulation_ids[simulation], frame, s
+
+
+@fact(
+    LAW_FACTS,
+    "oncomer",
+    "A vehicle that approaches the ego: gap between the bumpers, rounded down, and its speed.",
+    S=SIMULATION,
+    F=FRAME,
+    V=VEHICLE,
+    Gap=MM,
+    Speed=SPEED,
+)
+def _approaching_vehicles(source: FactSource) -> FactColumns:
+    vehicles = source.approaching
+    index = simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
+    speed = source.states.speed[index]
+    return source.simulation_ids[simulation], frame, slot, rounded_down_mm(vehicles.gap), speed
+
+
+@fact(
+    LAW_FACTS,
+    "oncomer_brakes",
+    "Deceleration of a vehicle that approaches the ego, if it brakes.",
+    S=SIMULATION,
+    F=FRAME,
+    V=VEHICLE,
+    Braking=BRAKING,
+)
+def _braking_of_approaching_vehicles(source: FactSource) -> FactColumns:
+    vehicles = source.approaching
+    simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
+    decel = -source.states.accel_lon[simulation, slot, frame].astype(np.int64)
+    brakes = decel > 0
+    simulation_ids = source.simulation_ids[simulation[brakes]]
+    return simulation_ids, frame[brakes], slot[brakes], decel[brakes]
+
+
+@fact(
+    LAW_FACTS,
+    "oncomer_leaves",
+    "How far an approaching vehicle reaches over the outer edge of its lane, rounded up.",
+    S=SIMULATION,
+    F=FRAME,
+    V=VEHICLE,
+    Over=MM,
+)
+def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
+    vehicles = source.approaching
+    simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
+    if not simulation.size:
+        return no_facts(4)
+    excursion = rounded_up_mm(distance_over_outer_edge(source.case, simulation, frame, slot))
+    is_over = excursion > 0
+    simulation_ids = source.simulation_ids[simulation[is_over]]
+    return simulation_ids, frame[is_over], slot[is_over], excursion[is_over]
+
+
+@fact(
+    LAW_FACTS,
+    "target_reach",
+    "Lateral position of the target's left side as the attempt begins, rounded up.",
+    S=SIMULATION,
+    Left=MM,
+)
+def _target_left_edge(source: FactSource) -> FactColumns:
+    has_attempt = source.case.events.attempt != NEVER
+    simulation = np.flatnonzero(has_attempt & (source.case.target.slot != NO_VEHICLE))
+    left_edge = rounded_up_mm(target_left_edge(source.case)[simulation])
+    return source.simulation_ids[simulation], left_edge
+
+
+@fact(
+    LAW_FACTS,
+    "slow_vehicle",
+    "Another vehicle slower than 10 m/s, its speed, and its distance from the ego.",
+    S=SIMULATION,
+    F=FRAME,
+    V=VEHICLE,
+    Speed=SPEED,
+    Away=MM,
+)
+def _slow_vehicles(source: FactSource) -> FactColumns:
+    s, speed = source.states.s, source.states.speed
+    is_slow = source.trajectories.state_mask & (speed < SLOW_BELOW_MMPS)
+    is_slow[:, EGO_SLOT] = False
+    index = simulation, slot, frame = np.nonzero(is_slow)
+    distance = np.abs(s[index] - s[simulation, EGO_SLOT, frame])
+    return source.simulation_ids[simulation], frame, slot, speed[index], distance

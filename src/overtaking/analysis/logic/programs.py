@@ -1,0 +1,542 @@
+"""The ASP programs: their predicates and rules, what a rule depends on, and its range of values.
+
+A comment with a colon declares a predicate with the types of its arguments, and with labels and a
+meaning if queries may name it. A comment with a tilde states an instance of the rule below it.
+"""
+
+# clingo's syntax trees are typed as nodes of any kind.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import atexit
+import re
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from itertools import permutations
+from operator import add, mul, sub
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
+
+from overtaking.analysis.logic.fact_files import (
+    FACTS,
+    PROGRAM_FOLDER,
+    ArgumentPattern,
+    RequestedFacts,
+)
+from overtaking.analysis.logic.vocabulary import ARGUMENT_TYPES, COUNT, MAX_INT, Predicate
+from overtaking.core.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from overtaking.analysis.logic.vocabulary import ArgumentType, Signature
+
+PROGRAM_FILES = ("theory.lp", "law.lp")
+"""The programs that queries may use, in `PROGRAM_FOLDER`."""
+
+_DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
+_GLOSS_PREFIX = "%~ "
+_PREAMBLE = "#const ego = 0.\n"
+
+
+def import_clingo() -> Any:
+    """The module clingo.
+
+    Raises:
+        MissingExtraError: clingo is not installed.
+    """
+    try:
+        clingo = import_module("clingo")
+        import_module("clingo.ast")
+    except ImportError:
+        raise MissingExtraError.for_extra(
+            "logic", what="clingo, the reasoner", where="logic"
+        ) from None
+    return clingo
+
+
+def _read_program(file: str) -> str:
+    return (PROGRAM_FOLDER / file).read_text(encoding="utf-8")
+
+
+def declared_predicates(program: str) -> tuple[Predicate, ...]:
+    """The predicates that the comments of a program declare; those without a meaning are internal.
+
+    Internal predicates have no labels; their arguments are labelled by position.
+    """
+    predicates: list[Predicate] = []
+    for name, arguments, meaning in _DECLARATION.findall(program):
+        labelled = [part.strip().rpartition(": ") for part in arguments.split(",") if part]
+        predicates.append(
+            Predicate(
+                name=name,
+                meaning=meaning,
+                arguments={
+                    label or str(position): ARGUMENT_TYPES[type_name]
+                    for position, (label, _, type_name) in enumerate(labelled)
+                },
+            )
+        )
+    return tuple(predicates)
+
+
+def _queryable(file: str) -> tuple[Predicate, ...]:
+    return tuple(
+        predicate for predicate in declared_predicates(_read_program(file)) if predicate.meaning
+    )
+
+
+THEORY_PREDICATES, LAW_PREDICATES = (_queryable(file) for file in PROGRAM_FILES)
+PREDICATES = {
+    predicate.signature: predicate
+    for predicate in (*FACTS.values(), *THEORY_PREDICATES, *LAW_PREDICATES)
+}
+"""Every predicate that a query may name."""
+
+
+@cache
+def argument_types() -> Mapping[Signature, tuple[ArgumentType, ...]]:
+    """The types of the arguments of all predicates, with the internal ones of the programs."""
+    internal = (
+        predicate
+        for file in PROGRAM_FILES
+        for predicate in declared_predicates(_read_program(file))
+    )
+    return {predicate.signature: predicate.types for predicate in (*PREDICATES.values(), *internal)}
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """A predicate in a rule.
+
+    Attributes:
+        name: Its name.
+        arguments: Each the text of a constant, the name of a variable, or None if it is computed.
+    """
+
+    name: str
+    arguments: ArgumentPattern
+
+    @property
+    def signature(self) -> Signature:
+        """Name and number of arguments."""
+        return self.name, len(self.arguments)
+
+    def pattern(self, binding: Mapping[str, str]) -> ArgumentPattern:
+        """The constants among its arguments, with the values of bound variables."""
+        return tuple(
+            binding.get(argument) if _is_variable(argument) else argument
+            for argument in self.arguments
+        )
+
+
+def _is_variable(argument: str | None) -> TypeGuard[str]:
+    """Whether an argument of an atom is a variable, which begins with a capital letter."""
+    return argument is not None and (argument == "_" or argument.lstrip("_")[:1].isupper())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramRule:
+    """A rule of a program.
+
+    Attributes:
+        tree: Its syntax tree.
+        text: The rule as clingo prints it.
+        gloss: A sentence about an instance, with variables in braces; may be empty.
+        heads: Its conclusions; several only for facts.
+        body: All atoms that it reads, also negated ones and those in aggregates.
+    """
+
+    tree: Any
+    text: str
+    gloss: str
+    heads: tuple[Atom, ...]
+    body: tuple[Atom, ...]
+
+    @property
+    def positive_atoms(self) -> tuple[Atom, ...]:
+        """The atoms of the body that must hold: neither negated nor within an aggregate."""
+        trees = [
+            literal.atom
+            for literal in self.tree.body
+            if node_kind(literal) == "Literal" and not literal.sign
+        ]
+        return tuple(_atoms_in(tree for tree in trees if node_kind(tree) == "SymbolicAtom"))
+
+    def bindings(self, name: str, pattern: ArgumentPattern) -> Iterator[dict[str, str]]:
+        """For each head that can match an atom, the values of the variables in that head.
+
+        Args:
+            name: Predicate of the atom.
+            pattern: Its constants.
+        """
+        for head in self.heads:
+            if head.signature != (name, len(pattern)):
+                continue
+            pairs = [
+                (argument, constant)
+                for argument, constant in zip(head.arguments, pattern, strict=True)
+                if constant
+            ]
+            binding = {argument: constant for argument, constant in pairs if _is_variable(argument)}
+            # A computed argument, None, may have any value.
+            if all(
+                argument in (None, constant) or argument in binding for argument, constant in pairs
+            ):
+                yield binding
+
+
+@cache
+def rules_of_program(file: str) -> tuple[ProgramRule, ...]:
+    """The rules of one of `PROGRAM_FILES`."""
+    return parse_rules(_read_program(file))
+
+
+@cache
+def rules_for_queries() -> tuple[ProgramRule, ...]:
+    """The rules that queries may use."""
+    return tuple(rule for file in PROGRAM_FILES for rule in rules_of_program(file))
+
+
+# At exit, clingo may be unloaded before its trees, each of which then complains on standard error:
+# release the trees first.
+atexit.register(rules_of_program.cache_clear)
+atexit.register(rules_for_queries.cache_clear)
+
+
+def parse_rules(program: str) -> tuple[ProgramRule, ...]:
+    """The rules of a program without errors."""
+    ast, lines = import_clingo().ast, program.splitlines()
+    trees: list[Any] = []
+    ast.parse_string(program, trees.append)
+    return tuple(
+        ProgramRule(
+            tree=tree,
+            text=str(tree),
+            gloss=_gloss_above(lines, tree.location.begin.line),
+            heads=tuple(_atoms_in([tree.head])),
+            body=tuple(_atoms_in(tree.body)),
+        )
+        for tree in trees
+        if tree.ast_type == ast.ASTType.Rule
+    )
+
+
+def _gloss_above(lines: list[str], line_number: int) -> str:
+    """The gloss in the line above a rule; empty if it is no gloss."""
+    line_above = lines[line_number - 2] if line_number > 1 else ""
+    return line_above.removeprefix(_GLOSS_PREFIX) if line_above.startswith(_GLOSS_PREFIX) else ""
+
+
+def _atoms_in(trees: Iterable[Any]) -> Iterator[Atom]:
+    """All atoms in syntax trees, in order; a pool such as rule(l1;l2) gives one for each member."""
+    for tree in walk(trees):
+        if node_kind(tree) == "SymbolicAtom":
+            symbol = tree.symbol
+            functions = symbol.arguments if node_kind(symbol) == "Pool" else (symbol,)
+            for function in functions:
+                arguments = (_argument_text(argument) for argument in function.arguments)
+                yield Atom(function.name, tuple(arguments))
+
+
+def _argument_text(tree: Any) -> str | None:
+    """An argument of an atom, as in `Atom`."""
+    if node_kind(tree) == "Variable":
+        return tree.name
+    return str(tree.symbol) if node_kind(tree) == "SymbolicTerm" else None
+
+
+def node_kind(tree: Any) -> str:
+    """The kind of a syntax tree, a name of `clingo.ast.ASTType`."""
+    return tree.ast_type.name
+
+
+def walk(trees: Iterable[Any]) -> Iterator[Any]:
+    """Syntax trees and all their parts, in order."""
+    for tree in trees:
+        yield tree
+        yield from walk(children(tree))
+
+
+def children(tree: Any) -> Iterator[Any]:
+    """The parts of a syntax tree, in order."""
+    node_class = import_clingo().ast.AST
+    for key in tree.child_keys:
+        part = getattr(tree, key)
+        if isinstance(part, node_class):
+            yield part
+        elif part is not None:
+            yield from part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NeededRules:
+    """The rules and facts that a query or a law needs.
+
+    Attributes:
+        rules: The rules that the answer may depend on.
+        requested_facts: The facts that they read.
+    """
+
+    rules: tuple[ProgramRule, ...]
+    requested_facts: RequestedFacts
+
+    @property
+    def program(self) -> str:
+        """The rules as a program, in which predicates without facts are empty."""
+        defined = "".join(
+            f"#defined {name}/{len(FACTS[name].arguments)}.\n"
+            for name in self.requested_facts.patterns
+        )
+        return _PREAMBLE + defined + "\n".join(rule.text for rule in self.rules) + "\n"
+
+
+def rules_needed_by(
+    goals: Iterable[tuple[str, ArgumentPattern]], rules: Iterable[ProgramRule]
+) -> NeededRules:
+    """The rules and facts that goals depend on.
+
+    Constants are propagated from the goals into the rules, so that a query about one rule of law
+    reads only the facts of that rule. Other conclusions of the rules may be incomplete.
+
+    Args:
+        goals: Predicates with the constants that their arguments must be.
+        rules: The rules to choose from.
+    """
+    all_rules, pending = tuple(rules), list(goals)
+    visited, needed = set[tuple[str, ArgumentPattern]](), set[int]()
+    while pending:
+        goal = pending.pop()
+        if goal in visited:
+            continue
+        visited.add(goal)
+        for index, rule in enumerate(all_rules):
+            for binding in rule.bindings(*goal):
+                needed.add(index)
+                pending += [(atom.name, atom.pattern(binding)) for atom in rule.body]
+    patterns: dict[str, frozenset[ArgumentPattern]] = {}
+    for name, pattern in visited:
+        if name in FACTS and len(pattern) == len(FACTS[name].arguments):
+            patterns[name] = patterns.get(name, frozenset()) | {pattern}
+    return NeededRules(
+        rules=tuple(all_rules[index] for index in sorted(needed)),
+        requested_facts=RequestedFacts(patterns=patterns),
+    )
+
+
+ArgumentPosition = tuple[str, int, int]
+"""Name and number of arguments of a predicate, and the position of one argument."""
+
+
+@cache
+def possible_constants() -> dict[ArgumentPosition, frozenset[str]]:
+    """The constants that each argument of a predicate can have, in facts and in conclusions.
+
+    A conclusion has the constants in the head of its rule. A variable in the head has the
+    constants that the positive atoms of the body allow. Conclusions of one rule are atoms of
+    others, so the loop repeats until no constant is added.
+
+    Returns:
+        The constants by argument. Arguments that are numbers are left out.
+    """
+    constants = _constants_of_facts()
+    rules = [(head, rule.positive_atoms) for rule in rules_for_queries() for head in rule.heads]
+    is_growing = True
+    while is_growing:
+        is_growing = False
+        for head, body in rules:
+            for position, argument in enumerate(head.arguments):
+                key = (*head.signature, position)
+                if key not in constants:
+                    continue
+                new = _constants_of(argument, body, constants) - constants[key]
+                if new:
+                    is_growing, constants[key] = True, constants[key] | new
+    return constants
+
+
+atexit.register(possible_constants.cache_clear)
+
+
+def _constants_of_facts() -> dict[ArgumentPosition, frozenset[str]]:
+    """`possible_constants` of facts; empty sets for predicates that only rules conclude."""
+    constants = {
+        (*signature, position): frozenset[str]()
+        for signature, types in argument_types().items()
+        for position, argument_type in enumerate(types)
+        if argument_type.constants
+    }
+    for fact in FACTS.values():
+        for position, (label, argument_type) in enumerate(fact.arguments.items()):
+            if argument_type.constants:
+                constants[*fact.signature, position] = fact.constants(label)
+    return constants
+
+
+def _constants_of(
+    argument: str | None,
+    body: Iterable[Atom],
+    constants: Mapping[ArgumentPosition, frozenset[str]],
+) -> frozenset[str]:
+    """The constants that an argument of a head can have.
+
+    Args:
+        argument: A constant, a variable, or None for any other term.
+        body: The positive atoms of the rule.
+        constants: The constants that are possible in these atoms so far.
+    """
+    if not _is_variable(argument):
+        return frozenset() if argument is None else frozenset([argument])
+    values = [
+        constants[key]
+        for atom in body
+        for position, body_argument in enumerate(atom.arguments)
+        if body_argument == argument and (key := (*atom.signature, position)) in constants
+    ]
+    return frozenset.intersection(*values) if values else frozenset()
+
+
+# Ranges. clingo wraps integers beyond 32 bits silently, so no term of a program may leave them.
+
+
+class ValueRange(NamedTuple):
+    """The smallest and the largest value of a term."""
+
+    low: int
+    high: int
+
+
+_INT32 = ValueRange(-MAX_INT - 1, MAX_INT)
+_NO_NUMBER = ValueRange(0, 0)
+_EQUAL = 5  # clingo.ast.ComparisonOperator.Equal
+_MONOTONE_OPERATORS = {3: add, 4: sub, 5: mul}  # clingo.ast.BinaryOperator
+_DIVISION, _MODULO = 6, 7
+_NEGATION, _ABSOLUTE = 0, 2  # clingo.ast.UnaryOperator
+_COUNT_AGGREGATE = 0  # clingo.ast.AggregateFunction.Count
+
+_MAX_ASSIGNMENT_CHAIN = 8
+"""Most assignments such as `Y = X+1, Z = 2*Y` through which ranges are followed."""
+
+
+class Overflow(NamedTuple):
+    """A term that may leave 32 bits.
+
+    Attributes:
+        text: The term.
+        low: The smallest value that it may have.
+        high: The largest value that it may have.
+    """
+
+    text: str
+    low: int
+    high: int
+
+
+def overflows(
+    trees: Iterable[Any], types: Mapping[Signature, tuple[ArgumentType, ...]]
+) -> list[Overflow]:
+    """The terms of a rule that may leave 32 bits.
+
+    Args:
+        trees: Head and body of the rule.
+        types: Types of the arguments of its predicates, such as `argument_types()`.
+    """
+    parts = list(trees)
+    ranges = variable_ranges(parts, types)
+    terms = [Overflow(str(tree), *term_range(tree, ranges)) for tree in walk(parts)]
+    return [term for term in terms if term.low < _INT32.low or term.high > _INT32.high]
+
+
+def variable_ranges(
+    trees: Iterable[Any], types: Mapping[Signature, tuple[ArgumentType, ...]]
+) -> dict[str, ValueRange]:
+    """The ranges of the variables of a rule: the intersection of their arguments' types.
+
+    Args:
+        trees: As in `overflows`.
+        types: As in `overflows`.
+    """
+    parts, ranges = list(trees), dict[str, ValueRange]()
+    for tree in walk(parts):
+        if node_kind(tree) == "Function":
+            argument_types_of_tree = types.get((tree.name, len(tree.arguments)), ())
+            # An undeclared predicate has no types.
+            for argument, argument_type in zip(
+                tree.arguments, argument_types_of_tree, strict=False
+            ):
+                if node_kind(argument) == "Variable" and not argument_type.constants:
+                    low, high = ranges.get(argument.name, _INT32)
+                    ranges[argument.name] = ValueRange(
+                        max(low, argument_type.low), min(high, argument_type.high)
+                    )
+    # A variable may be assigned from one that a later literal assigns.
+    for _ in range(_MAX_ASSIGNMENT_CHAIN):
+        for tree in walk(parts):
+            for name, value_range in _assigned_ranges(tree, ranges):
+                ranges.setdefault(name, value_range)
+    return ranges
+
+
+def _assigned_ranges(
+    tree: Any, ranges: Mapping[str, ValueRange]
+) -> Iterator[tuple[str, ValueRange]]:
+    """The variables that a comparison or an aggregate assigns, with their ranges."""
+    if node_kind(tree) == "Comparison":
+        sides = [tree.term, *(guard.term for guard in tree.guards)]
+        is_equation = all(guard.comparison == _EQUAL for guard in tree.guards)
+        for left, right in permutations(sides if is_equation else [], 2):
+            if node_kind(left) == "Variable":
+                yield left.name, term_range(right, ranges)
+    if node_kind(tree) == "BodyAggregate":
+        is_count = tree.function == _COUNT_AGGREGATE
+        value_range = ValueRange(COUNT.low, COUNT.high) if is_count else _INT32
+        for guard in (tree.left_guard, tree.right_guard):
+            if guard is not None and node_kind(guard.term) == "Variable":
+                yield guard.term.name, value_range
+
+
+def term_range(tree: Any, ranges: Mapping[str, ValueRange]) -> ValueRange:
+    """The range of a term; (0, 0) for a term that is no number.
+
+    Args:
+        tree: The syntax tree of the term.
+        ranges: Ranges of the variables in it; others can have any value.
+    """
+    kind = node_kind(tree)
+    if kind == "Variable":
+        return ranges.get(tree.name, _INT32)
+    if kind == "SymbolicTerm":
+        is_number = tree.symbol.type == import_clingo().SymbolType.Number
+        return ValueRange(tree.symbol.number, tree.symbol.number) if is_number else _NO_NUMBER
+    if kind == "UnaryOperation":
+        return _unary_range(tree.operator_type, term_range(tree.argument, ranges))
+    if kind in ("BinaryOperation", "Interval"):
+        left, right = term_range(tree.left, ranges), term_range(tree.right, ranges)
+        if kind == "BinaryOperation":
+            return _binary_range(tree.operator_type, left, right)
+        return ValueRange(min(left.low, right.low), max(left.high, right.high))
+    return _NO_NUMBER
+
+
+def _unary_range(operator: int, operand: ValueRange) -> ValueRange:
+    low, high = operand
+    if operator == _ABSOLUTE:
+        smallest = 0 if low <= 0 <= high else min(abs(low), abs(high))
+        return ValueRange(smallest, max(abs(low), abs(high)))
+    return ValueRange(-high, -low) if operator == _NEGATION else _INT32
+
+
+def _binary_range(operator: int, left: ValueRange, right: ValueRange) -> ValueRange:
+    if operator in _MONOTONE_OPERATORS:
+        # Monotone in each operand: the extremes lie at the ends of the ranges.
+        ends = [_MONOTONE_OPERATORS[operator](a, b) for a in left for b in right]
+        return ValueRange(min(ends), max(ends))
+    if operator == _DIVISION:
+        size = max(abs(left.low), abs(left.high))  # For the divisor 1 or -1.
+        return ValueRange(-size, size)
+    if operator == _MODULO:
+        size = max(abs(right.low), abs(right.high))
+        return ValueRange(-size, size)
+    # Powers and bit operations count as overflows: no query needs them.
+    return ValueRange(_INT32.low * 2, _INT32.high * 2)
