@@ -9,6 +9,7 @@ from generators.knowledge import numbers_of, source_link
 from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law import numbers as law_numbers
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
@@ -42,6 +43,10 @@ TEXTS = """\
 A verdict of the Portuguese pack on a rule whose text was not read says so. The German pack leaves
 such rules undecidable, and no policy asks for them.
 """
+SHARED = """\
+Numbers that rules of both laws read, in `labels/law/numbers.py`. A value whose source is *choice*
+is ours, for the reason given.
+"""
 NUMBERS = """\
 A value whose source is *choice* is ours, for the reason given.
 """
@@ -63,6 +68,7 @@ def content() -> str:
             numbers_of("tolerances.toml"),
         ),
         section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, TextSource))),
+        section("Shared numbers", SHARED, _shared_numbers()),
         *_pack("Portugal", PORTUGAL, "law.toml"),
         *_pack("Germany", GERMANY, "law_de.toml"),
     )
@@ -89,20 +95,28 @@ def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
 def _numbers_of_rules(pack: Pack) -> str:
     """Every number of a criterion, with its unit, source and reason."""
     rows = [
-        (
-            rule.code,
-            f"`{field.name}`",
-            value.bare(),
-            unit(value.quoted_unit),
-            source_link(value.source),
-            value.rationale or "",
-        )
+        (rule.code, *_number(field.name, value))
         for rule in pack.rules
         if rule.criterion is not None
         for field in fields(rule.criterion)
         if isinstance(value := getattr(rule.criterion, field.name), Quantity)
     ]
     return table(("rule", "number", "value", "unit", "source", "why"), rows)
+
+
+def _shared_numbers() -> str:
+    """Every number of the module that both laws read."""
+    rows = [
+        _number(name, value)
+        for name, value in vars(law_numbers).items()
+        if isinstance(value, Quantity)
+    ]
+    return table(("number", "value", "unit", "source", "why"), rows)
+
+
+def _number(name: str, number: Quantity) -> tuple[str, ...]:
+    source = source_link(number.source)
+    return f"`{name}`", number.bare(), unit(number.quoted_unit), source, number.rationale or ""
 
 
 def _text(of: TextSource) -> tuple[str, str]:

@@ -23,6 +23,9 @@ Functions that use a law:
 
 Description of a rule and of a pack:
 
+- `Criterion`: how a duty is measured; a subclass has a predicate and a check, and its fields are
+  the numbers of the law, each made by `quantity` with unit, source and reason (`Quantity`);
+- `BreachContext`: a breach, from which a criterion computes its remedies;
 - `Rule`, and the types of its attributes: `TextSource` (whether the author read the wording of the
   provision or knows it at second hand), `Grade` (how severe a breach of the rule is; the severity
   may depend on the road or on the breach) and `Spread` (a function that computes the standard
@@ -83,6 +86,7 @@ from overtaking.api.law import load_pack as load_pack
 from overtaking.api.law import policies_for as policies_for
 from overtaking.api.law import tolerance_curve as tolerance_curve
 from overtaking.api.law import undecidable_rules as undecidable_rules
+from overtaking.knowledge.quantities import Quantity as Quantity
 from overtaking.labels.law.case import LIMIT_CLASSES as LIMIT_CLASSES
 from overtaking.labels.law.case import ROAD_KINDS as ROAD_KINDS
 from overtaking.labels.law.case import alongside as alongside
@@ -104,7 +108,10 @@ from overtaking.labels.law.margins import num_frames_in as num_frames_in
 from overtaking.labels.law.measurement_errors import MeasurementErrors as MeasurementErrors
 from overtaking.labels.law.measurement_errors import deciding_frame as deciding_frame
 from overtaking.labels.law.measurement_errors import propagated_error as propagated_error
+from overtaking.labels.law.numbers import quantity as quantity
 from overtaking.labels.law.portugal import PORTUGAL as PORTUGAL
+from overtaking.labels.law.remedies import BreachContext as BreachContext
+from overtaking.labels.law.rule import Criterion as Criterion
 from overtaking.labels.law.rule import Grade as Grade
 from overtaking.labels.law.rule import Pack as Pack
 from overtaking.labels.law.rule import Rule as Rule

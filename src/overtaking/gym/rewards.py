@@ -19,7 +19,7 @@ import numpy as np
 from overtaking.core.arrays import F64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import as_f32
-from overtaking.knowledge.toml_reader import constant
+from overtaking.labels.law.numbers import MAX_DECEL
 from overtaking.labels.law.safe_distance import lawful_gap
 from overtaking.sim.ego_observation import EgoObservation
 
@@ -109,7 +109,7 @@ def progress_legal(
     ego, leader = next_observation.ego, next_observation.leader
     # The deceleration on a dry road, 8 m/s^2. On a wet road the rule assumes less and demands a
     # larger gap, but observations do not tell how wet the road is.
-    decel_limit = as_f32(constant("law.safe_distance.decel_limit"))
+    decel_limit = as_f32(MAX_DECEL.f32)
     min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
     # The lawful gap is 0 at standstill; 1 m avoids the division by 0.
     missing_share = np.clip(1.0 - leader.gap / np.maximum(min_gap, 1.0), 0.0, 1.0)

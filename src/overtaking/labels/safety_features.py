@@ -17,6 +17,12 @@ from overtaking.labels.law.case import (
     scans,
     seconds_of,
 )
+from overtaking.labels.law.numbers import (
+    RSS_ACCEL,
+    RSS_LEADER_DECEL,
+    RSS_REACTION_TIME,
+    RSS_REAR_DECEL,
+)
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
     margin_to_leader,
@@ -207,10 +213,10 @@ def leader_measures(
     safe = rss_safe_gap(
         speed,
         leader_speed,
-        reaction_time=constant("law.rss.reaction_time"),
-        accel=constant("law.rss.accel"),
-        follower_decel=constant("law.rss.rear_decel"),
-        leader_decel=constant("law.rss.lead_decel"),
+        reaction_time=RSS_REACTION_TIME.f32,
+        accel=RSS_ACCEL.f32,
+        follower_decel=RSS_REAR_DECEL.f32,
+        leader_decel=RSS_LEADER_DECEL.f32,
     )
     return {
         "time_headway": time_headway(leader.gap, length, speed),

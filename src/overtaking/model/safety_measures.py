@@ -179,8 +179,8 @@ class SafetyMeasures(Batch):
     off, minus the ego's stopping distance. At night the sight of an unlit vehicle depends on the
     ego's headlamps.
 
-    Constants are in the folder `overtaking/knowledge/data`: the accelerations and the reaction time
-    of RSS (Shalev-Shwartz et al. 2017) in `law.toml`, and the others in `event_detection.toml`. The
+    The accelerations and the reaction time of RSS (Shalev-Shwartz et al. 2017) are in
+    `labels.law.numbers`, the other constants in `event_detection.toml` of the knowledge base. The
     constants of PICUD come from Uno et al. (2002). The 3 s of TET and TIT are chosen: the longest
     threshold that Minderhoud and Bovy (2001) compare.
     """

@@ -15,6 +15,19 @@ from tests.reference.labels.readable_signals import encounter
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.margins import UNCONSTRAINED, num_frames_in, num_frames_to_regain_gap
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    MAX_FORCED_BRAKING,
+    OBSTRUCTION_TIME,
+    RETURN_FREE_TIME,
+    RETURN_RANGE,
+    RETURN_TIME_GAP,
+    RSS_ACCEL,
+    RSS_LEADER_DECEL,
+    RSS_REACTION_TIME,
+    RSS_REAR_DECEL,
+    STOPPING_REACTION_TIME,
+)
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
     lawful_gap,
@@ -58,7 +71,7 @@ def answers_of(
     crossed, back, target, lane = (int(getattr(given.events, name)[one.number]) for name in names)
     behind = None if crossed < 0 else one.neighbour(NeighbourRole.LEFT_FOLLOWER, crossed)
     nobody = target == NO_VEHICLE
-    lasting = num_frames_in(given, constant("law.obstruction.duration"))
+    lasting = num_frames_in(given, OBSTRUCTION_TIME.f32)
     return {
         "stop_lit": stop_margin(seen, "sight_lit", spans["conduct"]),
         "stop_unlit": stop_margin(seen, "sight_unlit", spans["conduct"]),
@@ -107,7 +120,7 @@ def who(seen: dict[str, Row], place: NeighbourRole, frame: int) -> int | None:
 def stop_margin(seen: dict[str, Row], sight: str, span: range) -> Lowest:
     """Distance that is seen minus the stopping distance [m]."""
     usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
-    reaction = as_f32(constant("law.sight.reaction_time"))
+    reaction = as_f32(STOPPING_REACTION_TIME.f32)
     decel = usable * np.maximum(seen["friction"], constant("friction.table.floor"))
     stop = stopping_distance(seen["speed"], reaction, decel)
     return lowest((t, seen[sight][t] - stop[t]) for t in span)
@@ -149,8 +162,8 @@ def braking_margin(one: One, seen: dict[str, Row], span: range, lasting: int) ->
         slot = who(seen, NeighbourRole.FOLLOWER, t)
         if slot is not None and changed is not None and t - changed <= lasting:
             forced = drac(one.gap(slot, t), one.closing(slot, t, ahead=False))
-            forced = np.minimum(forced, constant("law.obstruction.most"))
-            margins.append((t, constant("law.obstruction.braking") - forced))
+            forced = np.minimum(forced, MAX_FORCED_BRAKING.f32)
+            margins.append((t, ABRUPT_BRAKING.f32 - forced))
     return lowest(margins)
 
 
@@ -175,7 +188,7 @@ def _is_behind(one: One, seen: dict[str, Row], target: int, t: int) -> bool:
     lawful = lawful_gap(
         speed, speed - seen["speed"][t], decel_for_safe_distance(seen["friction"][t])
     )
-    wanted = np.maximum(constant("law.return.time_gap") * speed, lawful)
+    wanted = np.maximum(RETURN_TIME_GAP.f32 * speed, lawful)
     return bool(lead > 0 and np.abs(lead) - one.halves(target) >= wanted)
 
 
@@ -184,7 +197,7 @@ def _room(one: One, seen: dict[str, Row], t: int) -> Any:
     speed, decel, room = (
         seen["speed"][t],
         decel_for_safe_distance(seen["friction"][t]),
-        constant("law.return.reach"),
+        RETURN_RANGE.f32,
     )
     ahead, behind = (
         who(seen, NeighbourRole.RIGHT_LEADER, t),
@@ -192,7 +205,7 @@ def _room(one: One, seen: dict[str, Row], t: int) -> Any:
     )
     if ahead is not None:
         closing = one.closing(ahead, t, ahead=True)
-        soon = constant("law.return.free_time") * closing
+        soon = RETURN_FREE_TIME.f32 * closing
         needed = np.maximum(lawful_gap(speed, closing, decel), soon)
         room = min(room, one.gap(ahead, t) - needed)
     if behind is not None:
@@ -240,10 +253,10 @@ def _ahead(
     safe = rss_safe_gap(
         speed,
         speed - closing,
-        reaction_time=constant("law.rss.reaction_time"),
-        accel=constant("law.rss.accel"),
-        follower_decel=constant("law.rss.rear_decel"),
-        leader_decel=constant("law.rss.lead_decel"),
+        reaction_time=RSS_REACTION_TIME.f32,
+        accel=RSS_ACCEL.f32,
+        follower_decel=RSS_REAR_DECEL.f32,
+        leader_decel=RSS_LEADER_DECEL.f32,
     )
     left = picud(
         gap,

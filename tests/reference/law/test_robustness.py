@@ -18,6 +18,7 @@ from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.law.judging import judge_rule
+from overtaking.labels.law.numbers import STOPPING_REACTION_TIME
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
 from overtaking.model.verdicts import Case, Verdict
@@ -92,7 +93,7 @@ def judge_stop(one: Case) -> np.ndarray:
     """The stopping distance that the rule will see."""
     share = constant("friction.table.usable_share") * constant("model.nature.gravity")
     v, b = one.signals.speed, share * one.signals.friction
-    return v * constant("law.sight.reaction_time") + v * v / (np.float32(2.0) * b)
+    return v * STOPPING_REACTION_TIME.f32 + v * v / (np.float32(2.0) * b)
 
 
 def spare() -> np.ndarray:

@@ -6,6 +6,7 @@ from overtaking.core.arrays import F32, IndexArray
 from overtaking.core.float32_math import TWO
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import is_regaining_gap, opposing_lane_span
+from overtaking.labels.law.numbers import ABRUPT_BRAKING, MAX_FORCED_BRAKING
 from overtaking.labels.law.oncoming_traffic import (
     back_frame,
     margins_at_return,
@@ -88,10 +89,10 @@ def safe_return(facts: BreachContext) -> tuple[Remedy, ...]:
 
 def no_obstruction(facts: BreachContext) -> tuple[Remedy, ...]:
     """L23: so much more distance to the one behind that it need not brake hard."""
-    neighbour, limit = NeighbourRole.FOLLOWER, constant("law.obstruction.braking")
+    neighbour, limit = NeighbourRole.FOLLOWER, ABRUPT_BRAKING.f32
     frames = facts.frames_with_neighbour(neighbour)
     gap, closing = gap_and_closing_speed(facts, neighbour, frames)
-    forced = np.minimum(drac(gap, closing), constant("law.obstruction.most"))
+    forced = np.minimum(drac(gap, closing), MAX_FORCED_BRAKING.f32)
     needed = closing * closing / (TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)

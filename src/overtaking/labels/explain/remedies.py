@@ -13,6 +13,7 @@ from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lamps_and_indicators import L18, L19
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
 from overtaking.labels.law.margins import SAME_MARGIN_M
+from overtaking.labels.law.numbers import ABRUPT_BRAKING, LINE_TOLERANCE, STOPPING_REACTION_TIME
 from overtaking.labels.law.oncoming_traffic import (
     L24,
     L25,
@@ -73,7 +74,7 @@ def _stop(facts: BreachContext, sight: F32) -> tuple[Remedy, ...]:
     """
     frames = facts.frames
     decel = decel_with_all_grip(facts.case.signals.friction[0, frames])
-    reaction = as_f32(constant("law.sight.reaction_time"))
+    reaction = as_f32(STOPPING_REACTION_TIME.f32)
     return facts.remedy_slower_ego(frames, stoppable_speed(sight[0, frames], reaction, decel))
 
 
@@ -152,12 +153,12 @@ def elsewhere_or_target_in_lane(facts: BreachContext) -> tuple[Remedy, ...]:
 
 def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
     """L26: the oncoming vehicle brakes less or stays in its lane, whichever it did not."""
-    limit = float(constant("law.obstruction.braking"))
+    limit = float(ABRUPT_BRAKING.f32)
     rows, frames, slot = near_oncoming_vehicles(facts.case)
     accel = facts.case.trajectories.states.accel_lon[rows, slot, frames] * 1e-3
     over = distance_over_outer_edge(facts.case, rows, frames, slot)
     braked, left = int(accel.argmin()), int(over.argmax())
-    if over[left] > constant("law.line.tolerance") and limit + accel[braked] >= -limit:
+    if over[left] > LINE_TOLERANCE.f32 and limit + accel[braked] >= -limit:
         return single_change(RemedyQuantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
     return single_change(
         RemedyQuantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked])

@@ -19,6 +19,7 @@ from overtaking.labels.law.margins import (
     num_frames_to_regain_gap,
     scan_spans,
 )
+from overtaking.labels.law.numbers import LINE_TOLERANCE, WINDOW_AFTER, WINDOW_BEFORE
 from overtaking.labels.signals import encounters_at, frames_alongside_target
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
@@ -62,8 +63,8 @@ def manoeuvre(case: Case) -> FrameSpan:
     Without a return the span ends when the ego is back behind the target, or with the recording.
     """
     events = case.events
-    num_frames_before = num_frames_in(case, constant("law.window.before"))
-    num_frames_after = num_frames_in(case, constant("law.window.after"))
+    num_frames_before = num_frames_in(case, WINDOW_BEFORE.f32)
+    num_frames_after = num_frames_in(case, WINDOW_AFTER.f32)
     end_without_return = np.where(events.abort_end != NEVER, events.abort_end, events.last)
     end = np.where(
         events.return_end != NEVER, events.return_end + num_frames_after, end_without_return
@@ -161,9 +162,7 @@ def opposing_lane_span(case: Case) -> FrameSpan:
     never = np.full(len(span.first), NEVER)
     if not road.is_two_way:
         return FrameSpan(first=never + np.int32(1), last=never)
-    line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + constant(
-        "law.line.tolerance"
-    )
+    line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
     first, last, _ = breach_frames_in(span, rows, case.signals.left_edge[rows] > line)
     return FrameSpan(first=np.where(first == NEVER, last + 1, first).astype(np.int32), last=last)

@@ -25,7 +25,7 @@ from overtaking.labels.law.measurement_errors import (
     deciding_frame,
     gap_error,
 )
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import GAP_REGAIN_TIME, amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.safe_distance import (
     REACTION_AND_DECEL,
@@ -90,7 +90,7 @@ L3 = Rule(
     "suddenly.",
     predicate=(
         "At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - v_lead^2 / (2 "
-        f"b), {REACTION_AND_DECEL}; not in the {amount('law.safe_distance.recapture')} after the "
+        f"b), {REACTION_AND_DECEL}; not in the {GAP_REGAIN_TIME} after the "
         "leader cut in or the recording began."
     ),
     unit="m",

@@ -12,11 +12,11 @@ import numpy as np
 
 from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.errors import ConfigError, check_choice
-from overtaking.knowledge import toml_reader
 from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.margins import finding_from_margins
 from overtaking.labels.law.measurement_errors import MeasurementErrors
+from overtaking.labels.law.numbers import COVERAGE_FACTOR
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Grade, Pack, Rule, Tolerance
 from overtaking.model.batch import Batch
@@ -46,7 +46,7 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
         return finding
     # Two standard errors, about 95 %: with one, a third of the verdicts at the limit would be
     # wrong.
-    error = toml_reader.constant("law.errors.coverage") * standard_error
+    error = COVERAGE_FACTOR.f32 * standard_error
     return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < error))
 
 

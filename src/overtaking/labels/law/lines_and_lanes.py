@@ -16,7 +16,7 @@ from overtaking.labels.law.margins import (
     reduce_span,
 )
 from overtaking.labels.law.measurement_errors import MeasurementErrors, lane_margin_error
-from overtaking.labels.law.numbers import amount, bare
+from overtaking.labels.law.numbers import LINE_TOLERANCE, amount, bare
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.overtake_events import NEVER
@@ -54,7 +54,7 @@ SOLID_MARKS = frozenset(
 """Marks that a vehicle must not cross from the lane; of a mixed line the nearer one counts."""
 
 OFF_THE_LINE = (
-    f"At every frame: no corner of the ego is more than {amount('law.line.tolerance')} over a line "
+    f"At every frame: no corner of the ego is more than {LINE_TOLERANCE} over a line "
     "that is continuous for the lane it comes from, nor over a kerb or grass. Of the line between "
     "the directions the stretch beside the ego's centre counts: an ego that is beyond it when it "
     "becomes continuous for the ego's direction breaks the rule."
@@ -71,7 +71,7 @@ def _off_the_line(case: Case) -> Finding:
         )
     if not (closed := solid_borders(road)):
         return finding_not_applicable(case.signals.num_simulations)
-    tolerance = constant("law.line.tolerance")
+    tolerance = LINE_TOLERANCE.f32
     distances = [_min_distance_to_border(case, span, k, sides) for k, sides in closed.items()]
     min_margin = np.minimum.reduce(distances) + tolerance
     rows = np.flatnonzero(span.is_nonempty & (min_margin < 0))

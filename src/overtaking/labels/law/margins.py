@@ -10,6 +10,22 @@ from overtaking import _core
 from overtaking.core.arrays import F32, F64, I32, U8, IndexArray, Mask
 from overtaking.core.native import simd_level
 from overtaking.knowledge.toml_reader import constant
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    GAP_REGAIN_TIME,
+    MAX_DECEL,
+    MAX_FORCED_BRAKING,
+    OBSTRUCTION_TIME,
+    REACTION_TIME,
+    RETURN_FREE_TIME,
+    RETURN_RANGE,
+    RETURN_TIME_GAP,
+    RSS_ACCEL,
+    RSS_LEADER_DECEL,
+    RSS_REACTION_TIME,
+    RSS_REAR_DECEL,
+    STOPPING_REACTION_TIME,
+)
 from overtaking.labels.signals import (
     ArraysByName,
     pack_signals,
@@ -91,7 +107,7 @@ def num_frames_in(case: Case, seconds: float | np.floating) -> int:
 
 def num_frames_to_regain_gap(case: Case) -> int:
     """Number of frames in which a driver may restore a gap that another vehicle has taken."""
-    return num_frames_in(case, constant("law.safe_distance.recapture"))
+    return num_frames_in(case, GAP_REGAIN_TIME.f32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,32 +224,37 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
 
 
 _LAW_NUMBERS = {
+    "decel_limit": MAX_DECEL,
+    "reaction_time": REACTION_TIME,
+    "stop_reaction_time": STOPPING_REACTION_TIME,
+    "time_gap": RETURN_TIME_GAP,
+    "free_time": RETURN_FREE_TIME,
+    "return_range": RETURN_RANGE,
+    "allowed_braking": ABRUPT_BRAKING,
+    "max_braking": MAX_FORCED_BRAKING,
+    "rss_reaction_time": RSS_REACTION_TIME,
+    "rss_accel": RSS_ACCEL,
+    "rss_rear_decel": RSS_REAR_DECEL,
+    "rss_leader_decel": RSS_LEADER_DECEL,
+}
+
+_OTHER_NUMBERS = {
     "friction_floor": "friction.table.floor",
-    "decel_limit": "law.safe_distance.decel_limit",
-    "reaction_time": "law.safe_distance.reaction_time",
-    "stop_reaction_time": "law.sight.reaction_time",
-    "time_gap": "law.return.time_gap",
-    "free_time": "law.return.free_time",
-    "return_range": "law.return.reach",
-    "allowed_braking": "law.obstruction.braking",
-    "max_braking": "law.obstruction.most",
     "picud_reaction_time": "event_detection.safety.picud_reaction_time",
     "picud_decel": "event_detection.safety.picud_decel",
-    "rss_reaction_time": "law.rss.reaction_time",
-    "rss_accel": "law.rss.accel",
-    "rss_rear_decel": "law.rss.rear_decel",
-    "rss_leader_decel": "law.rss.lead_decel",
     "critical_ttc": "event_detection.safety.critical_ttc",
 }
+"""Numbers of knowledge files that the scan reads, by the names of the engine."""
 
 
 def _law_numbers(case: Case) -> dict[str, Any]:
     usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
     return {
-        **{name: float(constant(path)) for name, path in _LAW_NUMBERS.items()},
+        **{name: float(number.f32) for name, number in _LAW_NUMBERS.items()},
+        **{name: float(constant(path)) for name, path in _OTHER_NUMBERS.items()},
         "decel_per_friction": float(usable),
         "regain_frames": num_frames_to_regain_gap(case),
-        "obstruction_frames": num_frames_in(case, constant("law.obstruction.duration")),
+        "obstruction_frames": num_frames_in(case, OBSTRUCTION_TIME.f32),
     }
 
 

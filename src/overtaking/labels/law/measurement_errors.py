@@ -16,7 +16,7 @@ import numpy as np
 from overtaking.core.arrays import F32, I32, IndexArray
 from overtaking.labels.law.case import neighbour_at, opposing_lane_span
 from overtaking.labels.law.margins import MIN_RATE_OF_CHANGE
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import ABRUPT_BRAKING
 from overtaking.labels.law.safe_distance import GapMargin, decel_for_safe_distance
 from overtaking.labels.snapshots import METRES_PER_MM, FrameSpan, at_frame
 from overtaking.model.batch import FieldSpec
@@ -183,8 +183,7 @@ def zero_if_infinite(error: F32) -> F32:
 GAP_ERROR_FORMULA = "sqrt(2 sp^2 + sv^2 ((t + v/b)^2 + (u/b)^2)), v behind and u ahead"
 
 BRAKING_ERROR_FORMULA = (
-    "sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = "
-    f"{amount('law.entry.braking')} decides"
+    f"sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = {ABRUPT_BRAKING} decides"
 )
 
 

@@ -31,6 +31,88 @@ def quantity(
     return parse_quantity(entry, name="", where=f"quantity({value:g}, {unit!r})", sources=sources())
 
 
+# Numbers that several criteria share, or that the compiled scan over frames reads.
+
+COVERAGE_FACTOR = quantity(
+    2.0, "1", "jcgm-100", why="Coverage factor of an expanded uncertainty, about 95 % (6.3.3)"
+)
+"""A margin within this many standard errors of 0 is undecidable."""
+
+WINDOW_BEFORE = quantity(
+    3.0, "s", why="Looking, signalling and following before the start belong to the overtake"
+)
+"""The judged time before an attempt."""
+
+WINDOW_AFTER = quantity(
+    3.0, "s", why="Settling in front of the overtaken vehicle belongs to the overtake"
+)
+"""The judged time after a return."""
+
+REACTION_TIME = quantity(
+    1.0,
+    "s",
+    why="An attentive driver; 33 m at 120 km/h. The monitor's 0.3 s is for automation, the 2 s of "
+    "advice would make most traffic illegal",
+)
+"""Reaction time of the driver behind in the safe distance."""
+
+MAX_DECEL = quantity(
+    8.0, "m/s^2", why="What good brakes reach on a dry road; on wet ones friction limits it"
+)
+"""Largest deceleration in the safe distance."""
+
+GAP_REGAIN_TIME = quantity(
+    3.0, "s", "stl-monitor", why="Time to regain the distance after a vehicle cut in (R_G1)"
+)
+"""Time in which a driver may restore a gap that another vehicle has taken."""
+
+STOPPING_REACTION_TIME = quantity(1.0, "s", why="As for the safe distance")
+"""Reaction time of a driver who stops for an obstacle that comes into sight."""
+
+LINE_TOLERANCE = quantity(
+    0.05, "m", why="Half the width of a narrow line: treading counts, touching its edge does not"
+)
+"""Distance up to which a corner of the ego may be beyond a line."""
+
+ABRUPT_BRAKING = quantity(2.0, "m/s^2", "stl-monitor", why="Harder braking is abrupt (a_abrupt)")
+"""Largest deceleration to which the ego may force another vehicle."""
+
+OBSTRUCTION_TIME = quantity(
+    3.0, "s", why="Later braking is not forced by the lane change, as after a cut-in"
+)
+"""Time after a change of lane in which the ego answers for the braking of its follower."""
+
+MAX_FORCED_BRAKING = quantity(20.0, "m/s^2", why="More than any vehicle can; keeps margins finite")
+"""Harder forced braking counts as this."""
+
+RETURN_TIME_GAP = quantity(2.0, "s", why="Every vehicle has room in the gap that advice asks for")
+"""Time gap to the target from which a return is possible."""
+
+RETURN_FREE_TIME = quantity(
+    10.0, "s", why="A driver that would have to pull out again sooner may stay"
+)
+"""Time for which the lane to return to must be free."""
+
+RETURN_RANGE = quantity(
+    200.0, "m", why="Gaps in the slower lane count up to this, so that margins stay finite"
+)
+"""Largest gap in the lane to return to that is told from a longer one."""
+
+ONCOMING_TIME = quantity(
+    1.0,
+    "s",
+    "aashto-green-book-2018",
+    why="Clearance at the end of the passing sight distance, at both speeds",
+)
+"""Smallest time to an oncoming vehicle when the ego is back in its lane."""
+
+# Responsibility-sensitive safety, a measure for comparison: no rule uses it.
+RSS_REACTION_TIME = quantity(1.0, "s", "rss-2017")
+RSS_ACCEL = quantity(3.5, "m/s^2", "rss-2017")
+RSS_REAR_DECEL = quantity(4.0, "m/s^2", "rss-2017")
+RSS_LEADER_DECEL = quantity(8.0, "m/s^2", "rss-2017")
+
+
 def amount(path: str, *, unit: str = "", times: float = 1.0) -> str:
     """A number of the knowledge base with its unit, such as `50 m`.
 

@@ -21,7 +21,13 @@ from overtaking.labels.law.measurement_errors import (
     return_time_error,
     zero_if_infinite,
 )
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    LINE_TOLERANCE,
+    ONCOMING_TIME,
+    RETURN_RANGE,
+    amount,
+)
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
 from overtaking.labels.snapshots import (
@@ -58,7 +64,7 @@ def margins_at_return(case: Case, others: OtherVehicles, speed_error: F32 | None
     """
     speed = at_frame(case.signals.speed, back_frame(case))[:, None]
     speed = speed if speed_error is None else speed + speed_error
-    closing_distance = constant("law.oncoming.time") * (others.speed + speed)
+    closing_distance = ONCOMING_TIME.f32 * (others.speed + speed)
     encroachment_distance = constant("law.oncoming.encroachment") * others.speed
     needed = maximum(closing_distance, encroachment_distance)
     return np.where(others.is_approaching, others.gap - needed, UNCONSTRAINED)
@@ -85,7 +91,7 @@ def _meeting(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     return zero_if_infinite(propagated_error(margin_with, *errors_of_two_vehicles(errors)))
 
 
-_TIME = amount("law.oncoming.time")
+_TIME = str(ONCOMING_TIME)
 
 _PET = amount("law.oncoming.encroachment")
 
@@ -97,7 +103,7 @@ MEETING = Spread(
 
 BACK_BEFORE_ONCOMING = (
     "On two-way roads, at return_end or abort_end: gap to each oncoming vehicle >= "
-    f"{amount('law.oncoming.time')} (v + v_oncoming), and it reaches the place that the ego has "
+    f"{ONCOMING_TIME} (v + v_oncoming), and it reaches the place that the ego has "
     f"left after {amount('law.oncoming.encroachment')} or more."
 )
 
@@ -129,17 +135,17 @@ L24 = Rule(
 TIME_TO_PASS = (
     "On two-way roads, as the line between the directions is crossed: gap to each oncoming vehicle "
     "- distance that the ego drives until it is back - v_oncoming (time on the other side) >= "
-    f"{amount('law.oncoming.time')} (v + v_oncoming), v when it is back, v_oncoming when the line "
+    f"{ONCOMING_TIME} (v + v_oncoming), v when it is back, v_oncoming when the line "
     "is crossed."
 )
 
-_CLEARANCE = amount("law.oncoming.time")
+_CLEARANCE = str(ONCOMING_TIME)
 
 NO_REACTION = (
     "While a corner of the ego is beyond the line between the directions: the next oncoming "
     f"vehicle, if it is met within {amount('law.oncoming.reach_time')}, brakes at "
-    f"{amount('law.obstruction.braking')} or less and keeps its lane. Leaving the lane counts as "
-    f"{amount('law.obstruction.braking')} too much."
+    f"{ABRUPT_BRAKING} or less and keeps its lane. Leaving the lane counts as "
+    f"{ABRUPT_BRAKING} too much."
 )
 
 
@@ -185,7 +191,7 @@ def oncoming_margins(case: Case, others: OtherVehicles, ego_speed_error: F32 | N
     """
     ego_speed = at_frame(case.signals.speed, opposing_lane_span(case).last)[:, None]
     ego_speed = ego_speed if ego_speed_error is None else ego_speed + ego_speed_error
-    needed = constant("law.oncoming.time") * (ego_speed + others.speed)
+    needed = ONCOMING_TIME.f32 * (ego_speed + others.speed)
     gaps = predicted_oncoming_gaps(case, others)
     return np.where(others.is_approaching, gaps - needed, UNCONSTRAINED)
 
@@ -274,9 +280,9 @@ def _nobody_evades(case: Case) -> Finding:
     if not trajectories.road.is_two_way:
         return finding_not_applicable(case.signals.num_simulations)
     rows, frames, slot = near_oncoming_vehicles(case)
-    limit = constant("law.obstruction.braking")
+    limit = ABRUPT_BRAKING.f32
     margin = limit + as_f32(trajectories.states.accel_lon[rows, slot, frames]) * METRES_PER_MM
-    left = distance_over_outer_edge(case, rows, frames, slot) > constant("law.line.tolerance")
+    left = distance_over_outer_edge(case, rows, frames, slot) > LINE_TOLERANCE.f32
     margin = np.where(left, np.minimum(margin, -limit), margin)
     return finding_at_instants(margin, rows, frames, case.signals.num_simulations)
 
@@ -332,7 +338,7 @@ def return_gap(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     )
     has_gap = opposing_span.is_nonempty & (slot != EGO_SLOT) & ahead.any(axis=1)
     speeds = others.speed[simulation, slot], others.speed[simulation, leader_slot]
-    is_near = has_gap & (gap <= constant("law.return.reach"))
+    is_near = has_gap & (gap <= RETURN_RANGE.f32)
     return is_near, gap, *speeds, trajectories.scenario.vehicles.length[:, EGO_SLOT]
 
 
@@ -384,7 +390,7 @@ L27 = Rule(
     predicate=(
         "On two-way roads, as the line between the directions is crossed: the gap ahead of the "
         "foremost vehicle that the ego will pass, or of the target, if a vehicle drives less than "
-        f"{amount('law.return.reach')} ahead of it, >= length of the ego + safe distances (as L3) "
+        f"{RETURN_RANGE} ahead of it, >= length of the ego + safe distances (as L3) "
         "behind and ahead of it, at the speed of the one ahead."
     ),
     unit="m",

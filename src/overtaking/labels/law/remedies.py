@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, IndexArray
 from overtaking.core.float32_math import TWO, as_f32
-from overtaking.knowledge.toml_reader import constant
+from overtaking.labels.law.numbers import ABRUPT_BRAKING, REACTION_TIME
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case
@@ -214,7 +214,7 @@ def max_following_speed(gap: F32, leader_speed: F32, decel: F32) -> F32:
         decel: `decel_for_safe_distance` [m/s^2].
     """
     distance = np.maximum(gap, np.float32(0.0)) + leader_speed * leader_speed / (TWO * decel)
-    return stoppable_speed(distance, as_f32(constant("law.safe_distance.reaction_time")), decel)
+    return stoppable_speed(distance, as_f32(REACTION_TIME.f32), decel)
 
 
 def min_speed_before_follower(gap: F32, follower_speed: F32, decel: F32) -> F32:
@@ -225,7 +225,7 @@ def min_speed_before_follower(gap: F32, follower_speed: F32, decel: F32) -> F32:
         follower_speed: Speed of the follower [m/s].
         decel: `decel_for_safe_distance` [m/s^2].
     """
-    reaction_time = constant("law.safe_distance.reaction_time")
+    reaction_time = REACTION_TIME.f32
     square = follower_speed * follower_speed + TWO * decel * (follower_speed * reaction_time - gap)
-    speed_without_hard_braking = follower_speed - np.sqrt(TWO * constant("law.entry.braking") * gap)
+    speed_without_hard_braking = follower_speed - np.sqrt(TWO * ABRUPT_BRAKING.f32 * gap)
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), speed_without_hard_braking)

@@ -32,7 +32,15 @@ from overtaking.labels.law.measurement_errors import (
     propagated_error,
     zero_if_infinite,
 )
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    MAX_FORCED_BRAKING,
+    OBSTRUCTION_TIME,
+    RETURN_FREE_TIME,
+    RETURN_RANGE,
+    RETURN_TIME_GAP,
+    amount,
+)
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.safe_distance import (
     REACTION_AND_DECEL,
@@ -154,14 +162,12 @@ def _braking(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     def hard(behind: Encounter) -> F32:
         closing = np.maximum(behind.closing_speed, np.float32(0.0))
         gap = np.maximum(behind.gap, METRES_PER_MM)
-        max_braking = constant("law.obstruction.most")
+        max_braking = MAX_FORCED_BRAKING.f32
         return np.minimum(closing * closing / (np.float32(2.0) * gap), max_braking)
 
     def margin(rows: IndexArray, frames: IndexArray) -> F32:
         behind = encounters_at(case, NeighbourRole.FOLLOWER, rows, frames)
-        return np.where(
-            behind.valid, constant("law.obstruction.braking") - hard(behind), UNCONSTRAINED
-        )
+        return np.where(behind.valid, ABRUPT_BRAKING.f32 - hard(behind), UNCONSTRAINED)
 
     follower = neighbour_at(
         case, NeighbourRole.FOLLOWER, deciding_frame(manoeuvre(case), margin, finding)
@@ -194,7 +200,7 @@ def _due(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
             target_state.gap
             + ego_position_error
             - target_position_error
-            - np.maximum(constant("law.return.time_gap") * its_speed, needed)
+            - np.maximum(RETURN_TIME_GAP.f32 * its_speed, needed)
         )
 
     opening_speed = np.maximum(speed - target_state.speed, MIN_RATE_OF_CHANGE)
@@ -214,7 +220,7 @@ def _due(case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
     return np.where(frame != NEVER, np.sqrt(error * error + end_error * end_error), np.float32(0.0))
 
 
-_FREE = amount("law.return.free_time")
+_FREE = str(RETURN_FREE_TIME)
 
 RETURNING = Spread(
     formula=f"behind: {GAP_ERROR_FORMULA}, or {BRAKING_ERROR_FORMULA}; ahead: {GAP_ERROR_FORMULA}; "
@@ -241,14 +247,14 @@ DUE = Spread(
 )
 
 NO_HARD_BRAKING = (
-    f"In the {amount('law.obstruction.duration')} after each change of lane: closing speed^2 / (2 "
-    f"gap) of the vehicle behind the ego <= {amount('law.obstruction.braking')}."
+    f"In the {OBSTRUCTION_TIME} after each change of lane: closing speed^2 / (2 "
+    f"gap) of the vehicle behind the ego <= {ABRUPT_BRAKING}."
 )
 
 SAFE_RETURN = (
     "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= v t + "
     f"v^2 / (2 b) - u^2 / (2 b), v behind and u ahead, {REACTION_AND_DECEL}; the braking forced "
-    f"on it <= {amount('law.entry.braking')}; gap to the vehicle ahead by the same formula."
+    f"on it <= {ABRUPT_BRAKING}; gap to the vehicle ahead by the same formula."
 )
 """The predicate of `L8` for laws without a formula for the safe distance."""
 
@@ -289,7 +295,7 @@ L8 = Rule(
     predicate=(
         "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= "
         "its safe distance (as L3); the braking forced on it <= "
-        f"{amount('law.entry.braking')}; gap to the vehicle ahead >= the ego's safe distance."
+        f"{ABRUPT_BRAKING}; gap to the vehicle ahead >= the ego's safe distance."
     ),
     unit="m",
     grade=Grade.BY_ROAD,
@@ -320,20 +326,17 @@ L23 = Rule(
 RETURNS_SOON = (
     "From overlap_end on: the ego never stays out of its original lane for more than "
     f"{amount('law.return.within')} on end in which the target is "
-    f"max({amount('law.return.time_gap')}, safe distance) or more behind it and the lane to the "
+    f"max({RETURN_TIME_GAP}, safe distance) or more behind it and the lane to the "
     "right is free: room ahead and behind, and no vehicle reached within "
-    f"{amount('law.return.free_time')}."
+    f"{RETURN_FREE_TIME}."
 )
 
-ROOM_MARGIN = (
-    "The margin is the distance by which the room falls short, at most "
-    f"{amount('law.return.reach')}."
-)
+ROOM_MARGIN = f"The margin is the distance by which the room falls short, at most {RETURN_RANGE}."
 
 KEEPS_RIGHT = (
     "At the first frame, if the ego is not in the slowest lane: the lane to the right is occupied, "
     "that is, without the safe distances ahead and behind, or with a vehicle that is reached "
-    f"within {amount('law.return.free_time')}. {ROOM_MARGIN}"
+    f"within {RETURN_FREE_TIME}. {ROOM_MARGIN}"
 )
 """The predicate of `L21` for laws without a formula for the safe distance."""
 

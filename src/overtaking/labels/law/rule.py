@@ -209,8 +209,7 @@ class Rule:
         check: The rule itself, for recordings that know all that it needs.
         spread: The error of its margin; None if errors of positions and speeds that stay the same
             do not change it. Rules with a criterion have `Criterion.standard_error`.
-        limit: The limit of the measured value, (simulation,), in the unit of the margin; it gives
-            None, or is None, for rules of which no policy tolerates a share.
+        limit: The limit of the measured value, as `Criterion.limit`.
     """
 
     id: str

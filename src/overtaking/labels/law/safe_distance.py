@@ -8,7 +8,15 @@ from overtaking.core.arrays import F32, F32Like
 from overtaking.core.float32_math import as_f32, clamp, maximum, minimum
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import neighbour_at
-from overtaking.labels.law.numbers import amount, bare
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    MAX_DECEL,
+    REACTION_TIME,
+    RETURN_FREE_TIME,
+    RETURN_RANGE,
+    STOPPING_REACTION_TIME,
+    bare,
+)
 from overtaking.labels.snapshots import Frames, at_frame
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.safety_measures import Encounter
@@ -20,8 +28,7 @@ GapMargin = Callable[[F32, F32, F32, F32], F32]
 """Margin from gap, speed of the ego, closing speed and sure deceleration."""
 
 REACTION_AND_DECEL = (
-    f"t = {amount('law.safe_distance.reaction_time')}, b = "
-    f"min({amount('law.safe_distance.decel_limit')}, {bare('friction.table.usable_share')} mu g)"
+    f"t = {REACTION_TIME}, b = min({MAX_DECEL}, {bare('friction.table.usable_share')} mu g)"
 )
 
 
@@ -31,7 +38,7 @@ def decel_for_safe_distance(friction: F32) -> F32:
     return assumed_decel(
         np.maximum(friction, constant("friction.table.floor")),
         share=constant("friction.table.usable_share"),
-        limit=constant("law.safe_distance.decel_limit"),
+        limit=MAX_DECEL.f32,
         gravity=constant("model.nature.gravity"),
     )
 
@@ -45,7 +52,7 @@ def decel_with_all_grip(friction: F32) -> F32:
 def stopping_distance_for_sight(speed: F32, friction: F32) -> F32:
     """Distance in which the ego stops, as L14 reckons it [m]."""
     return stopping_distance(
-        speed, as_f32(constant("law.sight.reaction_time")), decel_with_all_grip(friction)
+        speed, as_f32(STOPPING_REACTION_TIME.f32), decel_with_all_grip(friction)
     )
 
 
@@ -60,7 +67,7 @@ def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
     return safe_distance(
         rear_speed,
         rear_speed - closing_speed,
-        reaction_time=constant("law.safe_distance.reaction_time"),
+        reaction_time=REACTION_TIME.f32,
         follower_decel=decel,
         leader_decel=decel,
     )
@@ -91,7 +98,7 @@ def entry_margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) ->
     """
     approach = np.maximum(closing_speed, np.float32(0.0))
     # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
-    braking_distance = approach * approach / (np.float32(2.0) * constant("law.entry.braking"))
+    braking_distance = approach * approach / (np.float32(2.0) * ABRUPT_BRAKING.f32)
     return gap - np.maximum(
         lawful_gap(speed + closing_speed, closing_speed, decel), braking_distance
     )
@@ -125,8 +132,8 @@ def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> 
         ahead: The neighbour ahead.
         behind: The neighbour behind.
     """
-    max_margin = constant("law.return.reach")
-    distance_in_free_time = constant("law.return.free_time") * ahead.closing_speed
+    max_margin = RETURN_RANGE.f32
+    distance_in_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
     gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), distance_in_free_time)
     gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     margin = np.full(len(speed), max_margin, np.float32)

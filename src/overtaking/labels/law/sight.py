@@ -22,7 +22,7 @@ from overtaking.labels.law.margins import (
     minimum_to_limit,
 )
 from overtaking.labels.law.measurement_errors import MeasurementErrors, deciding_frame
-from overtaking.labels.law.numbers import amount, bare
+from overtaking.labels.law.numbers import STOPPING_REACTION_TIME, amount, bare
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.safe_distance import decel_with_all_grip, stopping_distance_for_sight
 from overtaking.labels.snapshots import FrameSpan, at_frame
@@ -45,7 +45,7 @@ def _stopping(sight: str) -> Callable[[Case, Finding, MeasurementErrors], F32]:
 
         frame = deciding_frame(judged_span(case), margin, finding)
         speed = at_frame(signals.speed, frame)
-        time = constant("law.sight.reaction_time") + speed / decel_with_all_grip(
+        time = STOPPING_REACTION_TIME.f32 + speed / decel_with_all_grip(
             at_frame(signals.friction, frame)
         )
         return time * np.float32(errors.speed_std)
@@ -79,7 +79,7 @@ def _stops_within(sight: str) -> str:
     """The predicate of a rule that requires stopping within a sight distance, for all laws."""
     return (
         f"At every frame: v t + v^2 / (2 {bare('friction.table.usable_share')} mu g) <= {sight}, "
-        f"t = {amount('law.sight.reaction_time')}."
+        f"t = {STOPPING_REACTION_TIME}."
     )
 
 

@@ -21,7 +21,7 @@ from overtaking.labels.law.measurement_errors import (
     gap_error,
     propagated_error,
 )
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import ABRUPT_BRAKING, amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.safe_distance import (
     GapMargin,
@@ -190,7 +190,7 @@ L5 = Rule(
     predicate=(
         "At line_crossed: gap to the follower in the lane on the left >= its safe distance (as "
         "L3), and the braking that is forced on it, closing speed^2 / (2 gap), <= "
-        f"{amount('law.entry.braking')}."
+        f"{ABRUPT_BRAKING}."
     ),
     unit="m",
     grade=Grade.BY_ROAD,

@@ -12,7 +12,6 @@ import pytest
 from tests.support import german_fixtures, law_fixtures
 
 import overtaking as ot
-from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
@@ -166,7 +165,6 @@ def test_borders_contain_numbers_only_as_placeholders(law):
 
 
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
-    assert load_toml("law.toml")["obstruction"]["duration"]["unit"] == "s"
     assert amount("law.width.border", times=2.0) == "0.4 m"
     assert bare("law.trucks.lanes") == "2"
     assert fill_placeholders("the {law.slow.distance} to {nobody}") == "the 50 m to {nobody}"

@@ -211,7 +211,7 @@ class LateralDistance(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest distance over all frames alongside decides."""
         frames_alongside = alongside(case)
-        margin = frames_alongside.lateral_gap - self._required(case)
+        margin = frames_alongside.lateral_gap - self._min_gap(case)
         # A target of unknown kind may be either. The verdict is then undecidable, because `kinds`
         # is a required input.
         applies = target_may_be(case, bicycle=self.is_for_bicycles)
@@ -226,16 +226,16 @@ class LateralDistance(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """More distance in the frame in which ego and target were nearest."""
-        return _more_lateral_gap(breach, self._required(breach.case))
+        return _more_lateral_gap(breach, self._min_gap(breach.case))
 
     def margins_by_frame(self, case: Case) -> F64:
         """Margins of the frames alongside."""
         frames_alongside = alongside(case)
         margins = np.full(case.signals.num_frames, np.nan)
-        margins[frames_alongside.frame] = frames_alongside.lateral_gap - self._required(case)
+        margins[frames_alongside.frame] = frames_alongside.lateral_gap - self._min_gap(case)
         return margins
 
-    def _required(self, case: Case) -> np.float32:
+    def _min_gap(self, case: Case) -> np.float32:
         """Smallest lawful distance on the road of the batch [m].
 
         A road of unknown kind gets the distance outside built-up areas. The verdict is then

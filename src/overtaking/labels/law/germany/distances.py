@@ -19,7 +19,7 @@ from overtaking.labels.law.margins import (
     minimum_over,
 )
 from overtaking.labels.law.measurement_errors import MeasurementErrors
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import GAP_REGAIN_TIME, amount
 from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road_course import ZoneKind
@@ -85,7 +85,7 @@ A1 = Rule(
     predicate=(
         "At every frame: gap to the leader in the ego's lane >= "
         f"{amount('law_de.distance.courts')} v, which is what courts ask for; not in the "
-        f"{amount('law.safe_distance.recapture')} after the leader cut in or the recording began."
+        f"{GAP_REGAIN_TIME} after the leader cut in or the recording began."
     ),
     unit="m",
     grade=Grade.LIGHT,

@@ -14,7 +14,7 @@ from overtaking.labels.law.case import (
 from overtaking.labels.law.lamps_and_indicators import INDICATES, L18
 from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
-from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.numbers import ABRUPT_BRAKING, amount
 from overtaking.labels.law.oncoming_traffic import BACK_BEFORE_ONCOMING, L24
 from overtaking.labels.law.returning import L9, RETURNS_SOON
 from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
@@ -116,7 +116,7 @@ def _calm(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """Margin of a gap behind: no abrupt braking [m]."""
     del speed, decel
     closing = np.maximum(closing_speed, np.float32(0.0))
-    return gap - closing * closing / (np.float32(2.0) * constant("law.entry.braking"))
+    return gap - closing * closing / (np.float32(2.0) * ABRUPT_BRAKING.f32)
 
 
 def _not_endangered(place: NeighbourRole, event: str) -> tuple[Callable[[Case], Finding], Spread]:
@@ -135,7 +135,7 @@ def _not_endangered(place: NeighbourRole, event: str) -> tuple[Callable[[Case], 
         return gap_error(case, place, getattr(case.events, event), _calm, errors)
 
     return check, Spread(
-        formula=f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {amount('law.entry.braking')}",
+        formula=f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {ABRUPT_BRAKING}",
         standard_error=error,
     )
 
@@ -151,7 +151,7 @@ O6 = Rule(
     gloss="A driver moving out to overtake behaves so that following traffic is in no danger.",
     predicate=(
         "At line_crossed: gap to the follower in the lane on the left >= closing speed^2 / (2 x "
-        f"{amount('law.entry.braking')}), so that it need not brake hard."
+        f"{ABRUPT_BRAKING}), so that it need not brake hard."
     ),
     unit="m",
     grade=Grade.SERIOUS,
@@ -195,7 +195,7 @@ O12 = Rule(
     gloss="An overtaking driver does not hinder the overtaken.",
     predicate=(
         "At return_end: gap to the vehicle behind >= closing speed^2 / (2 x "
-        f"{amount('law.entry.braking')}), so that it need not brake hard."
+        f"{ABRUPT_BRAKING}), so that it need not brake hard."
     ),
     unit="m",
     grade=Grade.LIGHT,
