@@ -48,7 +48,6 @@ from overtaking.model.weather import Weather
 from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim import external_driver
-from overtaking.sim.branching import apply_intervention
 from overtaking.sim.branching import branch as branch_batch
 from overtaking.sim.external_driver import OBSERVATION_SOURCES, Driver
 from overtaking.sim.sensors import Sensor
@@ -62,9 +61,10 @@ Measured with 400 simulations of the profile `motorway`.
 
 
 MAX_SCENARIOS = 100_000_000
-"""Largest number of scenarios in a batch. Chosen: 600 GB with the profile `motorway`.
+"""Largest number of scenarios in a batch, a choice: a larger number is a typing error.
 
-Data sets are made in parts and may have more.
+So many scenarios of the profile `motorway` would take 600 GB. Data sets are made in parts and may
+have more.
 """
 
 
@@ -172,16 +172,10 @@ def branch(
             not react to a change), or there is no such simulator.
         SystemLimitError: The system grants too little memory or too few threads.
     """
+    # `run` is like the simulator's `simulate`, but takes changes as well.
     run = simulator_module(simulator, MODEL_SIMULATORS).run
     scenario = source if isinstance(source, Scenario) else source.scenario
-    check_runnable(scenario, "branch")
-    interventions = tuple(interventions)
-    # `check_batch` compares fields with their declared ranges. The scenario after a change is
-    # checked too, because a valid change of speed may lead to an invalid speed. A `decision` has no
-    # range.
-    for intervention in (Intervention(weather=weather), *interventions):
-        check_batch(intervention, "branch")
-        check_batch(apply_intervention(scenario, intervention), "branch")
+    check_runnable(scenario, "branch")  # Changes alter neither frames nor number of vehicles.
     return branch_batch(
         source, frame, decision=decision, weather=weather, interventions=interventions, run=run
     )
@@ -245,8 +239,8 @@ def check_runnable(scenario: Scenario, where: str) -> None:
         raise _scenario_error("frame_interval_ms", where, expected, interval)
     if num_slots > MAX_VEHICLES:
         raise _scenario_error("vehicles", where, f"at most {MAX_VEHICLES} slots", num_slots)
-    longest_s = float(scenario.horizon.max(initial=0.0))
-    num_frames = int(longest_s * 1000.0) // interval + 1  # From ms; both ends are recorded.
+    longest_ms = round(1000.0 * float(scenario.horizon.max(initial=0.0)))
+    num_frames = longest_ms // interval + 1  # Both ends are recorded.
     size = scenario.num_simulations * num_slots * num_frames * BYTES_PER_STATE
     check_memory(size, where, "simulate fewer at a time, or call generate_dataset")
 

@@ -23,6 +23,7 @@ from overtaking.api.simulator_registry import SIMULATORS, Count, ProfileSource, 
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
+from overtaking.data.tables.names import choose_reading
 from overtaking.labels.labelling import label as label_batch
 from overtaking.labels.law.judging import choose_policy, default_policy
 from overtaking.model.batch import concatenate
@@ -94,9 +95,9 @@ def compare_simulators(
         count = min(chunk_size, num_simulations - first)
         batch = sample(spec, num_simulations=count, seed=seed, first_scenario=first, road=used_road)
         runs = [simulator.simulate(batch) for simulator in used_simulators]
-        recordings = [(run, label_batch(run).labels) for run in runs]
-        policy = default_policy(batch.profile)
-        parts.append(Comparison.of(simulators, recordings, policy=policy))
+        labelled_runs = [(run, label_batch(run).labels) for run in runs]
+        policy = default_policy(batch.profile)  # `paper` for the profiles of the paper.
+        parts.append(Comparison.of(simulators, labelled_runs, policy=policy))
         if progress is not None:
             progress(first + count, num_simulations)
     return concatenate(parts)
@@ -117,11 +118,12 @@ def dataset_statistics(
     Args:
         dataset: The data set, or its folder or URL.
         policy: `paper`, `default` or `strict`; None for the policy of the profile.
-        reading: How the features (the columns that describe a simulation) are measured. `paper`: at
-            the start of the overtake, or, without an overtake, as means over the simulation, as in
-            the paper. `matched`: at the start of the overtake, or, without an overtake, at a drawn
-            instant, after a waiting time like those before the overtakes of the profile. None for
-            `paper` with the policy `paper`, else `matched`.
+        reading: How the features (the columns that describe a simulation) are measured; with an
+            overtake, always at its start. Without an overtake, `paper` takes means over the
+            simulation, as in the paper; so the classes differ already because they are measured
+            differently. `matched` draws an instant instead, such that the waiting times until it
+            are distributed like those before overtakes. None for `paper` with the policy `paper`,
+            else `matched`.
         weighted: Whether each simulation counts by its weight, a column of the data set. Weights
             restore natural shares where rare cases were drawn more often.
 
@@ -137,8 +139,9 @@ def dataset_statistics(
 
     source = load_dataset(dataset)
     policy_name = choose_policy(policy, source.profile)
-    features = source.features(policy_name, reading=reading)
-    return compute_statistics(features, policy=policy_name, reading=reading, weighted=weighted)
+    reading_name = choose_reading(reading, policy_name)
+    features = source.features(policy_name, reading=reading_name)
+    return compute_statistics(features, policy=policy_name, reading=reading_name, weighted=weighted)
 
 
 @check_arguments
@@ -168,8 +171,8 @@ def validate_profile(
     Returns:
         Each measured quantity with its 95 % interval, the published target and a verdict, and
         outcomes by weather; `plot` draws it. Its field `recordings` is the comparison with the
-        recordings. The table `recordings.import_report`, made from `recordings.import_findings`,
-        lists contradictions and doubts in them; a `RecordingWarning` states the first.
+        recordings. Their faults are in the table `recordings.import_report`; if there are any, a
+        `RecordingWarning` states the first.
 
     Raises:
         ConfigError: The specification or a number cannot be used.

@@ -20,7 +20,7 @@ from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.shards import ShardFiles
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import read_columns, read_rows, read_table
-from overtaking.data.tables.names import POLICY_NAMES
+from overtaking.data.tables.names import POLICY_NAMES, choose_reading
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.labels.law.judging import choose_policy
@@ -239,10 +239,12 @@ class Dataset(CompactRepr):
         from overtaking.data.views import features_frame
 
         chosen_policy = choose_policy(policy, self.profile)
-        chosen_reading = reading or ("paper" if chosen_policy == "paper" else "matched")
         tables = [_decoded(self.table(name)) for name in ("features", "labels")]
         return features_frame(
-            *tables, policy=chosen_policy, reading=chosen_reading, encoded=encoded
+            *tables,
+            policy=chosen_policy,
+            reading=choose_reading(reading, chosen_policy),
+            encoded=encoded,
         )
 
     @check_arguments

@@ -1,8 +1,9 @@
 """Import reports: the faults that were found in a recording of real traffic when it was read.
 
-The reader of a recording (`recordings`) makes one `ImportFinding` for each fault and its vehicle. A
-batch of simulations from a recording keeps them, so that a result can be traced to its source, and
-data sets store them as a table. The functions here join reports and format them for people.
+The reader of a recording (`recordings`) checks each vehicle, and the file as a whole. A check that
+finds a fault makes one `ImportFinding` for all rows with this fault. A batch of simulations from a
+recording keeps the findings, so that a result can be traced to its source, and data sets store them
+as a table. The functions here join reports and format them for people.
 """
 
 from collections.abc import Iterable
@@ -16,8 +17,9 @@ class ImportFinding:
 
     Attributes:
         recording: Name of the recording; in a folder of recordings the name of its file.
-        check: Name of the check that found the fault, such as "gaps" or "frame rate". All names are
-            in `recordings.findings.Check`; this is a plain text because reports are also read back
+        check: Name of the check that found the fault, such as "frame rate" or "gaps" (rows of a
+            vehicle are missing between others, or its position jumps). All names are in
+            `recordings.findings.Check`; this is a plain text because reports are also read back
             from tables.
         vehicle: Name of the faulty vehicle in the file; None if the fault concerns the whole file.
         first_time_s: Time of the first row with the fault, on the time axis of the file [s]; None

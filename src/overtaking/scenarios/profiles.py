@@ -19,7 +19,6 @@ from pydantic import ValidationError
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
-from overtaking.core.representation import as_utf8
 from overtaking.scenarios.specification import Specification, known_keys
 from overtaking.scenarios.specification_values import config_error, suggestion
 
@@ -100,8 +99,7 @@ def _unchecked_table(
             got="neither",
             next_step=suggestion(source, profile_names()),
         )
-    where = as_utf8(path.name)
-    return where, _with_base(_read(path), where)
+    return path.name, _with_base(_read(path), path.name)
 
 
 def path_exists(name: str) -> bool:
@@ -160,7 +158,8 @@ def _read(path: Path) -> dict[str, Any]:
         raise _folder_error(path)
     try:
         return read_toml(path, _MAX_BYTES)
-    # ValueError: the content is not TOML; RecursionError: its brackets are nested too deeply.
+    # OSError: the file cannot be read or is too large; ValueError: the content is not TOML;
+    # RecursionError: its brackets are nested too deeply.
     except (OSError, ValueError, RecursionError) as error:
         is_unreadable = isinstance(error, OSError)
         raise ConfigError(
@@ -210,12 +209,12 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
     """A copy of `table` with the value at a dotted key replaced.
 
     Keys that exclude the new one are dropped: the other of `_SPAWN_KEYS`, and all keys of the
-    weather if its mode changes. A table that states no mode counts as having another one.
+    weather if its mode changes.
 
     Args:
-        table: The whole specification, or a table inside it where this function calls itself.
-        key: Key in `table`, with dots between its parts. Where this function calls itself, it is
-            the rest of the key; no rest is "weather.mode", because no section has such a table.
+        table: The whole specification; in a recursive call, a table inside it.
+        key: Key in `table`, with dots between its parts; in a recursive call without its first
+            parts.
         value: The new value, of any type; checked later with the specification.
         where: Name of the source of the table in errors.
     """
@@ -236,7 +235,8 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
             what=first, where=where, expected="a table", got=section, next_step="set the key itself"
         )
     remaining = dict(cast("Mapping[str, Any]", section))
-    if key == "weather.mode" and remaining.get("mode") != value:
+    # Only the first call has the key "weather.mode": no section contains a table `weather`.
+    if key == "weather.mode" and remaining.get("mode", value) != value:
         remaining = {}
     if subkeys[0] in _SPAWN_KEYS:
         remaining = {name: item for name, item in remaining.items() if name not in _SPAWN_KEYS}

@@ -9,7 +9,7 @@ from the direction of travel [rad]. The *study* is Pinto, Dutra and Fonseca (202
 *Importance sampling* draws rare scenarios more often: it may replace random numbers of independent
 weather, by name (`random_draws`). Numbers are computed in float32 with the functions of
 `core.native`, which give the same bits on every machine. `number` reads a value of the folder
-`knowledge/data` in SI units, so degrees in radians.
+`knowledge/data` in SI units, so degrees in radians; percentages stay percentages.
 """
 
 from __future__ import annotations
@@ -38,15 +38,18 @@ from overtaking.scenarios.random_draws import (
 from overtaking.scenarios.specification import IndependentWeather, PresetWeather
 
 if TYPE_CHECKING:
-    from overtaking.core.arrays import F32, U8
+    from overtaking.core.arrays import F32, U8, Mask
 
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
-"""Where a preset has a low sun, it stands within this angle of the direction of travel [rad], a
-choice: 10 degrees. In the study, the preset ClearSunset has the sun at the driver's eye level."""
+"""Where the sun of a preset is low enough to dazzle, it stands within this angle of the direction
+of travel [rad], a choice: 10 degrees. In the study, the preset ClearSunset has the sun at the
+driver's eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
-"""Smallest cloudiness with rain [%], 60: the smallest among CARLA's presets with rain."""
+"""Smallest cloudiness with rain [%], 60: the smallest among the study's presets with rain. Under so
+many clouds the sun does not dazzle (`can_sun_dazzle`), so independent weather has no glare in rain.
+"""
 
 MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
 """Smallest percentage of water on the road, over the percentage of rain [1], a choice."""
@@ -73,7 +76,8 @@ def draw_weather(
 ) -> Weather:
     """Draw weather, shape (simulation,).
 
-    Presets state no directions of wind and sun, so both kinds of weather draw them here.
+    Presets state no directions of wind and sun, so both kinds of weather draw them here. The field
+    `low_sun` is true where a low sun ahead dazzles the drivers.
 
     Args:
         section: Section `[weather]` of a specification.
@@ -119,7 +123,7 @@ def _preset_weather(
         fog=_preset_value("fog_density_percent", preset),
         sun_altitude=altitude,
         sun_azimuth=azimuth,
-        night=altitude < np.float32(0.0),
+        night=_is_night(altitude),
         low_sun=is_dazzling(altitude, azimuth, cloudiness),
     )
 
@@ -203,9 +207,20 @@ def _independent_weather(
         fog=fog,
         sun_altitude=altitude,
         sun_azimuth=azimuth,
-        night=altitude < np.float32(0.0),
+        night=_is_night(altitude),
         low_sun=is_dazzling(altitude, azimuth, cloudiness),
     )
+
+
+def _is_night(altitude: F32) -> Mask:
+    """Whether the sun is below the horizon, a choice: drawn weather has no dusk.
+
+    Recordings state the night themselves, and may have a dusk.
+
+    Args:
+        altitude: Height of the sun above the horizon, any shape [rad].
+    """
+    return altitude < np.float32(0.0)
 
 
 @cache

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from overtaking.core.arrays import F32, U64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import batch_fields
+from overtaking.model.checks import check_batch
 from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
 from overtaking.model.trajectories import STATE_DTYPES, States, Trajectories
 from overtaking.model.vehicles import EGO_SLOT, DriverTraits
@@ -98,10 +99,13 @@ def branch(
         The recordings, with the interventions in `branch_origin`.
 
     Raises:
-        ConfigError: A frame, vehicle, trait or weather factor does not exist, the ego is to be
-            removed, or the source was driven by an external driver.
+        ConfigError: A number is out of its range, a frame, vehicle, trait or weather factor does
+            not exist, the ego is to be removed, or the source was driven by an external driver.
     """
-    origin = _origin_of(source)
+    origin, interventions = _origin_of(source), tuple(interventions)
+    # Without `frame`: its limit is the last frame of the simulations (`simulate_versions`).
+    for intervention in (Intervention(weather=weather), *interventions):
+        check_batch(intervention, "branch")
     first_intervention = Intervention(frame=frame, decision=decision, weather=weather)
     # The sort is stable: of two interventions at one frame, the later argument acts on the result
     # of the earlier.
@@ -112,6 +116,9 @@ def branch(
         )
     )
     versions = versions_by_frame(origin.scenario, all_interventions)
+    # Valid changes may lead to an invalid scenario, such as two losses of speed to a negative one.
+    for version in versions:
+        check_batch(version.scenario, "branch")
     trajectories = with_final_conditions(
         simulate_versions(origin.scenario, versions, run),
         origin.scenario,

@@ -127,6 +127,14 @@ def test_the_other_mode_of_the_weather_replaces_its_keys():
     assert changed.weather.rain_probability == 0.2
 
 
+def test_the_mode_of_a_weather_without_one_keeps_its_keys():
+    table = load_specification(PINTO, {"weather.mode": "independent"}).to_dict()
+    table["weather"] = {"rain_probability": 0.3}
+    weather = load_specification(table, {"weather.mode": "independent"}).weather
+    assert weather.mode == "independent"
+    assert weather.rain_probability == 0.3
+
+
 def test_defaults_are_those_of_the_models(tmp_path):
     table = tomllib.loads((PROFILE_FOLDER / f"{PINTO}.toml").read_text(encoding="utf-8"))
     del table["starts"]

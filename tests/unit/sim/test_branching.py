@@ -164,6 +164,23 @@ def test_a_change_survives_being_written_down(change: Intervention):
     np.testing.assert_array_equal(*ran)
 
 
+def test_valid_changes_that_are_invalid_together_are_refused():
+    slower, faster = Intervention(speed_change=-20.0), Intervention(speed_change=70.0)
+    for changes in ((slower, slower), (faster, faster)):
+        with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
+            branch(world(), interventions=changes)  # From 30 m/s.
+        with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
+            branch(branch(world(), interventions=changes[:1]), interventions=changes[1:])
+    later = Intervention(frame=50, speed_change=70.0)
+    with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
+        branch(world(), interventions=(faster, later))
+
+
+def test_changes_at_one_frame_are_judged_by_their_common_result():
+    changes = (Intervention(speed_change=-40.0), Intervention(speed_change=30.0))
+    assert branch(world(), interventions=changes).scenario.start_speed[0, 0] == 20.0
+
+
 def test_a_simulation_that_a_policy_drives_is_not_branched():
     driven = engine.simulate(traffic()).replace(actions=Actions.empty(1))
     with pytest.raises(ConfigError, match="expected one in which the model drives the ego"):

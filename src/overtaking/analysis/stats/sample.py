@@ -20,6 +20,7 @@ from overtaking.analysis.stats.columns import (
 from overtaking.core.arrays import F64, Mask
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import SchemaError
+from overtaking.data.tables.names import choose_reading
 
 _WHERE = "features"
 _MAX_SHOWN = 5
@@ -122,7 +123,7 @@ def prepare(
         frame=pd.DataFrame(ordered, index=frame.index),
         weight=_weights(frame) if weighted else np.ones(len(frame)),
         policy=policy,
-        reading=reading or ("paper" if policy == "paper" else "matched"),
+        reading=choose_reading(reading, policy),
         is_weighted=weighted,
         classes=tuple(one for one in ALL_CLASSES if one in PAPER_CLASSES or one in present),
     )

@@ -40,9 +40,21 @@ RULES = PORTUGAL.codes
 ARTICLES = tuple(dict.fromkeys(rule.article for rule in PORTUGAL.rules))
 POLICY_NAMES = tuple(policy.name for policy in STORED_POLICIES)
 READINGS = ("paper", "matched")
+"""Ways to measure the features, see `labels.paper_features`."""
+
 VERDICTS = tuple(one.name.lower() for one in Verdict)
 BELIEFS = tuple(one.name.lower() for one in Belief)
 SEVERITIES = tuple(one.name.lower() for one in Severity)
 OUTCOMES = tuple(one.name.lower() for one in Outcome)
 DETAILS = tuple(one.name.lower() for one in OutcomeDetail)
 CLASSES = tuple(one.title for one in OvertakeClass)
+
+
+def choose_reading(name: str | None, policy: str) -> str:
+    """Name of the reading to use: the named one, or the default of the policy.
+
+    Args:
+        name: One of `READINGS`; None for the default.
+        policy: Name of the policy that decides the classes.
+    """
+    return name or ("paper" if policy == "paper" else "matched")
