@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 import scipy.stats
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.random_numbers import Stream
+from overtaking.labels.labelling import label
+from overtaking.model.overtake_events import Outcome
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.profiles import load_specification, profile_names
 from overtaking.scenarios.random_draws import ProposalSampler, RandomStream
 from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Component
 from overtaking.scenarios.weather_sampling import draw_weather
+from overtaking.sim import engine
+
+if TYPE_CHECKING:
+    from overtaking.model.weather import Weather
 
 NUMBERS = np.arange(20_000, dtype=np.uint64)
 
@@ -142,6 +150,85 @@ def test_the_risk_profile_has_more_of_everything_and_weighs_it_back():
             len(weight)
         )
         assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)
+
+
+SUN_ALTITUDES = {
+    ("motorway-risk", "dense nights"): (-20.0, 0.0),
+    ("motorway-risk", "dazzled"): (0.0, 18.0),
+    ("rural-risk", "busy nights"): (-20.0, 12.0),
+}
+"""Altitudes of the sun that each component with a part of `sun` states in its profile [deg]."""
+
+
+def weather_of_component(profile: str, name: str) -> Weather:
+    """Weather of the simulations that are drawn from one component of a profile."""
+    specification = load_specification(profile)
+    (component,) = (part for part in specification.proposal or () if part.name == name)
+    component = component.model_copy(update={"share": 0.999})
+    proposal = ProposalSampler((component,), 1, NUMBERS)
+    stream = RandomStream(1, NUMBERS, Stream.WEATHER)
+    weather = draw_weather(specification.weather, stream, proposal.transform)
+    is_drawn = RandomStream(1, NUMBERS, Stream.PROPOSAL).uniform() < 0.999
+    return weather.select(is_drawn)
+
+
+@pytest.mark.parametrize(("profile", "name"), SUN_ALTITUDES)
+def test_a_component_draws_the_sun_at_the_altitudes_that_its_profile_states(profile, name):
+    low, high = SUN_ALTITUDES[profile, name]
+    altitude = np.degrees(weather_of_component(profile, name).sun_altitude.astype(np.float64))
+    assert altitude.min() == pytest.approx(low, abs=0.05)
+    assert altitude.max() == pytest.approx(high, abs=0.05)
+
+
+def test_the_table_of_sun_altitudes_has_every_component_that_moves_the_sun():
+    moving = {
+        (profile, component.name)
+        for profile in profile_names()
+        for component in load_specification(profile).proposal or ()
+        if component.changes("sun")
+    }
+    assert moving == set(SUN_ALTITUDES)
+
+
+def test_dense_nights_are_nights_and_the_sun_of_dazzled_dazzles():
+    assert weather_of_component("motorway-risk", "dense nights").night.all()
+    dazzled = weather_of_component("motorway-risk", "dazzled")
+    # The part of `sun_direction` is 0.2 degrees wider than the angle at which the sun dazzles, and
+    # rain brings clouds.
+    assert dazzled.low_sun[dazzled.rain == 0].mean() > 0.98
+
+
+def test_the_risk_profile_has_more_nights_and_low_suns_and_weighs_them_back():
+    stream = RandomStream(1, NUMBERS, Stream.WEATHER)
+    natural = draw_weather(load_specification("motorway").weather, stream)
+    risk = load_specification("motorway-risk")
+    proposal = ProposalSampler(risk.proposal or (), 1, NUMBERS)
+    stream = RandomStream(1, NUMBERS, Stream.WEATHER)
+    weather = draw_weather(risk.weather, stream, proposal.transform)
+    weight = proposal.weight_so_far
+    for plain, enriched, factor in (
+        (natural.night, weather.night, 1.5),
+        (natural.low_sun, weather.low_sun, 2.0),
+    ):
+        assert enriched.mean() > factor * plain.mean()
+        spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
+        assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)
+
+
+@pytest.mark.ci
+def test_the_weighted_share_of_attempts_at_night_agrees_with_that_of_the_natural_profile():
+    road, numbers = load_road("motorway"), NUMBERS[:768]
+
+    def sample(profile: str) -> tuple[np.ndarray, np.ndarray]:
+        scenario = ScenarioSource(load_specification(profile), road, 5).sample(numbers)
+        labels = label(engine.simulate(scenario)).labels
+        return scenario.weight, (labels.outcome != Outcome.NO_ATTEMPT) & scenario.weather.night
+
+    (weight, risky), (_, natural) = sample("motorway-risk"), sample("motorway")
+    interval = 3.0 * np.hypot((weight * risky).std(), natural.std()) / np.sqrt(len(numbers))
+    assert (weight * risky).mean() == pytest.approx(natural.mean(), abs=interval)
+    # Without weights the shares disagree, so the comparison can fail.
+    assert risky.mean() > natural.mean() + interval
 
 
 def test_scenarios_carry_their_weights():
