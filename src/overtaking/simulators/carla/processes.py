@@ -31,7 +31,13 @@ from overtaking.simulators.carla.world import SimulationLostError
 ATTEMPTS = 3
 """How often a simulation is tried before it is given up."""
 
-_START_TIME = 30.0
+_START_TIME = 180.0
+"""Longest time until a headless server is ready [s].
+
+With eight programs for each processor it took more than 30 s. A server that ends is noticed at
+once, so a longer time delays no error.
+"""
+
 _GLANCE = 2.0  # Time between two checks that the server still listens [s].
 _ADAPTER = "1"
 """Changes whenever this package asks CARLA for something else."""
