@@ -301,18 +301,18 @@ class EpisodeBatch:
         Args:
             action: Actions of the kind `settings.action`, shape (env, part), within their limits.
         """
-        action_space = ACTION_SPACES[self._settings.action]
+        track = ACTION_SPACES[self._settings.action].track
         action_repeat = self._settings.action_repeat
         self.num_step_decisions = np.zeros(self._settings.num_envs, np.int64)
-        if action_space.plan is None:  # The engine can carry out the action itself.
+        if track is None:  # The engine can carry out the action itself.
             self._carry_out(action, action_repeat)
             return
-        # This kind of action is a plan, such as a path. `plan` returns a function that computes at
-        # every decision what the engine carries out, such as acceleration and wheel angle.
-        follow_plan = action_space.plan(action, self.ego_observation)
+        # The action is a speed or a path. At every decision `track` computes from it what the
+        # engine carries out, such as acceleration and wheel angle.
+        start = self.ego_observation
         for decision in range(action_repeat):
-            observation = self._observation_at(decision / float(DECISIONS_PER_SECOND))
-            self._carry_out(follow_plan(observation), 1)
+            now = self._observation_at(decision / float(DECISIONS_PER_SECOND))
+            self._carry_out(track(action, start, now), 1)
 
     def restart(self, rows: NDArray[np.int64], scenario_index: NDArray[np.uint64] | None) -> None:
         """Begin the next episode in some rows.
@@ -380,8 +380,8 @@ class EpisodeBatch:
         """The present observations of the egos with named columns.
 
         Args:
-            time: Time since the start of the step [s], by which a plan finds its next point; 0 for
-                rewards, which do not read it.
+            time: Time since the start of the step [s], by which the points of a path are reached;
+                0 for rewards, which do not read it.
         """
         return EgoObservation(
             time=time,

@@ -16,8 +16,9 @@ from overtaking.core.arrays import F64, Mask
 from overtaking.model.driver_interface import ACTION_KINDS, MAX_ACTION_PARTS, ActionPart
 from overtaking.sim.ego_observation import EgoObservation
 
-Track = Callable[[EgoObservation], F64]
-"""A function from an observation to actions of shape (simulation, part), while an answer holds."""
+TrackAnswer = Callable[[F64, EgoObservation, EgoObservation], F64]
+"""A function from an answer, the observation that it answers and the present observation to the
+present action. Answers and actions have shape (simulation, part)."""
 
 
 _SPEED_TIME_CONSTANT = 1.0
@@ -32,7 +33,7 @@ _MIN_TRACKING_SPEED = 1.0
 """Smallest speed in the formula of the wheel angle, which divides by its square [m/s]. Chosen."""
 
 
-_, _LANE = ACTION_KINDS["accel_lane"]
+_, _LANE_PART = ACTION_KINDS["accel_lane"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,52 +43,58 @@ class ActionSpace:
     Attributes:
         parts: The numbers of an answer.
         kind: Kind of the recorded action, a name in `model.driver_interface.ACTION_KINDS`.
-        plan: Function from answers of shape (simulation, part) and the observation that they answer
-            to a `Track`; None where the answer itself is the action.
+        track: Computes the action of each decision for which an answer holds; None where the answer
+            itself is the action.
     """
 
     parts: tuple[ActionPart, ...]
     kind: str
-    plan: Callable[[F64, EgoObservation], Track] | None = None
+    track: TrackAnswer | None = None
 
 
-def _track_speed(answer: F64, _: EgoObservation) -> Track:
-    """Accelerate towards the answered speed, within the comfort limits of the model driver."""
+def _track_speed(answer: F64, start: EgoObservation, now: EgoObservation) -> F64:
+    """Acceleration towards the answered speed, within the comfort limits of the model driver.
 
-    def track(observation: EgoObservation) -> F64:
-        unlimited_accel = (answer[:, 0] - observation.ego.speed) / _SPEED_TIME_CONSTANT
-        accel = np.clip(unlimited_accel, -observation.vehicle.decel, observation.vehicle.accel)
-        return np.stack([accel, answer[:, 1]], axis=1)
+    Args:
+        answer: Speed [m/s] and change of lane, shape (simulation, part).
+        start: Observation that the answer was given to; it makes no difference.
+        now: Observation at this decision.
+    """
+    del start
+    unlimited_accel = (answer[:, 0] - now.ego.speed) / _SPEED_TIME_CONSTANT
+    accel = np.clip(unlimited_accel, -now.vehicle.decel, now.vehicle.accel)
+    return np.stack([accel, answer[:, 1]], axis=1)
 
-    return track
 
+def _track_points(answer: F64, start: EgoObservation, now: EgoObservation) -> F64:
+    """Acceleration and wheel angle that lead the ego through the answered points.
 
-def _track_points(answer: F64, begin: EgoObservation) -> Track:
-    """Drive through the answered points with constant accelerations along and across the road.
+    Along and across the road, the acceleration is the constant one that fits the points ahead with
+    least squares. The fit is repeated at every decision from the observed position and speed, so
+    tracking errors do not add up.
 
-    Each acceleration is a least-squares fit to the points ahead. The fit is repeated at every
-    decision from the observed position and speed, so tracking errors do not add up.
+    Args:
+        answer: Points relative to the position at `start`, shape (simulation, coordinate) [m].
+        start: Observation that the answer was given to.
+        now: Observation at this decision.
     """
     points = answer.reshape(len(answer), len(_POINT_TIMES), 2)
-    point_s = points[:, :, 0] + begin.ego.s[:, None]
-    point_lateral_position = points[:, :, 1] + begin.ego.lateral_position[:, None]
+    point_s = points[:, :, 0] + start.ego.s[:, None]
+    point_lateral_position = points[:, :, 1] + start.ego.lateral_position[:, None]
+    distances_along = point_s - now.ego.s[:, None]
+    distances_across = point_lateral_position - now.ego.lateral_position[:, None]
+    # A point whose time is over gets the time 0 and so no weight in the fit.
+    times = np.maximum(np.array(_POINT_TIMES) - (now.time - start.time), 0.0)
 
-    def track(observation: EgoObservation) -> F64:
-        # A point whose time is over gets the time 0 and so no weight in the fit.
-        times = np.maximum(np.array(_POINT_TIMES) - (observation.time - begin.time), 0.0)
-        ego, vehicle = observation.ego, observation.vehicle
-        speed, heading = ego.speed.astype(np.float64), ego.heading.astype(np.float64)
-        distances_along = point_s - ego.s[:, None]
-        distances_across = point_lateral_position - ego.lateral_position[:, None]
-        accel = _least_squares_accel(distances_along, speed * np.cos(heading), times)
-        lateral_accel = _least_squares_accel(distances_across, speed * np.sin(heading), times)
-        # Steady cornering of the single-track model: the Ackermann angle, wheelbase times curvature
-        # a / v^2, plus understeer times lateral acceleration a.
-        v = np.maximum(speed, _MIN_TRACKING_SPEED)
-        wheel_angle = lateral_accel * (vehicle.wheelbase / (v * v) + vehicle.understeer)
-        return np.stack([accel, wheel_angle], axis=1)
+    speed, heading = now.ego.speed.astype(np.float64), now.ego.heading.astype(np.float64)
+    accel = _least_squares_accel(distances_along, speed * np.cos(heading), times)
+    lateral_accel = _least_squares_accel(distances_across, speed * np.sin(heading), times)
 
-    return track
+    # Steady cornering of the single-track model: the Ackermann angle, wheelbase times curvature
+    # a / v^2, plus understeer times lateral acceleration a.
+    v = np.maximum(speed, _MIN_TRACKING_SPEED)
+    wheel_angle = lateral_accel * (now.vehicle.wheelbase / (v * v) + now.vehicle.understeer)
+    return np.stack([accel, wheel_angle], axis=1)
 
 
 def _least_squares_accel(distances: F64, speed: F64, times: F64) -> F64:
@@ -123,7 +130,7 @@ _POINT_PARTS = tuple(
 ACTION_SPACES: Final = {
     "accel_lane": ActionSpace(ACTION_KINDS["accel_lane"], "accel_lane"),
     "speed_lane": ActionSpace(
-        (ActionPart("speed", "m/s", 1e-3, 0.0, 100.0), _LANE), "accel_lane", _track_speed
+        (ActionPart("speed", "m/s", 1e-3, 0.0, 100.0), _LANE_PART), "accel_lane", _track_speed
     ),
     "accel_steer": ActionSpace(ACTION_KINDS["accel_steer"], "accel_steer"),
     "trajectory": ActionSpace(_POINT_PARTS, "accel_steer", _track_points),
@@ -153,13 +160,13 @@ def clip_to_limits(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mas
 
 
 def to_action_integers(
-    values: F64, active: Mask, parts: tuple[ActionPart, ...]
+    values: F64, is_running: Mask, parts: tuple[ActionPart, ...]
 ) -> NDArray[np.int32]:
     """Convert actions to the integers that are recorded and that both simulators carry out.
 
     Args:
         values: Actions, shape (simulation, part).
-        active: Whether each simulation runs, shape (simulation,).
+        is_running: Whether each simulation runs, shape (simulation,).
         parts: The parts of the kind of action.
 
     Returns:
@@ -169,5 +176,5 @@ def to_action_integers(
     steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
         clipped = np.clip(values[:, k], part.low, part.high)
-        steps[:, k] = np.where(active, np.rint(clipped / part.resolution), 0.0)
+        steps[:, k] = np.where(is_running, np.rint(clipped / part.resolution), 0.0)
     return steps

@@ -205,16 +205,17 @@ def _run_driver(
             _call_driver(driver.function, observation, space), space.parts
         )
         num_clipped += was_clipped
-        if space.plan is None:
+        if space.track is None:
             values = to_action_integers(answer, observation.is_running, action_parts)
             yield decision, np.broadcast_to(values, (action_repeat, *values.shape))
             decision += action_repeat
             observation = observer.observe(stepper.step(values, action_repeat), decision)
             continue
         # The answer is a speed or a trajectory, which gives another action at each decision.
-        track = space.plan(answer, observation)
+        start = observation
         for _ in range(action_repeat):
-            values = to_action_integers(track(observation), observation.is_running, action_parts)
+            action = space.track(answer, start, observation)
+            values = to_action_integers(action, observation.is_running, action_parts)
             yield decision, values[None]
             decision += 1
             observation = observer.observe(stepper.step(values, 1), decision)
