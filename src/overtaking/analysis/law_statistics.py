@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
@@ -27,50 +28,92 @@ if TYPE_CHECKING:
     from overtaking.labels.law.rule import Pack
     from overtaking.model.verdicts import Case
 
-STEPS = {
-    "distance": ("m", "m", (0.0, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0)),
-    "speed": ("m/s", "km/h", (0.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0)),
-    "time": ("s", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
-    "lasting": ("", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)),
+
+@dataclass(frozen=True, eq=False)
+class JudgedBatch:
+    """Some simulations of a data set with their labels by one law or several.
+
+    Attributes:
+        simulation_ids: Their numbers in the data set, shape (simulation,).
+        labelled: Their labels by each law.
+    """
+
+    simulation_ids: NDArray[np.integer]
+    labelled: tuple[LabelledTrajectories, ...]
+
+    @cached_property
+    def case(self) -> Case:
+        """The simulations as the rules see them; the labels of any law give the same case."""
+        return self.labelled[0].case()
+
+
+@dataclass(frozen=True, slots=True)
+class ToleranceScale:
+    """The values of a tolerance.
+
+    Attributes:
+        unit: Unit of the margins that it relaxes; empty: it relaxes the rules of all units.
+        result_unit: Unit of the values in results.
+        values: The values in that unit, from 0 upwards.
+    """
+
+    unit: str
+    result_unit: str
+    values: tuple[float, ...]
+
+    @property
+    def values_si(self) -> tuple[float, ...]:
+        """The values in SI."""
+        if self.result_unit == "km/h":
+            return tuple(mps_from_kmh(value) for value in self.values)
+        return self.values
+
+
+TOLERANCE_SCALES = {
+    "distance": ToleranceScale("m", "m", (0.0, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0)),
+    "speed": ToleranceScale("m/s", "km/h", (0.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0)),
+    "time": ToleranceScale("s", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0)),
+    "duration": ToleranceScale("", "s", (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)),
 }
-"""For each tolerance the unit of the margins that it relaxes, empty for the margins of all rules;
-the unit in which results show it; and its values in that unit."""
+"""Tolerances by name. The first three relax the margin, the last one the duration of a breach."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve(ContentEquality, Plottable):
-    """Legal overtakes under one policy.
+class ToleranceCurve(ContentEquality, Plottable):
+    """Legal overtakes under one policy, by tolerance.
 
     Attributes:
-        pack: Version of the rules.
+        rule_set: Version of the pack of rules.
         policy: Name of the policy.
         overtakes: Number of completed overtakes.
-        legal: Legal ones among them.
-        undecided: Without a breach, but with a required rule that is undecidable, unless the policy
-            takes that for kept.
+        legal: Number of legal ones among them.
+        undecided: Number without a breach, but with an undecidable required rule; 0 if the policy
+            counts undecidable rules as kept.
         titles: Title of each required rule, by code.
-        broken: Overtakes that break a rule, by code.
-        alone: Overtakes that break this rule and no other.
-        relaxed: Legal overtakes by tolerance and value, all rules being relaxed by as much.
-        by_rule: The same for one rule alone, its margin being relaxed; values as in `relaxed`.
+        broken: Number of overtakes that break a rule, by code.
+        broken_alone: Number of overtakes that break this rule and no other, by code.
+        legal_by_tolerance: Number of legal overtakes for each value in `TOLERANCE_SCALES`, if the
+            tolerance relaxes all rules of its unit.
+        legal_by_rule: The same for the tolerance in the unit of one rule, if it relaxes this rule
+            alone; by code.
     """
 
-    pack: str
+    rule_set: str
     policy: str
     overtakes: int
     legal: int
     undecided: int
     titles: dict[str, str]
     broken: dict[str, int]
-    alone: dict[str, int]
-    relaxed: dict[str, list[int]]
-    by_rule: dict[str, list[int]]
+    broken_alone: dict[str, int]
+    legal_by_tolerance: dict[str, list[int]]
+    legal_by_rule: dict[str, list[int]]
 
-    def values(self) -> dict[str, Any]:
-        """Plain values; shares are of completed overtakes."""
+    def to_dict(self) -> dict[str, Any]:
+        """The curve as JSON values; shares are of completed overtakes."""
         num_overtakes = max(self.overtakes, 1)
         return {
-            "rule_set": self.pack,
+            "rule_set": self.rule_set,
             "policy": self.policy,
             "overtakes": self.overtakes,
             "legal": self.legal,
@@ -81,57 +124,95 @@ class Curve(ContentEquality, Plottable):
                     "rule": code,
                     "title": title,
                     "broken": self.broken[code],
-                    "alone": self.alone[code],
+                    "broken_alone": self.broken_alone[code],
                 }
                 for code, title in self.titles.items()
             ],
-            "tolerances": [
+            "legal_by_tolerance": [
                 {
                     "tolerance": name,
-                    "unit": STEPS[name][1],
-                    "values": list(STEPS[name][2]),
+                    "unit": TOLERANCE_SCALES[name].result_unit,
+                    "values": list(TOLERANCE_SCALES[name].values),
                     "legal_share": [count / num_overtakes for count in counts],
                 }
-                for name, counts in self.relaxed.items()
+                for name, counts in self.legal_by_tolerance.items()
             ],
-            "tolerances_by_rule": [
+            "legal_by_rule": [
                 {"rule": code, "legal_share": [count / num_overtakes for count in counts]}
-                for code, counts in self.by_rule.items()
+                for code, counts in self.legal_by_rule.items()
             ],
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _CompletedOvertakes:
-    """The completed overtakes of a batch; arrays of shape (overtake, required rule)."""
-
-    counted: Mask
-    excess: NDArray[np.floating]
-    lasting: NDArray[np.floating]
-    doubtful: Mask
-
-
-def curve(
-    batches: Iterable[tuple[LabelledTrajectories, Case]], pack: Pack, policy: Policy
-) -> Curve:
+def tolerance_curve(batches: Iterable[JudgedBatch], pack: Pack, policy: Policy) -> ToleranceCurve:
     """The curve of all completed overtakes.
 
     Args:
-        batches: Labels by the pack, with what they are about; one or more.
+        batches: One or more batches with labels by the pack alone.
         pack: The rules.
-        policy: Which of them count.
+        policy: The policy that names the required rules.
     """
-    overtakes, version = [], pack.version
-    for labelled, case in batches:
-        overtakes.append(_completed_overtakes(labelled, case, pack, policy))
-        version = labelled.findings.version
-    all_overtakes = _CompletedOvertakes(
-        counted=np.concatenate([overtakes_of_batch.counted for overtakes_of_batch in overtakes]),
-        excess=np.concatenate([overtakes_of_batch.excess for overtakes_of_batch in overtakes]),
-        lasting=np.concatenate([overtakes_of_batch.lasting for overtakes_of_batch in overtakes]),
-        doubtful=np.concatenate([overtakes_of_batch.doubtful for overtakes_of_batch in overtakes]),
+    parts: list[_CompletedOvertakes] = []
+    rule_set = pack.version
+    for batch in batches:
+        (labelled,) = batch.labelled
+        parts.append(_completed_overtakes(labelled, batch.case, pack, policy))
+        # On two-way roads the version in the findings names their rules too.
+        rule_set = labelled.findings.version
+    overtakes = _CompletedOvertakes(
+        is_breach=np.concatenate([part.is_breach for part in parts]),
+        excess=np.concatenate([part.excess for part in parts]),
+        duration=np.concatenate([part.duration for part in parts]),
+        is_undecidable=np.concatenate([part.is_undecidable for part in parts]),
+        units=parts[0].units,
+        counts_undecidable=not policy.allows_undecided,
     )
-    return _curve(all_overtakes, pack, policy, version)
+    return _curve_of(overtakes, pack, policy, rule_set)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CompletedOvertakes:
+    """Completed overtakes; arrays have shape (overtake, required rule).
+
+    Attributes:
+        is_breach: Whether the rule is broken beyond its own tolerance.
+        excess: Negative margin, in the unit of the rule.
+        duration: Duration of the breach [s].
+        is_undecidable: Whether the rule is undecidable.
+        units: Unit of each rule, shape (required rule,).
+        counts_undecidable: Whether an undecidable rule keeps an overtake from being legal.
+    """
+
+    is_breach: Mask
+    excess: NDArray[np.floating]
+    duration: NDArray[np.floating]
+    is_undecidable: Mask
+    units: NDArray[np.str_]
+    counts_undecidable: bool
+
+    @cached_property
+    def is_undecided(self) -> Mask:
+        """Overtakes with an undecidable rule that counts, shape (overtake,)."""
+        if not self.counts_undecidable:
+            return np.zeros(len(self.is_undecidable), np.bool_)
+        return np.asarray(self.is_undecidable.any(axis=1))
+
+    def num_legal(self, is_breach: Mask) -> int:
+        """Number of overtakes without a breach and without an undecidable rule that counts."""
+        return int((~is_breach.any(axis=1) & ~self.is_undecided).sum())
+
+    def num_legal_by_value(self, tolerance: str, is_relaxed: Mask) -> list[int]:
+        """Number of legal overtakes for each value of a tolerance.
+
+        Args:
+            tolerance: A key of `TOLERANCE_SCALES`.
+            is_relaxed: The rules that it relaxes, shape (required rule,).
+        """
+        measured = self.duration if tolerance == "duration" else self.excess
+        return [
+            self.num_legal(self.is_breach & ~(is_relaxed & (measured <= value)))
+            for value in TOLERANCE_SCALES[tolerance].values_si
+        ]
 
 
 def _completed_overtakes(
@@ -139,140 +220,170 @@ def _completed_overtakes(
 ) -> _CompletedOvertakes:
     findings = labelled.findings
     columns = [findings.rule_codes.index(code) for code in policy.required]
-    is_completed = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
-    lasting = np.stack([breach_duration(findings, column, case) for column in columns], axis=1)
+    rows = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
+    duration = np.stack([breach_duration(findings, column, case) for column in columns], axis=1)
     return _CompletedOvertakes(
-        counted=counted_breaches(findings, policy, pack, case)[is_completed][:, columns],
-        excess=-findings.margin[is_completed][:, columns],
-        lasting=lasting[is_completed],
-        doubtful=(findings.verdict == Verdict.UNDECIDABLE)[is_completed][:, columns],
+        is_breach=counted_breaches(findings, policy, pack, case)[rows][:, columns],
+        excess=-findings.margin[rows][:, columns],
+        duration=duration[rows],
+        is_undecidable=(findings.verdict == Verdict.UNDECIDABLE)[rows][:, columns],
+        units=np.array([pack.rule(code).unit for code in policy.required]),
+        counts_undecidable=not policy.allows_undecided,
     )
 
 
-def _curve(overtakes: _CompletedOvertakes, pack: Pack, policy: Policy, version: str) -> Curve:
-    units = np.array([pack.rule(code).unit for code in policy.required])
-    counted = overtakes.counted
-    doubtful = overtakes.doubtful.any(axis=1) & (not policy.allows_undecided)
-
-    def legal(broken: Mask) -> int:
-        return int((~broken.any(axis=1) & ~doubtful).sum())
-
-    def relaxed(name: str, is_relaxed: Mask) -> list[int]:
-        measured = overtakes.lasting if name == "lasting" else overtakes.excess
-        return [legal(counted & ~(is_relaxed & (measured <= value))) for value in tolerances(name)]
-
-    single = counted.sum(axis=1) == 1
-    by_rule = {}
+def _curve_of(
+    overtakes: _CompletedOvertakes, pack: Pack, policy: Policy, rule_set: str
+) -> ToleranceCurve:
+    is_breach, units = overtakes.is_breach, overtakes.units
+    breaks_one_rule = is_breach.sum(axis=1) == 1
+    legal_by_rule: dict[str, list[int]] = {}
     for column, code in enumerate(policy.required):
-        of_unit = [name for name, (unit, _, _) in STEPS.items() if unit == units[column]]
-        if of_unit:
-            by_rule[code] = relaxed(of_unit[0], np.arange(len(units)) == column)
-    return Curve(
-        pack=version,
+        for name, scale in TOLERANCE_SCALES.items():
+            if scale.unit == units[column]:
+                is_this_rule = np.arange(len(units)) == column
+                legal_by_rule[code] = overtakes.num_legal_by_value(name, is_this_rule)
+    broken = is_breach.sum(axis=0).tolist()
+    broken_alone = is_breach[breaks_one_rule].sum(axis=0).tolist()
+    return ToleranceCurve(
+        rule_set=rule_set,
         policy=policy.name,
-        overtakes=len(counted),
-        legal=legal(counted),
-        undecided=int((doubtful & ~counted.any(axis=1)).sum()),
+        overtakes=len(is_breach),
+        legal=overtakes.num_legal(is_breach),
+        undecided=int((overtakes.is_undecided & ~is_breach.any(axis=1)).sum()),
         titles={code: pack.rule(code).title for code in policy.required},
-        broken=dict(zip(policy.required, counted.sum(axis=0).tolist(), strict=True)),
-        alone=dict(zip(policy.required, counted[single].sum(axis=0).tolist(), strict=True)),
-        relaxed={
-            name: relaxed(name, (units == unit) | (unit == ""))
-            for name, (unit, _, _) in STEPS.items()
+        broken=dict(zip(policy.required, broken, strict=True)),
+        broken_alone=dict(zip(policy.required, broken_alone, strict=True)),
+        legal_by_tolerance={
+            name: overtakes.num_legal_by_value(name, (units == scale.unit) | (scale.unit == ""))
+            for name, scale in TOLERANCE_SCALES.items()
         },
-        by_rule=by_rule,
+        legal_by_rule=legal_by_rule,
     )
 
 
-def tolerances(name: str) -> tuple[float, ...]:
-    """The values of a tolerance in SI."""
-    _, shown_unit, values = STEPS[name]
-    return tuple(mps_from_kmh(value) for value in values) if shown_unit == "km/h" else values
-
-
-EXAMPLES = 5
-"""Simulations that are named for each way to part."""
-
-Judged = tuple["NDArray[np.integer]", "Case", "list[LabelledTrajectories]"]
-"""Numbers of simulations, what they are, and their labels by each law."""
+MAX_EXAMPLES = 5
+"""Simulations that a disagreement of two laws lists."""
 
 
 @dataclass(kw_only=True)
-class Parted:
+class LawDisagreement:
     """Overtakes that are legal under one law and illegal under another.
 
     Attributes:
-        legal: Name of the law under which they are legal.
-        illegal: Name of the other.
-        policy: The policy of both.
-        count: How many.
-        rules: How many break each rule of the other.
+        legal_under: Name of the law under which they are legal.
+        illegal_under: Name of the other law.
+        policy: Name of the policy, which both laws have.
+        count: Number of overtakes.
+        rules: Number of overtakes that break each rule of the other law.
         examples: Number of a simulation, the rule that it breaks most severely, and its margin.
     """
 
-    legal: str
-    illegal: str
+    legal_under: str
+    illegal_under: str
     policy: str
     count: int = 0
     rules: Counter[str] = field(default_factory=Counter[str])
     examples: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
-    def values(self) -> dict[str, Any]:
-        """Plain values, the most frequent rules first."""
+    def to_dict(self) -> dict[str, Any]:
+        """The disagreement as JSON values, the most frequent rules first."""
         return {
-            "legal_under": self.legal,
-            "illegal_under": self.illegal,
+            "legal_under": self.legal_under,
+            "illegal_under": self.illegal_under,
             "policy": self.policy,
             "overtakes": self.count,
             "rules": dict(self.rules.most_common()),
             "examples": self.examples,
         }
 
+    def add(
+        self,
+        batch: JudgedBatch,
+        verdicts: tuple[LabelledTrajectories, LabelledTrajectories],
+        column: int,
+        pack: Pack,
+        policy: Policy,
+    ) -> None:
+        """Count the overtakes of a batch on which the laws differ in this direction.
 
-def compared(
-    batches: Iterable[Judged], packs: Sequence[Pack], policies: Sequence[Sequence[Policy]]
+        Args:
+            batch: The batch.
+            verdicts: Its labels by the law under which overtakes are legal, and by the other law.
+            column: Position of the policy in the labels.
+            pack: Rules of the other law.
+            policy: Policy of the other law.
+        """
+        legal, illegal = verdicts
+        differs = legal.labels.classes[:, column] == OvertakeClass.SUCCESS_L
+        differs &= illegal.labels.classes[:, column] == OvertakeClass.SUCCESS_I
+        rows, findings = np.flatnonzero(differs), illegal.findings
+        is_breach = counted_breaches(findings, policy, pack, batch.case)
+        self.count += len(rows)
+        for row in rows.tolist():
+            rule_columns = {
+                code: findings.rule_codes.index(code)
+                for code in policy.required
+                if is_breach[row, findings.rule_codes.index(code)]
+            }
+            self.rules.update(rule_columns.keys())
+            if len(self.examples) < MAX_EXAMPLES:
+                severity = {code: findings.severity[row, k] for code, k in rule_columns.items()}
+                worst = max(severity, key=lambda code: severity[code])
+                self.examples.append(
+                    {
+                        "simulation": int(batch.simulation_ids[row]),
+                        "rule": worst,
+                        "margin": round(float(findings.margin[row, rule_columns[worst]]), 3),
+                        "unit": pack.rule(worst).unit,
+                    }
+                )
+
+
+def compare_laws(
+    batches: Iterable[JudgedBatch], packs: Sequence[Pack], policies: Sequence[Sequence[Policy]]
 ) -> dict[str, Any]:
-    """How many overtakes are legal under each law and policy, and where the laws part.
+    """Count legal overtakes under each law and policy, and the overtakes on which two laws differ.
 
     Args:
-        batches: Labels by each of the laws.
+        batches: Batches with labels by each of the laws.
         packs: The laws, two or more.
         policies: Of each law, the same names in the same order.
 
     Returns:
-        Plain values. `classes` counts simulations by class, `conduct` all of them by whether the
-        ego kept the required rules.
+        JSON values. `classes` counts simulations by class, `conduct` all of them by whether the ego
+        kept the required rules.
     """
-    names = [difference.name for difference in policies[0]]
+    names = [policy.name for policy in policies[0]]
     classes = {(pack.name, name): Counter[str]() for pack in packs for name in names}
     conduct = {key: Counter[str]() for key in classes}
-    parted = {
-        (a.name, b.name, name): Parted(legal=a.name, illegal=b.name, policy=name)
+    disagreements = {
+        (legal.name, illegal.name, name): LawDisagreement(
+            legal_under=legal.name, illegal_under=illegal.name, policy=name
+        )
         for name in names
-        for a, b in permutations(packs, 2)
+        for legal, illegal in permutations(packs, 2)
     }
-    versions, total, overtakes = dict[str, str](), 0, 0
-    for numbers, case, labelled_by_law in batches:
-        total += len(numbers)
-        overtakes += int((labelled_by_law[0].labels.outcome == Outcome.COMPLETED).sum())
-        for pack, labelled in zip(packs, labelled_by_law, strict=True):
-            versions[pack.name] = labelled.findings.version
+    rule_sets, num_simulations, num_overtakes = dict[str, str](), 0, 0
+    for batch in batches:
+        num_simulations += len(batch.simulation_ids)
+        outcome = batch.labelled[0].labels.outcome
+        num_overtakes += int((outcome == Outcome.COMPLETED).sum())
+        for pack, labelled in zip(packs, batch.labelled, strict=True):
+            rule_sets[pack.name] = labelled.findings.version
             for column, name in enumerate(names):
-                found = (
-                    OvertakeClass(difference).title
-                    for difference in labelled.labels.classes[:, column]
-                )
-                classes[pack.name, name].update(found)
-                conduct[pack.name, name].update(_conduct(labelled, column))
+                codes = labelled.labels.classes[:, column]
+                classes[pack.name, name].update(OvertakeClass(code).title for code in codes)
+                conduct[pack.name, name].update(_conduct_counts(labelled, column))
         for i, j in permutations(range(len(packs)), 2):
-            batch = (numbers, case, labelled_by_law[i], labelled_by_law[j])
+            verdicts = batch.labelled[i], batch.labelled[j]
             for column, name in enumerate(names):
-                difference = parted[packs[i].name, packs[j].name, name]
-                _count_differences(difference, column, batch, packs[j], policies[j][column])
+                disagreement = disagreements[packs[i].name, packs[j].name, name]
+                disagreement.add(batch, verdicts, column, packs[j], policies[j][column])
     return {
-        "simulations": total,
-        "overtakes": overtakes,
-        "rule_sets": versions,
+        "simulations": num_simulations,
+        "overtakes": num_overtakes,
+        "rule_sets": rule_sets,
         "laws": [
             {
                 "law": law,
@@ -282,49 +393,21 @@ def compared(
             }
             for (law, name), count in classes.items()
         ],
-        "parted": [difference.values() for difference in parted.values()],
+        "disagreements": [disagreement.to_dict() for disagreement in disagreements.values()],
     }
 
 
-def _conduct(labelled: LabelledTrajectories, column: int) -> dict[str, int]:
-    """Simulations, overtake or not, by whether required rules are broken, or in doubt."""
-    broken = labelled.labels.num_broken[:, column] > 0
-    doubtful = ~broken & (labelled.labels.num_undecidable[:, column] > 0)
+def _conduct_counts(labelled: LabelledTrajectories, column: int) -> dict[str, int]:
+    """Simulations by whether required rules are broken or undecidable, overtake or not.
+
+    Args:
+        labelled: The labels.
+        column: Position of the policy.
+    """
+    is_broken = labelled.labels.num_broken[:, column] > 0
+    is_undecidable = ~is_broken & (labelled.labels.num_undecidable[:, column] > 0)
     return {
-        "kept": int((~broken & ~doubtful).sum()),
-        "broken": int(broken.sum()),
-        "undecidable": int(doubtful.sum()),
+        "kept": int((~is_broken & ~is_undecidable).sum()),
+        "broken": int(is_broken.sum()),
+        "undecidable": int(is_undecidable.sum()),
     }
-
-
-def _count_differences(
-    into: Parted,
-    column: int,
-    batch: tuple[NDArray[np.integer], Case, LabelledTrajectories, LabelledTrajectories],
-    pack: Pack,
-    policy: Policy,
-) -> None:
-    """Count the overtakes of a batch that part in one direction."""
-    numbers, case, legal, illegal = batch
-    parts = legal.labels.classes[:, column] == OvertakeClass.SUCCESS_L
-    parts &= illegal.labels.classes[:, column] == OvertakeClass.SUCCESS_I
-    rows, findings = np.flatnonzero(parts), illegal.findings
-    counted = counted_breaches(findings, policy, pack, case)
-    into.count += len(rows)
-    for row in rows.tolist():
-        codes = [code for code in policy.required if counted[row, findings.rule_codes.index(code)]]
-        into.rules.update(codes)
-        if len(into.examples) < EXAMPLES:
-            worst = max(
-                codes, key=lambda code: findings.severity[row, findings.rule_codes.index(code)]
-            )
-            into.examples.append(
-                {
-                    "simulation": int(numbers[row]),
-                    "rule": worst,
-                    "margin": round(
-                        float(findings.margin[row, findings.rule_codes.index(worst)]), 3
-                    ),
-                    "unit": pack.rule(worst).unit,
-                }
-            )

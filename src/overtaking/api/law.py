@@ -64,7 +64,7 @@ from overtaking.labels.law.rule import Pack
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
-    from overtaking.analysis.law_statistics import Curve, Judged
+    from overtaking.analysis.law_statistics import JudgedBatch, ToleranceCurve
     from overtaking.data.load import Dataset
 
     DatasetSource = Dataset | str | Path
@@ -177,7 +177,7 @@ def tolerance_curve(
     policy: str | None = None,
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
-) -> "Curve":
+) -> "ToleranceCurve":
     """Count the completed overtakes that would be legal with more and more tolerance.
 
     A tolerance is an amount by which a rule may be exceeded: a distance, a speed, or a duration.
@@ -200,16 +200,14 @@ def tolerance_curve(
         ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
-    from overtaking.analysis.law_statistics import curve
+    from overtaking.analysis.law_statistics import tolerance_curve as compute_curve
     from overtaking.api.datasets import load_dataset
 
     pack, source = load_pack(law), load_dataset(dataset)
     policy_name = choose_policy(policy, source.profile)  # Of the profile by default.
     (law_policy,) = policies_for(pack, [policy_name])
     batches = _judge_batches(source, [pack], [[law_policy]], errors, progress)
-    # With one pack there is one batch of labels for each case.
-    labels_and_cases = ((labelled, case) for _, case, (labelled,) in batches)
-    return curve(labels_and_cases, pack, law_policy)
+    return compute_curve(batches, pack, law_policy)
 
 
 @check_arguments
@@ -239,13 +237,13 @@ def compare(
         ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
-    from overtaking.analysis.law_statistics import compared
+    from overtaking.analysis.law_statistics import compare_laws
     from overtaking.api.datasets import load_dataset
 
     packs = [load_pack(law) for law in laws]
     law_policies = [policies_for(pack, policies) for pack in packs]
     batches = _judge_batches(load_dataset(dataset), packs, law_policies, errors, progress)
-    return compared(batches, packs, law_policies)
+    return compare_laws(batches, packs, law_policies)
 
 
 def _judge_batches(
@@ -254,7 +252,7 @@ def _judge_batches(
     policies: Sequence[Sequence[Policy]],
     errors: MeasurementErrors | None,
     progress: ProgressCallback | None,
-) -> "Iterator[Judged]":
+) -> "Iterator[JudgedBatch]":
     """Label a data set by each law, one batch of simulations after the other.
 
     Args:
@@ -265,17 +263,18 @@ def _judge_batches(
         progress: Called with the number of simulations that are done, and of all.
 
     Yields:
-        Numbers of the simulations, shape (simulation,); their case; their labels by each pack.
+        The simulations with their labels by each pack.
     """
+    from overtaking.analysis.law_statistics import JudgedBatch
+
     num_done = 0
-    for numbers, trajectories in dataset.batches():
-        labelled = [
+    for simulation_ids, trajectories in dataset.batches():
+        labelled = tuple(
             label(trajectories, pack=pack, policies=law_policies, errors=errors)
             for pack, law_policies in zip(packs, policies, strict=True)
-        ]
-        # The case does not depend on the law, so the first labels give it for all.
-        yield numbers, labelled[0].case(), labelled
-        num_done += len(numbers)
+        )
+        yield JudgedBatch(simulation_ids, labelled)
+        num_done += len(simulation_ids)
         if progress is not None:
             progress(num_done, len(dataset))
 

@@ -33,10 +33,10 @@ def curve(
     figure = arguments.figure_file(plot)
     errors = arguments.measurement_errors(error_options)
     with output.progress("simulations") as meter:
-        found = api_law.tolerance_curve(data, law=law, policy=policy, progress=meter, errors=errors)
+        curve = api_law.tolerance_curve(data, law=law, policy=policy, progress=meter, errors=errors)
     if figure is not None:
-        reports.plot(found, out=figure)
-    values = found.values()
+        reports.plot(curve, out=figure)
+    values = curve.to_dict()
     output.result(values, lambda _: render_curve(values))
 
 
@@ -111,59 +111,59 @@ def render_curve(values: dict[str, Any]) -> "RenderableType":
     )
     rows = [
         (
-            one["tolerance"],
+            tolerance["tolerance"],
             ", ".join(
-                f"{value:g} {one['unit']}: {share:.1%}"
-                for value, share in zip(one["values"], one["legal_share"], strict=True)
+                f"{value:g} {tolerance['unit']}: {share:.1%}"
+                for value, share in zip(tolerance["values"], tolerance["legal_share"], strict=True)
             ),
         )
-        for one in values["tolerances"]
+        for tolerance in values["legal_by_tolerance"]
     ]
     rules = [
-        (one["rule"], one["title"], f"{one['broken']:,}", f"{one['alone']:,}")
-        for one in values["rules"]
-        if one["broken"]
+        (rule["rule"], rule["title"], f"{rule['broken']:,}", f"{rule['broken_alone']:,}")
+        for rule in values["rules"]
+        if rule["broken"]
     ]
     return Group(
         drawn_rows(("tolerance", "share of legal overtakes"), rows, title=title),
         "",
-        drawn_rows(("rule", "title", "broken>", "alone>"), rules),
+        drawn_rows(("rule", "title", "broken>", "broken alone>"), rules),
     )
 
 
 def render_comparison(values: dict[str, Any]) -> "RenderableType":
-    """Legal overtakes by law and policy, and where laws part."""
+    """Legal overtakes by law and policy, and overtakes on which laws differ."""
     from rich.console import Group
 
     from overtaking.cli.tables import drawn_rows
 
-    names = dict.fromkeys(name for one in values["laws"] for name in one["classes"])
+    names = dict.fromkeys(name for law in values["laws"] for name in law["classes"])
     rows = [
         (
-            one["law"],
-            one["policy"],
-            *(f"{one['classes'].get(name, 0):,}" for name in names),
-            *(f"{count:,}" for count in one["conduct"].values()),
+            law["law"],
+            law["policy"],
+            *(f"{law['classes'].get(name, 0):,}" for name in names),
+            *(f"{count:,}" for count in law["conduct"].values()),
         )
-        for one in values["laws"]
+        for law in values["laws"]
     ]
     versions = ", ".join(values["rule_sets"].values())
     title = f"{values['simulations']:,} simulations by {versions}"
-    parted = [
+    disagreements = [
         (
-            f"{one['legal_under']}, not {one['illegal_under']}",
-            one["policy"],
-            f"{one['overtakes']:,}",
-            ", ".join(f"{rule} {count:,}" for rule, count in one["rules"].items()),
-            ", ".join(str(each["simulation"]) for each in one["examples"]),
+            f"{difference['legal_under']}, not {difference['illegal_under']}",
+            difference["policy"],
+            f"{difference['overtakes']:,}",
+            ", ".join(f"{rule} {count:,}" for rule, count in difference["rules"].items()),
+            ", ".join(str(example["simulation"]) for example in difference["examples"]),
         )
-        for one in values["parted"]
-        if one["overtakes"]
+        for difference in values["disagreements"]
+        if difference["overtakes"]
     ]
     columns = (*names, "rules kept", "broken", "undecidable")
     heads = ("legal under", "policy", "overtakes>", "broken under the other", "examples")
     return Group(
         drawn_rows(("law", "policy", *(f"{name}>" for name in columns)), rows, title=title),
         "",
-        drawn_rows(heads, parted),
+        drawn_rows(heads, disagreements),
     )

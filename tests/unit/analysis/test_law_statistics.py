@@ -9,7 +9,12 @@ import pandas as pd
 import pytest
 
 import overtaking as ot
-from overtaking.analysis.law_statistics import STEPS, compared, curve, tolerances
+from overtaking.analysis.law_statistics import (
+    TOLERANCE_SCALES,
+    JudgedBatch,
+    compare_laws,
+    tolerance_curve,
+)
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.labelling import label
@@ -21,94 +26,108 @@ from overtaking.model.verdicts import OvertakeClass, Verdict
 
 pytestmark = pytest.mark.ci
 
-COUNT = 150
-POLICY = {one.name: one for one in policies_of_law("pt")}
+NUM_SIMULATIONS = 150
+POLICIES = {policy.name: policy for policy in policies_of_law("pt")}
 
 
 @pytest.fixture(scope="module")
-def run():
-    return ot.simulate(ot.sample("motorway", num_simulations=COUNT, seed=1))
+def trajectories():
+    return ot.simulate(ot.sample("motorway", num_simulations=NUM_SIMULATIONS, seed=1))
 
 
-def said_by(run, pack, chosen):
-    return label(run, pack=pack, policies=chosen)
+def judge(trajectories, *laws):
+    """One batch, labelled by each law, which is a pack with its policies."""
+    labelled = tuple(label(trajectories, pack=pack, policies=policies) for pack, policies in laws)
+    return JudgedBatch(np.arange(labelled[0].labels.outcome.size), labelled)
 
 
-def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(run):
-    for name in ("paper", "default", "enforced"):
-        chosen = POLICY[name]
-        said = said_by(run, PORTUGAL, [chosen])
-        found = curve([(said, said.case())], PORTUGAL, chosen)
-        assert found.overtakes == (said.labels.outcome == Outcome.COMPLETED).sum() > 0
-        legal = (said.labels.classes[:, 0] == OvertakeClass.SUCCESS_L).sum()
-        assert found.legal == legal
-        for counts in found.relaxed.values():
-            assert counts[0] == legal
-            assert counts == sorted(counts)
+def portuguese_curve(trajectories, policy):
+    """The labels under one policy, and their curve."""
+    batch = judge(trajectories, (PORTUGAL, [policy]))
+    return batch.labelled[0], tolerance_curve([batch], PORTUGAL, policy)
 
 
-def test_a_relaxed_distance_is_a_margin_counted_by_hand(run):
-    chosen = POLICY["paper"]
-    said = said_by(run, PORTUGAL, [chosen])
-    found = curve([(said, said.case())], PORTUGAL, chosen)
-    done = said.labels.outcome == Outcome.COMPLETED
-    for k, metres in enumerate(tolerances("distance")):
-        broken = np.zeros(done.sum(), bool)
-        for code in chosen.required:
-            place = said.findings.rule_codes.index(code)
-            allowed = metres if PORTUGAL.rule(code).unit == "m" else 0.0
-            illegal = said.findings.verdict[done, place] == Verdict.ILLEGAL
-            broken |= illegal & (said.findings.margin[done, place] < -allowed)
-        assert found.relaxed["distance"][k] == (~broken).sum()
+@pytest.mark.parametrize("name", ["paper", "default", "enforced"])
+def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(trajectories, name):
+    labelled, curve = portuguese_curve(trajectories, POLICIES[name])
+    assert curve.overtakes == (labelled.labels.outcome == Outcome.COMPLETED).sum() > 0
+    num_legal = (labelled.labels.classes[:, 0] == OvertakeClass.SUCCESS_L).sum()
+    assert curve.legal == num_legal
+    for counts in curve.legal_by_tolerance.values():
+        assert counts[0] == num_legal
+        assert counts == sorted(counts)
 
 
-def test_the_rule_that_alone_decides_is_the_only_one_that_is_broken(run):
-    chosen = POLICY["paper"]
-    said = said_by(run, PORTUGAL, [chosen])
-    found = curve([(said, said.case())], PORTUGAL, chosen)
-    done = said.labels.outcome == Outcome.COMPLETED
-    assert sum(found.alone.values()) == (said.labels.num_broken[done, 0] == 1).sum() > 0
-    assert sum(found.broken.values()) == said.labels.num_broken[done, 0].sum()
+def test_a_relaxed_distance_is_a_margin_counted_by_hand(trajectories):
+    policy = POLICIES["paper"]
+    labelled, curve = portuguese_curve(trajectories, policy)
+    is_completed = labelled.labels.outcome == Outcome.COMPLETED
+    for k, metres in enumerate(TOLERANCE_SCALES["distance"].values_si):
+        is_broken = np.zeros(is_completed.sum(), bool)
+        for code in policy.required:
+            column = labelled.findings.rule_codes.index(code)
+            tolerated = metres if PORTUGAL.rule(code).unit == "m" else 0.0
+            is_illegal = labelled.findings.verdict[is_completed, column] == Verdict.ILLEGAL
+            margin = labelled.findings.margin[is_completed, column]
+            is_broken |= is_illegal & (margin < -tolerated)
+        assert curve.legal_by_tolerance["distance"][k] == (~is_broken).sum()
 
 
-def test_batches_add_up(run):
-    chosen = POLICY["paper"]
-    parts = [run.select(np.arange(0, 60)), run.select(np.arange(60, COUNT))]
-    said = [said_by(one, PORTUGAL, [chosen]) for one in (run, *parts)]
-    whole = curve([(said[0], said[0].case())], PORTUGAL, chosen)
-    sum_of = curve([(one, one.case()) for one in said[1:]], PORTUGAL, chosen)
-    assert whole == sum_of
+def test_speeds_are_relaxed_by_kilometres_per_hour():
+    scale = TOLERANCE_SCALES["speed"]
+    assert scale.values_si == pytest.approx([value / 3.6 for value in scale.values])
 
 
-def test_two_laws_part_where_their_classes_do(run):
-    packs, chosen = (PORTUGAL, GERMANY), [policies_of_law(name) for name in ("pt", "de")]
-    said = [said_by(run, pack, of) for pack, of in zip(packs, chosen, strict=True)]
-    values = compared([(np.arange(COUNT), said[0].case(), said)], packs, chosen)
-    for one in values["parted"]:
-        place = [each.name for each in chosen[0]].index(one["policy"])
-        pt, de = (each.labels.classes[:, place] for each in said)
-        a, b = (pt, de) if one["legal_under"] == "pt" else (de, pt)
-        parts = (a == OvertakeClass.SUCCESS_L) & (b == OvertakeClass.SUCCESS_I)
-        assert one["overtakes"] == parts.sum()
-        assert {each["simulation"] for each in one["examples"]} <= {*np.flatnonzero(parts)}
-        assert all(each["margin"] < 0 for each in one["examples"])
-    assert sum(one["overtakes"] for one in values["parted"]) > 0
-    for one in values["laws"]:
-        assert sum(one["conduct"].values()) == sum(one["classes"].values()) == COUNT
+def test_a_rule_that_is_broken_alone_is_the_only_broken_one(trajectories):
+    labelled, curve = portuguese_curve(trajectories, POLICIES["paper"])
+    is_completed = labelled.labels.outcome == Outcome.COMPLETED
+    num_broken = labelled.labels.num_broken[is_completed, 0]
+    assert sum(curve.broken_alone.values()) == (num_broken == 1).sum() > 0
+    assert sum(curve.broken.values()) == num_broken.sum()
+
+
+def test_batches_add_up(trajectories):
+    policy = POLICIES["paper"]
+    parts = [
+        trajectories.select(np.arange(60)),
+        trajectories.select(np.arange(60, NUM_SIMULATIONS)),
+    ]
+    batches = [judge(part, (PORTUGAL, [policy])) for part in parts]
+    _, whole_curve = portuguese_curve(trajectories, policy)
+    assert tolerance_curve(batches, PORTUGAL, policy) == whole_curve
+
+
+def test_two_laws_disagree_where_their_classes_differ(trajectories):
+    packs, policies = (PORTUGAL, GERMANY), [policies_of_law(name) for name in ("pt", "de")]
+    batch = judge(trajectories, *zip(packs, policies, strict=True))
+    values = compare_laws([batch], packs, policies)
+    for disagreement in values["disagreements"]:
+        column = [policy.name for policy in policies[0]].index(disagreement["policy"])
+        portuguese, german = (labelled.labels.classes[:, column] for labelled in batch.labelled)
+        is_legal_in_portugal = disagreement["legal_under"] == "pt"
+        legal, illegal = (portuguese, german) if is_legal_in_portugal else (german, portuguese)
+        differs = (legal == OvertakeClass.SUCCESS_L) & (illegal == OvertakeClass.SUCCESS_I)
+        assert disagreement["overtakes"] == differs.sum()
+        examples = disagreement["examples"]
+        assert {example["simulation"] for example in examples} <= {*np.flatnonzero(differs)}
+        assert all(example["margin"] < 0 for example in examples)
+    assert sum(disagreement["overtakes"] for disagreement in values["disagreements"]) > 0
+    for law in values["laws"]:
+        assert sum(law["conduct"].values()) == sum(law["classes"].values()) == NUM_SIMULATIONS
 
 
 def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
     data = ot.generate_dataset("motorway", num_simulations=40, seed=1, out=tmp_path / "data")
-    before, picture = data.content_hash, tmp_path / "law.png"
+    content_hash, picture = data.content_hash, tmp_path / "law.png"
     line = ["law", "curve", str(data.path), "--law", "de", "--plot", str(picture), "--json"]
     assert main(line) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["rule_set"] == GERMANY.version
-    assert [one["tolerance"] for one in told["tolerances"]] == list(STEPS)
+    result = json.loads(capsys.readouterr().out)
+    assert result["rule_set"] == GERMANY.version
+    assert [entry["tolerance"] for entry in result["legal_by_tolerance"]] == list(TOLERANCE_SCALES)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["law", "compare", str(data.path)]) == 0
     assert "de-2@2013" in capsys.readouterr().out
-    assert ot.load_dataset(data.path).content_hash == before
+    assert ot.load_dataset(data.path).content_hash == content_hash
 
 
 def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsys):
@@ -116,17 +135,17 @@ def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsy
         ot.generate_dataset("motorway", num_simulations=30, seed=1, out=tmp_path / "data"),
         tmp_path / "de.parquet",
     )
-    before = data.content_hash
+    content_hash = data.content_hash
     line = ["label", str(data.path), "--law", "de", "--policies", "serious,enforced"]
     assert main([*line, "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     rows = pd.read_parquet(out)
     assert len(rows) == 60
     assert {*rows["rule_set"]} == {GERMANY.version}
     assert {*rows["law"]} == {"de"}
-    for name, classes in told["classes"].items():
+    for name, classes in result["classes"].items():
         assert rows[rows["policy"] == name]["class"].value_counts().to_dict() == classes
-    assert ot.load_dataset(data.path).content_hash == before
+    assert ot.load_dataset(data.path).content_hash == content_hash
     assert [path.name for path in tmp_path.glob("*.parquet")] == ["de.parquet"]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import overtaking as ot
-from overtaking.analysis.law_statistics import Curve
+from overtaking.analysis.law_statistics import ToleranceCurve
 from overtaking.analysis.reproduction.run import Reproduction
 from overtaking.analysis.whatif.twin import Twin
 from overtaking.core.errors import ConfigError
@@ -24,9 +24,9 @@ def empty(kind: type[Any]) -> Any:
 def test_a_result_without_a_report_names_the_functions_whose_results_have_one():
     with pytest.raises(
         ConfigError,
-        match="run_benchmark or reproduce_study returned, got an object of type Curve",
+        match="run_benchmark or reproduce_study returned, got an object of type ToleranceCurve",
     ):
-        ot.write_report(empty(Curve), "page")
+        ot.write_report(empty(ToleranceCurve), "page")
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_films_of_the_worst_scenes_are_not_for_data_sets(tmp_path: Path):
 
 def test_a_source_that_cannot_be_filmed_is_refused():
     with pytest.raises(
-        ConfigError, match="what label returned, or a Twin, got an object of type Curve"
+        ConfigError, match="what label returned, or a Twin, got an object of type ToleranceCurve"
     ):
-        ot.film(empty(Curve), "film.mp4")
+        ot.film(empty(ToleranceCurve), "film.mp4")
 
 
 def test_the_film_of_a_twin_needs_a_file_and_takes_no_choice_of_simulations():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import PercentFormatter
 
-from overtaking.analysis.law_statistics import STEPS
+from overtaking.analysis.law_statistics import TOLERANCE_SCALES
 from overtaking.show import palette
 from overtaking.show.plots.style import is_narrow, new_figure, styled
 
@@ -16,45 +16,47 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from overtaking.analysis.law_statistics import Curve
+    from overtaking.analysis.law_statistics import ToleranceCurve
 
 _COLUMN_LETTERS = 22  # Of the title of a rule beside its bar, in narrow figures.
 _TITLES = {
     "distance": "distances shorter by",
     "speed": "speeds beyond by",
     "time": "times beyond by",
-    "lasting": "breaches no longer than",
+    "duration": "breaches no longer than",
 }
 
 
 @styled
-def draw_curve(found: Curve) -> Figure:
+def draw_curve(curve: ToleranceCurve) -> Figure:
     """Share of legal overtakes by each tolerance; below, the rules that are broken, and alone.
 
     Args:
-        found: `analysis.law_statistics.curve`.
+        curve: `analysis.law_statistics.tolerance_curve` returns it.
     """
-    codes = [code for code, count in found.broken.items() if count]
-    down, across = (len(STEPS) // 2, 2) if is_narrow() else (1, len(STEPS))
-    above, below = 1.9 * down, 0.4 + 0.19 * max(len(codes), 1)
-    figure = new_figure(above + below + 0.2)
-    rows = figure.add_gridspec(2, 1, height_ratios=(above, below))
-    grid = rows[0].subgridspec(down, across).subplots(sharey=True)
+    codes = [code for code, count in curve.broken.items() if count]
+    num_panels = len(TOLERANCE_SCALES)
+    num_rows, num_columns = (num_panels // 2, 2) if is_narrow() else (1, num_panels)
+    curves_height, bars_height = 1.9 * num_rows, 0.4 + 0.19 * max(len(codes), 1)
+    figure = new_figure(curves_height + bars_height + 0.2)
+    parts = figure.add_gridspec(2, 1, height_ratios=(curves_height, bars_height))
+    grid = parts[0].subgridspec(num_rows, num_columns).subplots(sharey=True)
     panels: list[Axes] = list(np.ravel(grid))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    whole = max(found.overtakes, 1)
-    for axes, (name, counts) in zip(panels, found.relaxed.items(), strict=True):
-        _, unit, values = STEPS[name]
-        shares = np.array(counts) / whole
-        axes.plot(values, shares, color=palette.ACCENT, linewidth=1.4, marker="o", markersize=2.8)
-        axes.set(xlabel=f"{_TITLES[name]}\n[{unit}]", ylim=(0.0, 1.0))
+    num_overtakes = max(curve.overtakes, 1)
+    for axes, (name, counts) in zip(panels, curve.legal_by_tolerance.items(), strict=True):
+        scale, shares = TOLERANCE_SCALES[name], np.array(counts) / num_overtakes
+        axes.plot(
+            scale.values, shares, color=palette.ACCENT, linewidth=1.4, marker="o", markersize=2.8
+        )
+        axes.set(xlabel=f"{_TITLES[name]}\n[{scale.result_unit}]", ylim=(0.0, 1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     panels[0].set_ylabel("legal")
-    panels[0].set_title(f"{found.overtakes:,} overtakes by {found.pack}, policy {found.policy}")
-    _bars(figure.add_subplot(rows[1]), found, codes)
+    panels[0].set_title(f"{curve.overtakes:,} overtakes by {curve.rule_set}, policy {curve.policy}")
+    _draw_bars(figure.add_subplot(parts[1]), curve, codes)
     return figure
 
 
-def _label(curve: Curve, code: str) -> str:
+def _label(curve: ToleranceCurve, code: str) -> str:
     """Title and code of a rule; narrow figures shorten the title."""
     title = curve.titles[code]
     if is_narrow():
@@ -62,16 +64,16 @@ def _label(curve: Curve, code: str) -> str:
     return f"{title} {code}"
 
 
-def _bars(axes: Axes, found: Curve, codes: list[str]) -> None:
-    """How many overtakes break each rule, and how many break no other."""
-    whole, places = max(found.overtakes, 1), np.arange(len(codes))
+def _draw_bars(axes: Axes, curve: ToleranceCurve, codes: list[str]) -> None:
+    """Shares of overtakes that break each rule, and of those that break no other."""
+    num_overtakes, positions = max(curve.overtakes, 1), np.arange(len(codes))
     for counts, colour, label in (
-        (found.broken, palette.LINE, "break it"),
-        (found.alone, palette.ACCENT, "break it alone"),
+        (curve.broken, palette.LINE, "break it"),
+        (curve.broken_alone, palette.ACCENT, "break it alone"),
     ):
-        shares = [counts[code] / whole for code in codes]
-        axes.barh(places, shares, height=0.7, color=colour, label=label)
-    axes.set_yticks(places, [_label(found, code) for code in codes])
+        shares = [counts[code] / num_overtakes for code in codes]
+        axes.barh(positions, shares, height=0.7, color=colour, label=label)
+    axes.set_yticks(positions, [_label(curve, code) for code in codes])
     axes.tick_params(axis="y", labelcolor=palette.INK)
     axes.invert_yaxis()
     axes.grid(visible=True, axis="x", color=palette.GRID)

@@ -272,7 +272,7 @@ _SOURCES: dict[str, Callable[[Any, str | None], dict[str, Draw]]] = {
     "Statistics": _of_statistics,
     "FactorsFound": _of_factors,
     "Validation": _of_validation,
-    "Curve": _of_curve,
+    "ToleranceCurve": _of_curve,
     "Twin": _of_twin,
     "Fan": _of_fan,
     "Evaluation": _of_evaluation,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from matplotlib.figure import Figure
 
-from overtaking.analysis.law_statistics import Curve
+from overtaking.analysis.law_statistics import ToleranceCurve
 from overtaking.core.errors import ConfigError
 from overtaking.show.report.figures import draw
 
 
 def test_a_result_without_figures_of_single_axes_proposes_none():
-    curve = object.__new__(Curve)  # Its values are not read.
+    curve = object.__new__(ToleranceCurve)  # Its values are not read.
     axes = Figure().add_subplot()
     with pytest.raises(ConfigError, match=r"law-curve has several axes, got axes; leave ax out$"):
         draw(curve, None, axes=axes, width="page", policy=None)
