@@ -254,8 +254,6 @@ def _spread(entry: Distribution) -> str:
             return value("value")
         case "bernoulli":
             return f"yes in {_rounded(100 * entry.parameter('probability'))} %"
-        case "uniform":
-            return f"uniform {limits}"
         case "normal":
             return f"{value('mean')} ± {value('sigma')} {limits}"
         case _:

@@ -6,6 +6,10 @@ An entry is a TOML table with a number, or with a distribution of a number over 
     patience = { distribution = "lognormal", median = 30.0, sigma = 0.4, low = 1.0, high = 120.0,
                  unit = "s", source = "choice", rationale = "..." }
 
+Only traits of drivers (`drivers.toml`) are distributions, because a driver's style lies between
+two of them. All other numbers have a `value`; quantities of vehicle classes may state a spread
+around it (`sigma`, `low`, `high`).
+
 `parse_quantity` and `parse_distribution` check an entry and convert its numbers to SI. A name with
 a suffix such as `_percent` or `_mm` is the exception: its numbers stay in that unit
 (`core.units.UNCONVERTED_SUFFIXES`). `toml_reader` reads the files and calls these functions.
@@ -81,7 +85,7 @@ class Quantity:
     rationale: str | None
 
     def numbers(self) -> dict[str, Any]:
-        """The fields that decide samples, as JSON types: all but the source and its texts."""
+        """Numbers and unit without source and rationale, as JSON types, to hash them."""
         limits = {"sigma": self.sigma, "low": self.low, "high": self.high}
         return {"value": self.value, **limits, "unit": self.unit}
 
@@ -153,15 +157,13 @@ class Distribution:
 
     Kinds and their parameters:
         constant: value
-        uniform: none, because `low` and `high` decide it
         normal: mean, sigma
         lognormal: median, sigma (of the natural logarithm, so without unit)
         bernoulli: probability of 1; else 0
-        choice: values, weights (as many, summing to 1); not related to the source "choice"
 
     Attributes:
         kind: A kind in this list.
-        parameters: Parameter name to number in `unit`; for "choice" to a tuple of numbers.
+        parameters: Parameter name to number, in `unit` if the parameter has one.
         low: Smallest possible draw, in `unit`; normal and lognormal are truncated here.
         high: Largest possible draw, in `unit`; normal and lognormal are truncated here.
         unit: The SI unit of a draw, or the unit in the suffix of the entry's name.
@@ -171,7 +173,7 @@ class Distribution:
     """
 
     kind: str
-    parameters: Mapping[str, float | tuple[float, ...]]
+    parameters: Mapping[str, float]
     low: float
     high: float
     unit: str
@@ -184,27 +186,26 @@ class Distribution:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def numbers(self) -> dict[str, Any]:
-        """The fields that decide draws, as JSON types: all but the source and its texts."""
+        """Numbers, kind and unit without source and rationale, as JSON types, to hash them."""
         limits = {"low": self.low, "high": self.high}
         return {"kind": self.kind, **self.parameters, **limits, "unit": self.unit}
 
     def parameter(self, name: str) -> float:
-        """The value of a parameter that is a single number.
+        """The value of a parameter.
 
         Args:
             name: Name of the parameter, such as "median".
 
         Raises:
-            KnowledgeError: Distributions of this kind do not have it, or it is a tuple.
+            KnowledgeError: Distributions of this kind do not have it.
         """
-        value = self.parameters.get(name)
-        if isinstance(value, float):
-            return value
+        if name in self.parameters:
+            return self.parameters[name]
         raise KnowledgeError(
-            what=f"parameter {name}",
+            what="parameter",
             where=f"{self.kind} distribution",
-            expected=f"one of {', '.join(self.parameters) or 'none'}",
-            got=value,
+            expected=f"one of {', '.join(self.parameters)}",
+            got=name,
             next_step="ask for a parameter of this kind",
         )
 
@@ -221,17 +222,16 @@ _OPTIONAL_KEYS = frozenset(["rationale"])
 # Kind of distribution to the keys that it needs beside `distribution`, `unit` and `source`.
 _KEYS_BY_KIND = {
     "constant": frozenset(["value"]),
-    "uniform": frozenset(["low", "high"]),
     "normal": frozenset(["mean", "sigma", "low", "high"]),
     "lognormal": frozenset(["median", "sigma", "low", "high"]),
     "bernoulli": frozenset(["probability"]),
-    "choice": frozenset(["values", "weights"]),
 }
 
 # Kind of distribution to the parameters that are pure numbers, so that no unit applies to them.
-_UNITLESS_BY_KIND = {"lognormal": frozenset(["sigma"]), "choice": frozenset(["weights"])}
-
-_WEIGHT_TOLERANCE = 1e-9  # Rounding errors of a sum of some decimal fractions are far smaller.
+_UNITLESS_BY_KIND = {
+    "lognormal": frozenset(["sigma"]),
+    "bernoulli": frozenset(["probability"]),
+}
 
 
 def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
@@ -308,15 +308,13 @@ def parse_distribution(
     unit, convert = _unit_and_converter(entry, name, where)
     unitless = _UNITLESS_BY_KIND.get(kind, frozenset())
     numbers = {
-        key: _convert_values(entry[key], float if key in unitless else convert, where)
+        key: _convert_number(entry[key], float if key in unitless else convert, where)
         for key in sorted(_KEYS_BY_KIND[kind])  # The order of a set differs between processes.
     }
     low, high = _range_of_draws(kind, numbers, where)
     return Distribution(
         kind=kind,
-        parameters=cast(
-            "Any", {key: value for key, value in numbers.items() if key not in ("low", "high")}
-        ),
+        parameters={key: value for key, value in numbers.items() if key not in ("low", "high")},
         low=low,
         high=high,
         unit=unit,
@@ -388,7 +386,7 @@ def _convert_values(item: Any, convert: Callable[[Any], float], where: str) -> V
 
 
 def _convert_number(item: Any, convert: Callable[[Any], float], where: str) -> float:
-    """Convert a finite number."""
+    """Convert a finite number. Conversions have no offset, so they hold for a `sigma` as well."""
     # For NaN and infinities the difference is NaN, which differs from 0.
     if isinstance(item, bool) or not isinstance(item, int | float) or item - item != 0:
         raise _error("value", where, "a finite number", item)
@@ -415,7 +413,7 @@ def _range_of_samples(
     return low, high
 
 
-def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
+def _range_of_draws(kind: str, numbers: Mapping[str, float], where: str) -> tuple[float, float]:
     """Smallest and largest possible draw of a distribution.
 
     Args:
@@ -426,10 +424,6 @@ def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[
     Raises:
         KnowledgeError: The parameters are inconsistent.
     """
-    if kind == "choice":
-        return _range_of_choice(numbers, where)
-    if any(isinstance(number, tuple) for number in numbers.values()):
-        raise _error("parameters", where, "numbers, not lists", kind)
     if kind == "constant":
         return numbers["value"], numbers["value"]
     if kind == "bernoulli":
@@ -437,24 +431,12 @@ def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[
             raise _error("probability", where, "0 to 1", numbers["probability"])
         return 0.0, 1.0
     low, high = numbers["low"], numbers["high"]
-    # A uniform distribution has no centre and no sigma: these substitutes pass the check.
-    centre = numbers.get("mean", numbers.get("median", low))
-    sigma = numbers.get("sigma", 1.0)
+    centre = numbers["median" if kind == "lognormal" else "mean"]
     has_logarithm = kind != "lognormal" or low > 0.0
-    if not (low < high and low <= centre <= high and sigma > 0.0 and has_logarithm):
+    is_ordered = low < high and low <= centre <= high
+    if not (is_ordered and numbers["sigma"] > 0.0 and has_logarithm):
         raise _error("parameters", where, "low < high around the centre, sigma > 0", numbers)
     return low, high
-
-
-def _range_of_choice(numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
-    """Smallest and largest value of a distribution of the kind "choice"."""
-    values, weights = numbers["values"], numbers["weights"]
-    are_tuples = isinstance(values, tuple) and isinstance(weights, tuple)
-    if not are_tuples or len(values) != len(weights):
-        raise _error("weights", where, "as many as values", numbers)
-    if min(weights) < 0.0 or abs(sum(weights) - 1.0) > _WEIGHT_TOLERANCE:
-        raise _error("weights", where, "none negative, summing to 1", weights)
-    return min(values), max(values)
 
 
 def _error(what: str, where: str, expected: str, got: object) -> KnowledgeError:

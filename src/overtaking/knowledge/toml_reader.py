@@ -4,7 +4,7 @@ The knowledge base is the folder `data`: all numbers about vehicles, drivers, ro
 law. Each number is an entry: an inline table with a unit, a source, and a value or a distribution.
 
     eye_height = { value = 1.08, unit = "m", source = "aashto-green-book-2018" }
-    headway = { distribution = "uniform", low = 0.5, high = 2.5, unit = "s", source = "..." }
+    headway = { distribution = "constant", value = 1.5, unit = "s", source = "..." }
 
 `quantities` parses entries and lists the kinds of distributions with their keys. Values are
 converted to SI, unless the name of the entry ends in one of a few units (`core.units`): the value

@@ -57,7 +57,9 @@ other traffic the slot has no special meaning."""
 _POPULATIONS_FILE = "drivers.toml"
 
 SPEED_TRAITS = {
-    "cruise_factor": FieldSpec("Factor on a driver's drawn or usual speed: its desired speed"),
+    "cruise_factor": FieldSpec(
+        "Desired speed over the drawn speed (placed traffic) or the usual speed of the class"
+    ),
     "speed_over_leader": FieldSpec(
         "Least excess of an ego's desired speed over its leader's", "m/s"
     ),
@@ -101,18 +103,18 @@ class Population:
     factors: Mapping[str, tuple[float, ...]]
 
     def __post_init__(self) -> None:
-        """Refuse a missing trait, and distributions between which nothing can be interpolated.
+        """Refuse a missing trait, and extremes with different kinds of distribution.
 
-        The parameters of a distribution in between are interpolated, so both extremes need the same
-        kind of distribution. Discrete values ("choice") cannot be interpolated.
+        Drivers between the extremes have distributions with interpolated parameters, which only
+        distributions of the same kind share.
         """
         # "another list" below: a trait is missing, or the extremes differ in traits or order.
         for name in ALL_TRAITS:
             if name not in self.careful or list(self.careful) != list(self.reckless):
                 raise _file_error(name, "each trait in both extremes, in one order", "another list")
             kind, reckless_kind = self.careful[name].kind, self.reckless[name].kind
-            if kind != reckless_kind or kind == "choice":
-                expected = "one kind of distribution from careful to reckless, not a choice"
+            if kind != reckless_kind:
+                expected = "one kind of distribution from careful to reckless"
                 raise _file_error(name, expected, f"{kind} and {reckless_kind}")
 
 
@@ -207,7 +209,7 @@ def _file_error(what: str, expected: str, got: object) -> KnowledgeError:
 
 
 def sample_traits(
-    block: SampleBlock, kind: U8, transform: NumberTransform = identity_transform
+    block: SampleBlock, vehicle_class: U8, transform: NumberTransform = identity_transform
 ) -> dict[str, F32]:
     """Draw the traits of each driver.
 
@@ -215,20 +217,19 @@ def sample_traits(
         block: The simulations that are drawn together, with their random numbers. Section
             `[drivers]` of its specification names the population, the range of driving styles, and
             traits that are fixed or scaled for all drivers.
-        kind: Vehicle class of each vehicle, its position in `VEHICLE_CLASS_NAMES`, shape
+        vehicle_class: Class of each vehicle, its position in `VEHICLE_CLASS_NAMES`, shape
             (simulation, vehicle).
         transform: Called with a name and random numbers, shape (simulation,); returns the numbers
             to use. Importance sampling replaces numbers here; by default they stay. The names are
             "ego_driving_style", "others_driving_style" (once for each other driver), and
-            "ego_<trait>" for each trait of the ego with a normal, lognormal or Bernoulli
-            distribution. Importance sampling has no names of uniform traits.
+            "ego_<trait>" for each trait of the ego that is not constant.
 
     Returns:
-        Values of `ALL_TRAITS` by name, each with the shape of `kind`; flags are 1 or 0.
+        Values of `ALL_TRAITS` by name, each with the shape of `vehicle_class`; flags are 1 or 0.
     """
     section = block.specification.drivers
     # Each driver has a random stream of its own; numbers have shape (simulation, vehicle).
-    stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
+    stream = block.slot_streams(Stream.DRIVER, vehicle_class.shape[1])
     population = load_population(section.population)
     driving_style = stream.uniform()
     driving_style[:, EGO_SLOT] = transform("ego_driving_style", driving_style[:, EGO_SLOT])
@@ -241,10 +242,10 @@ def sample_traits(
         for name in population.careful
     }
     for name, factors in population.factors.items():
-        traits[name] = traits[name] * as_f32(factors)[kind]
+        traits[name] = traits[name] * as_f32(factors)[vehicle_class]
     # After the factors of vehicle classes: a fixed value holds in every vehicle.
     for name, value in section.fixed.value_by_trait().items():
-        traits[name] = np.full(kind.shape, value, np.float32)
+        traits[name] = np.full(vehicle_class.shape, value, np.float32)
     # A trait may be both fixed and scaled; then the product holds.
     for name, factor in (section.scale or {}).items():
         traits[name] = traits[name] * np.float32(factor)
@@ -256,10 +257,10 @@ def drivers_from_speeds(
 ) -> DriverTraits:
     """Drivers of placed traffic, whose desired speeds follow from the speeds at the start.
 
-    The other drivers want their drawn speed times `cruise_factor`. An ego with the trait
-    `wants_to_overtake` wants its drawn speed, but at least its leader's desired speed plus
-    `speed_over_leader`. Any other ego wants its drawn speed, but at most its leader's desired
-    speed. No driver wants more than the top speed of its vehicle.
+    The other drivers want their drawn speed times `cruise_factor`, which the ego does not use. An
+    ego with the trait `wants_to_overtake` wants its drawn speed, but at least its leader's desired
+    speed plus `speed_over_leader`. Any other ego wants its drawn speed, but at most its leader's
+    desired speed. No driver wants more than the top speed of its vehicle.
 
     Args:
         traits: As `sample_traits` returns them.
@@ -303,11 +304,10 @@ def max_placed_desired_speed(drivers: DriversSection, traffic: PlacedTraffic) ->
     extremes = (population.careful, population.reckless)
     max_gain = max(distributions["speed_over_leader"].high for distributions in extremes)
     cruise_factor = max_cruise_factor(drivers)
-    max_others_speed = cruise_factor * mps_from_kmh(traffic.speed_kmh[1])
+    max_drawn_speed = mps_from_kmh(traffic.speed_kmh[1])  # Of all vehicles but the ego's leader.
+    max_others_speed = cruise_factor * max_drawn_speed
     max_leader_speed = cruise_factor * mps_from_kmh(traffic.leader_speed_kmh[1])
-    # An ego that keeps its drawn speed, from `speed_kmh`, too, is not above `max_others_speed`: in
-    # every population the largest cruise factor is 1 or more.
-    return max(max_others_speed, max_leader_speed + max_gain)
+    return max(max_drawn_speed, max_others_speed, max_leader_speed + max_gain)
 
 
 def max_cruise_factor(drivers: DriversSection) -> float:
@@ -338,23 +338,23 @@ def _draw_trait(
         careful, reckless = (entry.parameter(parameter) for entry in extremes)
         return _interpolate(driving_style, careful, reckless)
 
-    kind = extremes[0].kind  # Of the distribution; the same at both extremes, see `Population`.
-    if kind == "constant":
+    distribution_kind = extremes[0].kind  # The same at both extremes, see `Population`.
+    if distribution_kind == "constant":
         return interpolate_parameter("value")
-    if kind == "bernoulli":
+    if distribution_kind == "bernoulli":
         u = stream.uniform()
         u[:, EGO_SLOT] = transform(f"ego_{name}", u[:, EGO_SLOT])
         return (u < interpolate_parameter("probability")).astype(np.float32)
     low = _interpolate(driving_style, *(entry.low for entry in extremes))
     high = _interpolate(driving_style, *(entry.high for entry in extremes))
-    if kind == "uniform":  # Without `transform`, which has no names of uniform traits.
-        return scale_to_range(stream.uniform(), low, high)
-    # `truncate` limits the number to 2.5 standard deviations. It follows the transform, because the
-    # weights of importance sampling hold for numbers of the unbounded normal distribution.
+    # `truncate` clips all normal numbers at 2.5 standard deviations, so that no driver is too
+    # extreme for its style; `low` and `high` then exclude values that no style has. `truncate`
+    # follows the transform, because the weights of importance sampling hold for numbers of the
+    # unbounded normal distribution.
     z = stream.unbounded_normal()
     z[:, EGO_SLOT] = transform(f"ego_{name}", z[:, EGO_SLOT])
     deviation = interpolate_parameter("sigma") * truncate(z)
-    if kind == "normal":
+    if distribution_kind == "normal":
         return clamp(interpolate_parameter("mean") + deviation, low, high)
     # Lognormal: `sigma` is the standard deviation of the logarithm, and the logarithms of the
     # medians are interpolated.

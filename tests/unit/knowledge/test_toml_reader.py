@@ -62,7 +62,7 @@ WHOLE = (
 [a.b]
 name = "example"
 is_used = true
-time = { distribution = "uniform", low = 1, high = 2, unit = "s", source = "green-2000" }
+time = { distribution = "constant", value = 2, unit = "s", source = "green-2000" }
 count = { value = 3, unit = "1", source = "choice", rationale = "three" }
 inner.gap = { value = 2.5, unit = "m", source = "sumo-vtype-defaults" }
 """
@@ -75,7 +75,7 @@ def test_a_section_fills_a_dataclass_field_by_field(toml: Toml):
     found = read_record(Everything, toml(WHOLE), "a.b")
     assert (found.name, found.is_used) == ("example", True)
     assert (found.length.value, found.length.sigma) == (4.4, 0.2)
-    assert (found.time.kind, found.time.low, found.time.high) == ("uniform", 1.0, 2.0)
+    assert (found.time.kind, found.time.low, found.time.high) == ("constant", 2.0, 2.0)
     assert found.speeds == (10.0, 20.0)
     assert found.count == 3
     assert type(found.count) is int
@@ -121,7 +121,7 @@ def test_a_wrong_file_is_refused_in_one_line_that_names_it(toml: Toml, text: str
         ("value = [36, 72]", "value = 36", "expected a list, got 10.0"),
         ("value = 2.5", "value = [2.5]", "expected one number"),
         ("inner.gap = {", "inner = {", "expected a table"),
-        ('distribution = "uniform", low = 1, high = 2', "value = 1", "one of constant"),
+        ('distribution = "constant", value = 2', "value = 1", "one of constant"),
     ],
 )
 def test_an_item_of_another_type_than_its_field_is_refused(
@@ -317,5 +317,6 @@ def test_the_numbers_below_a_table_lack_sources_and_reasons(toml: Toml):
     numbers = numbers_below(file, "a.b")
     length = {"value": 4.4, "sigma": 0.2, "low": 4.4 - 0.4, "high": 4.4 + 0.4, "unit": "m"}
     assert numbers["length"] == length
-    assert numbers["time"] == {"kind": "uniform", "low": 1.0, "high": 2.0, "unit": "s"}
+    constant = {"kind": "constant", "value": 2.0, "low": 2.0, "high": 2.0, "unit": "s"}
+    assert numbers["time"] == constant
     assert numbers == numbers_below(toml(WHOLE.replace('"three"', '"four"')), "a.b")
