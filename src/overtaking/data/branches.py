@@ -177,7 +177,7 @@ def drawn(
             got=f"recordings in the format {identity.profile}",
             next_step="generate one; recorded traffic cannot answer a change",
         )
-    change = None if redrawn is None else partial(apply_intervention, change=redrawn)
+    change = None if redrawn is None else partial(apply_intervention, intervention=redrawn)
     numbers = np.array([index], np.uint64)
     return ScenarioSource(
         load_specification(identity.spec, overrides), identity.road, identity.seed

@@ -190,57 +190,63 @@ def _origin_of(source: Scenario | Trajectories) -> BranchOrigin:
     return source.branch_origin or BranchOrigin(scenario=source.scenario, interventions=())
 
 
-def versions_by_frame(scenario: Scenario, changes: Iterable[Intervention]) -> list[ScenarioVersion]:
+def versions_by_frame(
+    scenario: Scenario, interventions: Iterable[Intervention]
+) -> list[ScenarioVersion]:
     """The versions of a batch, one for each frame that has interventions.
 
     Args:
         scenario: The batch without interventions.
-        changes: Interventions in the order of their frames. Each acts on the result of the previous
-            one, and a forced decision holds until the next one.
+        interventions: Interventions in the order of their frames. Each acts on the result of the
+            previous one, and a forced decision holds until the next one.
 
     Raises:
         ConfigError: A vehicle, trait or weather factor does not exist, or the ego is to be removed.
     """
     versions: dict[int, ScenarioVersion] = {}
     decision = ForcedDecision.FREE
-    for change in changes:
-        scenario = apply_intervention(scenario, change)
-        decision = decision if change.decision is None else change.decision
-        versions[change.frame] = ScenarioVersion(
-            frame=change.frame, scenario=scenario, decision=decision
+    for intervention in interventions:
+        scenario = apply_intervention(scenario, intervention)
+        if intervention.decision is not None:
+            decision = intervention.decision
+        versions[intervention.frame] = ScenarioVersion(
+            frame=intervention.frame, scenario=scenario, decision=decision
         )
     return list(versions.values())
 
 
-def apply_intervention(scenario: Scenario, change: Intervention) -> Scenario:
+def apply_intervention(scenario: Scenario, intervention: Intervention) -> Scenario:
     """The scenarios with the weather, driver and vehicle of an intervention.
 
     Changes of position and speed are made to `start_s` and `start_speed`, also for a later frame:
     the simulators take the difference between two versions as the change at that frame.
 
+    Args:
+        scenario: A batch of scenarios.
+        intervention: The intervention; its frame and its decision make no difference.
+
     Raises:
         ConfigError: The vehicle, trait or weather factor does not exist, or the ego is to be
             removed.
     """
-    weather = scenario.weather if change.weather is None else change.weather
+    weather = scenario.weather if intervention.weather is None else intervention.weather
     if len(weather.rain) == 1:
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
-    new_scenario = scenario.replace(weather=weather.without(*change.without))
-    if not change.is_about_vehicle:
+    new_scenario = scenario.replace(weather=weather.without(*intervention.without))
+    if not intervention.is_about_vehicle:
         return new_scenario
-    _check_vehicle(scenario, change)
-    slot, drivers = change.slot, _with_traits(scenario.drivers, change)
-    start_speed = _add_to_slot(scenario.start_speed, slot, change.speed_change)
+    _check_vehicle(scenario, intervention)
+    slot, drivers = intervention.slot, _with_traits(scenario.drivers, intervention)
+    start_speed = _add_to_slot(scenario.start_speed, slot, intervention.speed_change)
     # Stations fall along the way of an oncoming vehicle.
-    is_oncoming = _is_oncoming(scenario)[:, slot]
-    displacement = np.where(is_oncoming, -change.position_change, change.position_change)
-    start_s = _add_to_slot(scenario.start_s, slot, displacement)
-    if change.remove:
+    direction = np.where(_is_oncoming(scenario)[:, slot], -1.0, 1.0)
+    start_s = _add_to_slot(scenario.start_s, slot, direction * intervention.position_change)
+    if intervention.remove:
         start_s[:, slot] = _REMOVED_S - _REMOVED_SPACING * np.float32(slot)
     return new_scenario.replace(drivers=drivers, start_s=start_s, start_speed=start_speed)
 
 
-def _with_traits(drivers: DriverTraits, change: Intervention) -> DriverTraits:
+def _with_traits(drivers: DriverTraits, intervention: Intervention) -> DriverTraits:
     """The drivers, with the new traits and the new desired speed of one driver per simulation.
 
     Raises:
@@ -248,16 +254,17 @@ def _with_traits(drivers: DriverTraits, change: Intervention) -> DriverTraits:
     """
     fields_of_drivers = batch_fields(DriverTraits)
     new_traits = {}
-    for name, value in change.traits.items():
+    for name, value in intervention.traits.items():
         if name not in fields_of_drivers:
             raise ConfigError.unknown_choice(
                 what="trait", where="branch", choices=fields_of_drivers, got=name
             )
         array = getattr(drivers, name).copy()
-        array[:, change.slot] = value
+        array[:, intervention.slot] = value
         new_traits[name] = array
-    drivers = drivers.replace(**new_traits)
-    desired_speed = _add_to_slot(drivers.desired_speed, change.slot, change.speed_change)
+    drivers, slot = drivers.replace(**new_traits), intervention.slot
+    # Else a driver would brake or accelerate back to the speed before the change.
+    desired_speed = _add_to_slot(drivers.desired_speed, slot, intervention.speed_change)
     return drivers.replace(
         desired_speed=np.where(desired_speed < 0, np.float32(0.0), desired_speed)
     )
@@ -276,29 +283,29 @@ def _add_to_slot(values: F32, slot: int, increase: ArrayLike) -> F32:
     return new_values
 
 
-def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
+def _check_vehicle(scenario: Scenario, intervention: Intervention) -> None:
     """Reject a slot that is empty in any simulation, and the removal of the ego."""
-    slot = change.slot
+    slot = intervention.slot
     min_vehicles = int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= min_vehicles:
         raise ConfigError.out_of_range(
             what="vehicle", where="branch", low=0, high=min_vehicles - 1, got=slot
         )
-    if change.remove and slot == EGO_SLOT:
+    if intervention.remove and slot == EGO_SLOT:
         raise ConfigError(
             what="vehicle",
             where="branch",
             expected="another one than the ego to be removed",
             got=slot,
-            next_step="force Decision.STAY to see what happens without an overtake",
+            next_step="force ForcedDecision.STAY to see what happens without an overtake",
         )
 
 
 def with_final_conditions(
-    run: Trajectories,
-    first: Scenario,
-    stages: Sequence[ScenarioVersion],
-    changes: Sequence[Intervention],
+    trajectories: Trajectories,
+    source: Scenario,
+    versions: Sequence[ScenarioVersion],
+    interventions: Sequence[Intervention],
 ) -> Trajectories:
     """The recording of a branch, with the scenarios by which events and law are judged.
 
@@ -307,34 +314,36 @@ def with_final_conditions(
     vehicles far before the road are left out too.
 
     Args:
-        run: The recording.
-        first: The batch without interventions.
-        stages: The versions of the batch, at least one.
-        changes: The interventions of the versions.
+        trajectories: The recording.
+        source: The batch without interventions.
+        versions: The versions of the batch, at least one.
+        interventions: The interventions of the versions.
     """
-    start = first
-    for change in changes:
-        if change.frame == 0 and not change.remove:
-            start = apply_intervention(start, change)
-    final_scenario = stages[-1].scenario.replace(
+    start = source
+    for intervention in interventions:
+        if intervention.frame == 0 and not intervention.remove:
+            start = apply_intervention(start, intervention)
+    final_scenario = versions[-1].scenario.replace(
         start_s=start.start_s, start_speed=start.start_speed
     )
-    return _hide_removed(run, changes).replace(scenario=final_scenario)
+    return _hide_removed(trajectories, interventions).replace(scenario=final_scenario)
 
 
-def _hide_removed(run: Trajectories, changes: Sequence[Intervention]) -> Trajectories:
+def _hide_removed(
+    trajectories: Trajectories, interventions: Sequence[Intervention]
+) -> Trajectories:
     """The recording in which removed vehicles have no states from their removal on."""
-    removals = [change for change in changes if change.remove]
+    removals = [intervention for intervention in interventions if intervention.remove]
     if not removals:
-        return run
-    is_recorded = np.ones(run.states.s.shape, np.bool_)
+        return trajectories
+    is_recorded = np.ones(trajectories.states.s.shape, np.bool_)
     for removal in removals:
         is_recorded[:, removal.slot, removal.frame :] = False
     states = {
-        name: np.where(is_recorded, getattr(run.states, name), dtype(0))
+        name: np.where(is_recorded, getattr(trajectories.states, name), dtype(0))
         for name, dtype in STATE_DTYPES.items()
     }
-    return run.replace(is_recorded=is_recorded, states=States(**states))
+    return trajectories.replace(is_recorded=is_recorded, states=States(**states))
 
 
 def _frame_error(last_frame: int, frame: int) -> ConfigError:
