@@ -137,17 +137,21 @@ DriverFunction = Callable[[Observation], NDArray[np.floating | np.integer]]
 """A function from the observations of all simulations to actions of shape (simulation, part)."""
 
 
-def uniform_numbers(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
+def uniform_numbers(
+    scenario: Scenario, stream: int | NDArray[np.uint32], decision_index: int
+) -> F32:
     """Four random numbers in (0, 1) of each simulation and stream.
 
     Args:
         scenario: A batch of scenarios, with their seed and their scenario indices.
         stream: A number in `core.random_numbers.Stream`, or an array that broadcasts with the
             scenario indices.
-        decision: Number of the decision.
+        decision_index: Number of the decision.
 
     Returns:
         The numbers along a new last axis: shape (simulation, 4) for one stream.
     """
-    words = random_numbers.philox_words(scenario.seed, scenario.scenario_index, stream, decision)
+    words = random_numbers.philox_words(
+        scenario.seed, scenario.scenario_index, stream, decision_index
+    )
     return np.stack([random_numbers.uniform_from_word(word) for word in words], axis=-1)

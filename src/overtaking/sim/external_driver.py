@@ -8,7 +8,6 @@ machine can repeat the recording from the record, without the driver.
 import hashlib
 import inspect
 import traceback
-from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -160,85 +159,96 @@ def record_actions(
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
     """
-    last_step = int(params.simulations.last_step.max(initial=0.0))
-    num_decisions = last_step // SUBSTEPS + 1
-    log = np.zeros((scenario.num_simulations, num_decisions, MAX_ACTION_PARTS), np.int32)
+    space = driver.action_space
+    log = np.zeros(_log_shape(params), np.int32)
     num_clipped = np.zeros(scenario.num_simulations, np.int64)
-    if scenario.num_simulations:
-        for decision, values in _run_driver(scenario, params, driver, simulator, num_clipped):
-            log_part = log[:, decision : decision + len(values)]
-            # The last answer may hold beyond the last decision.
-            log_part[...] = values.swapaxes(0, 1)[:, : log_part.shape[1]]
-    return Actions(values=log, kind=driver.action_space.kind, num_clipped=num_clipped)
+    if not scenario.num_simulations:
+        return Actions(values=log, kind=space.kind, num_clipped=num_clipped)
+    if (reset := getattr(driver.function, "reset", None)) is not None:
+        reset(scenario)
+    batch = _DrivenBatch(scenario, params, driver, simulator, log)
+    while batch.observation.is_running.any():
+        start = batch.observation
+        answer, was_clipped = clip_to_limits(
+            _call_driver(driver.function, start, space), space.parts
+        )
+        num_clipped += was_clipped
+        if space.track is None:
+            batch.carry_out(answer, driver.action_repeat)
+        else:
+            # The answer is a speed or a trajectory, which gives another action at each decision.
+            for _ in range(driver.action_repeat):
+                batch.carry_out(space.track(answer, start, batch.observation), 1)
+    return Actions(values=log, kind=space.kind, num_clipped=num_clipped)
 
 
-def _run_driver(
-    scenario: Scenario,
-    params: StepParameters,
-    driver: Driver,
-    simulator: str,
-    num_clipped: NDArray[np.int64],
-) -> Iterator[tuple[int, NDArray[np.int32]]]:
-    """Let the driver drive until all simulations have ended.
+def _log_shape(params: StepParameters) -> tuple[int, int, int]:
+    """Numbers of simulations, decisions and parts of the record of a batch."""
+    last_step = int(params.simulations.last_step.max(initial=0.0))
+    return len(params.scenario_index), last_step // SUBSTEPS + 1, MAX_ACTION_PARTS
+
+
+class _DrivenBatch:
+    """A batch that waits at each decision for the action of a driver, and records the actions.
+
+    Attributes:
+        observation: What the driver observes at the present decision.
 
     Args:
         scenario: A batch of scenarios.
         params: Parameters of the batch.
         driver: The driver.
         simulator: `engine` or `reference`.
-        num_clipped: Number of answers of each simulation outside the limits; updated in place.
-
-    Yields:
-        Number of a decision, and the recorded actions of this and the next decisions, shape
-        (decision, simulation, `MAX_ACTION_PARTS`).
+        log: The record of the actions, shape (simulation, decision, `MAX_ACTION_PARTS`); each
+            action is written into it.
     """
-    space, source, action_repeat = driver.action_space, driver.observation, driver.action_repeat
-    action_parts = ACTION_KINDS[space.kind]
-    observes_truth = source != "human"  # Sensors measure the truth.
-    if (reset := getattr(driver.function, "reset", None)) is not None:
-        reset(scenario)
-    stepper = new_stepper(params, space.kind, observes_truth=observes_truth, simulator=simulator)
-    observer = _Observer(scenario, params, source if isinstance(source, Sensor) else None)
-    observation, decision = observer.observe(stepper.observe_start(), 0), 0
-    while observation.is_running.any():
-        answer, was_clipped = clip_to_limits(
-            _call_driver(driver.function, observation, space), space.parts
-        )
-        num_clipped += was_clipped
-        if space.track is None:
-            values = to_action_integers(answer, observation.is_running, action_parts)
-            yield decision, np.broadcast_to(values, (action_repeat, *values.shape))
-            decision += action_repeat
-            observation = observer.observe(stepper.step(values, action_repeat), decision)
-            continue
-        # The answer is a speed or a trajectory, which gives another action at each decision.
-        start = observation
-        for _ in range(action_repeat):
-            action = space.track(answer, start, observation)
-            values = to_action_integers(action, observation.is_running, action_parts)
-            yield decision, values[None]
-            decision += 1
-            observation = observer.observe(stepper.step(values, 1), decision)
 
-
-class _Observer:
-    """Makes the observations of a driver from the tables of a stepper, through a sensor if any."""
-
-    def __init__(self, scenario: Scenario, params: StepParameters, sensor: Sensor | None) -> None:
-        self._scenario, self._vehicle = scenario, params.vehicles.at_slots(EGO_SLOT)
+    def __init__(
+        self,
+        scenario: Scenario,
+        params: StepParameters,
+        driver: Driver,
+        simulator: str,
+        log: NDArray[np.int32],
+    ) -> None:
+        """Place the batch before its first decision."""
+        kind, source = driver.action_space.kind, driver.observation
+        self._scenario, self._log, self._parts = scenario, log, ACTION_KINDS[kind]
+        self._vehicle = params.vehicles.at_slots(EGO_SLOT)
+        sensor = source if isinstance(source, Sensor) else None
         self._sensors = SensorArray(sensor, scenario, params) if sensor else None
+        observes_truth = source != "human"  # Sensors measure the truth.
+        self._stepper = new_stepper(
+            params, kind, observes_truth=observes_truth, simulator=simulator
+        )
+        self.observation = self._observe(self._stepper.observe_start(), 0)
 
-    def observe(self, stepped: SteppedObservation, decision: int) -> Observation:
+    def carry_out(self, action: F64, num_decisions: int) -> None:
+        """Carry out an action for some decisions, and record it for each.
+
+        Args:
+            action: Actions of the recorded kind, shape (simulation, part).
+            num_decisions: Number of decisions for which it holds.
+        """
+        values = to_action_integers(action, self.observation.is_running, self._parts)
+        first = self.observation.decision_index
+        # The last answer may hold beyond the last decision; the slice then ends there.
+        self._log[:, first : first + num_decisions] = values[:, None]
+        stepped = self._stepper.step(values, num_decisions)
+        self.observation = self._observe(stepped, first + num_decisions)
+
+    def _observe(self, stepped: SteppedObservation, decision_index: int) -> Observation:
+        """The observation of the driver, through its sensors if it has any."""
         table, is_running = stepped.table, stepped.runs
         table[~is_running] = 0.0
         if self._sensors:
             # The parts are views, so the measurements are written into the table.
             _, neighbours, passing = split_observation(table)
-            neighbours[...] = self._sensors.measure(neighbours, is_running, decision)
+            neighbours[...] = self._sensors.measure(neighbours, is_running, decision_index)
             self._sensors.clear_gap_ahead_of_leader(passing)
         return Observation(
-            time=decision / float(DECISIONS_PER_SECOND),
-            decision_index=decision,
+            time=decision_index / float(DECISIONS_PER_SECOND),
+            decision_index=decision_index,
             is_running=is_running,
             table=table,
             vehicle=self._vehicle,

@@ -155,7 +155,7 @@ class SensorArray:
         # Decisions with their measurements, oldest first.
         self._measurements = deque[tuple[int, F32]](maxlen=max(self._delay, 0) + 1)
 
-    def measure(self, neighbours: F32, is_running: Mask, decision: int) -> F32:
+    def measure(self, neighbours: F32, is_running: Mask, decision_index: int) -> F32:
         """Measure the neighbours now, and report the measurements that are as old as the latency.
 
         Before the latency has passed for the first time, the first measurements are reported. An
@@ -166,14 +166,14 @@ class SensorArray:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
                 `NEIGHBOUR_COLUMNS`).
             is_running: Whether each simulation runs, shape (simulation,).
-            decision: Number of the decision, greater than at the previous call.
+            decision_index: Number of the decision, greater than at the previous call.
 
         Returns:
             Reported values in the shape of `neighbours`, zero for simulations that have ended.
         """
         measurements = self._measurements
-        measurements.append((decision, self._measure_now(neighbours, decision)))
-        while len(measurements) > 1 and measurements[1][0] <= decision - self._delay:
+        measurements.append((decision_index, self._measure_now(neighbours, decision_index)))
+        while len(measurements) > 1 and measurements[1][0] <= decision_index - self._delay:
             measurements.popleft()
         _, reported = measurements[0]
         return np.where(is_running[:, None, None], reported, np.float32(0.0))
@@ -187,7 +187,7 @@ class SensorArray:
         """
         passing[:, _GAP_AHEAD_OF_LEADER_COLUMN] = 0.0
 
-    def _measure_now(self, neighbours: F32, decision: int) -> F32:
+    def _measure_now(self, neighbours: F32, decision_index: int) -> F32:
         """Measurements of this decision, which are reported after the latency.
 
         Only gap and closing speed have errors; the other columns of a detected vehicle are true.
@@ -196,7 +196,7 @@ class SensorArray:
         # Each role has its own stream of four numbers: the first decides whether the vehicle is
         # missed, the next two give the errors, the last is unused.
         streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
-        draws = self._draw_uniform_numbers(streams, decision)
+        draws = self._draw_uniform_numbers(streams, decision_index)
         gap_deviation, speed_deviation = box_muller(draws[..., 1], draws[..., 2])
         is_detected = self._is_in_range(neighbours) & (draws[..., 0] >= np.float32(sensor.missed))
         measured = np.where(is_detected[..., None], neighbours, np.float32(0.0))
@@ -209,9 +209,11 @@ class SensorArray:
         columns.closing_speed[...] = np.where(is_detected, closing_speed, np.float32(0.0))
         return measured
 
-    def _draw_uniform_numbers(self, streams: np.ndarray, decision: int) -> F32:
+    def _draw_uniform_numbers(self, streams: np.ndarray, decision_index: int) -> F32:
         """Random numbers in (0, 1), shape (simulation, stream, 4)."""
-        columns = [uniform_numbers(self._scenario, int(stream), decision) for stream in streams]
+        columns = [
+            uniform_numbers(self._scenario, int(stream), decision_index) for stream in streams
+        ]
         return np.stack(columns, axis=1)
 
     def _is_in_range(self, neighbours: F32) -> Mask:
@@ -225,6 +227,8 @@ class SensorArray:
         # Ahead for leaders and oncoming vehicles, behind for followers.
         distance_along = neighbour.gap + half_lengths
         lateral_distance = np.abs(neighbour.lateral_distance)
+        # NumPy's last bits may differ between processors. A drive is repeated from its recorded
+        # actions, without the sensor, so they need no functions of `core.float32_math`.
         distance = np.hypot(distance_along, lateral_distance)
         angle = np.arctan2(lateral_distance, distance_along)
         range_share = self._range_share[:, None]
