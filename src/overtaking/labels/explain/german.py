@@ -8,7 +8,6 @@ import numpy as np
 
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain.remedies import (
-    REMEDIES,
     at_limit,
     elsewhere,
     see_oncoming_traffic,
@@ -24,7 +23,7 @@ from overtaking.labels.law.germany.distances import (
     room_for_another,
     truck_distance,
 )
-from overtaking.labels.law.germany.driving import B1, V2, V3, limits
+from overtaking.labels.law.germany.driving import V2, V3, limits
 from overtaking.labels.law.germany.opposite import O9, O16, O17
 from overtaking.labels.law.germany.overtaking import (
     O2,
@@ -32,7 +31,6 @@ from overtaking.labels.law.germany.overtaking import (
     O6,
     O12,
 )
-from overtaking.labels.law.lamps_and_indicators import L19
 from overtaking.labels.law.remedies import RemedyQuantity, more_gap, single_change
 from overtaking.model.neighbours import NeighbourRole
 
@@ -121,7 +119,6 @@ GERMAN: dict[Callable[[Case], Finding], Find] = {
         (O17, elsewhere),
         (V2, _at_limit),
         (V3, _slower),
-        (B1, REMEDIES[L19.check]),
     )
 }
 """Remedies by the check of a rule. German rules that are not listed share the check of a Portuguese

@@ -10,7 +10,6 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
 from overtaking.labels.law.case import signed_lane
 from overtaking.labels.law.following import L3, L28
-from overtaking.labels.law.lamps_and_indicators import L18, L19
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
 from overtaking.labels.law.margins import SAME_MARGIN_M
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, LINE_TOLERANCE, STOPPING_REACTION_TIME
@@ -190,8 +189,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L15s, see_farther),
         (L16, wider),
         (L17, elsewhere_or_target_in_lane),
-        (L18, lambda facts: change_by_margin(facts, RemedyQuantity.UNSIGNALLED, 0.0)),
-        (L19, lambda facts: change_by_margin(facts, RemedyQuantity.WRONG_LAMPS, 0.0)),
         (L20, slow_lanes),
         (L21, next_slower_lane),
         (L23, gaps.no_obstruction),

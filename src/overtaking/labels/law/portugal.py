@@ -6,13 +6,21 @@ from overtaking.labels.law.criteria.alongside import (
     PassingSide,
     TargetSpeed,
 )
+from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
 from overtaking.labels.law.following import L3, L28
-from overtaking.labels.law.lamps_and_indicators import L18, L19
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
 from overtaking.labels.law.returning import L8, L9, L21, L23
-from overtaking.labels.law.rule import EVERY_POLICY, NO_POLICY, Grade, Pack, Rule, TextSource
+from overtaking.labels.law.rule import (
+    EVERY_POLICY,
+    NO_POLICY,
+    STRICT_ONLY,
+    Grade,
+    Pack,
+    Rule,
+    TextSource,
+)
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speed import L12, L13
 from overtaking.labels.law.starting import L4, L5, L6, L7
@@ -69,6 +77,51 @@ L11 = Rule(
     "of it,",
     text_source=TextSource.SECONDARY,
     consulted_source="38(2)(e) read in the decree (page 69); 18(3) quoted by circulaseguro.pt",
+)
+
+L18 = Rule(
+    id="pt.ce.21@2013",
+    code="L18",
+    article="Article 21",
+    title="Indicate",
+    gloss="Signal a lane change and the start of an overtake with due anticipation, and "
+    "throughout.",
+    criterion=IndicatorUse(),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    limit_phrase="the time of indicating",
+    text_source=TextSource.READ,
+    consulted_source="21 in the decree (page 62)",
+)
+
+_HIGH_BEAM_GAP = quantity(100.0, "m", "pt-highway-code-2013")
+
+L19 = Rule(
+    id="pt.ce.61@2013",
+    code="L19",
+    article="Articles 60 and 61",
+    title="Lamps",
+    gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
+    f"meeting or less than {_HIGH_BEAM_GAP} behind another; rear fog lamps when required and only "
+    "then.",
+    criterion=Lamps(
+        low_beam_max_range=quantity(
+            100.0,
+            "m",
+            "pt-highway-code-2013",
+            why="Below this by day low beam and rear fog lamps",
+        ),
+        high_beam_min_gap=_HIGH_BEAM_GAP,
+        high_beam_min_oncoming_gap=quantity(
+            200.0, "m", why="Article 61 says 'when meeting'; from here on it dazzles"
+        ),
+    ),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    limit_phrase="the right lamps",
+    text_source=TextSource.SECONDARY,
+    consulted_source="61 quoted by onossogrupinho.blogspot.com (2009); 60 quoted by "
+    "pplware.sapo.pt",
 )
 
 L22 = Rule(

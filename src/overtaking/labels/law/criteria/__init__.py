@@ -4,5 +4,6 @@ Two laws can share a criterion with different numbers. The modules do not import
 shared functions and numbers are in `law.case`, `law.margins`, `law.measurement_errors`,
 `law.remedies` and `law.numbers`.
 
-- `alongside`: ego and target side by side (passing side, lateral distance, speed of the target).
+- `alongside`: ego and target side by side (passing side, lateral distance, speed of the target);
+- `lamps_and_indicators`: use of indicators, beam and fog lamps.
 """

@@ -5,8 +5,9 @@ light. A rule whose text was not read is undecidable.
 """
 
 from overtaking.labels.law.criteria.alongside import LateralDistance, PassingSide, TargetSpeed
+from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
 from overtaking.labels.law.germany.distances import A1, A2, A3, A4
-from overtaking.labels.law.germany.driving import B1, F1, F2, G1, S1, V1, V2, V3, V1s
+from overtaking.labels.law.germany.driving import F1, F2, G1, S1, V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
 from overtaking.labels.law.germany.overtaking import (
     O2,
@@ -14,12 +15,19 @@ from overtaking.labels.law.germany.overtaking import (
     O4,
     O5,
     O6,
-    O8,
     O11,
     O12,
 )
 from overtaking.labels.law.numbers import quantity
-from overtaking.labels.law.rule import EVERY_POLICY, NO_POLICY, Grade, Pack, Rule, TextSource
+from overtaking.labels.law.rule import (
+    EVERY_POLICY,
+    NO_POLICY,
+    STRICT_ONLY,
+    Grade,
+    Pack,
+    Rule,
+    TextSource,
+)
 from overtaking.labels.law.texts import edition, with_texts
 
 O1 = Rule(
@@ -54,6 +62,21 @@ O7 = Rule(
     limit_phrase=f"the {_SIDE_GAP} to the side of the overtaken vehicle",
     text_source=TextSource.READ,
     consulted_source="5(4) at dejure.org",
+)
+
+O8 = Rule(
+    id="de.stvo.5-4a@2013",
+    code="O8",
+    article="§ 5(4a) StVO",
+    title="Indicate",
+    gloss="Announce moving out and moving back in time and clearly, with the indicators.",
+    criterion=IndicatorUse(),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the time of indicating",
+    text_source=TextSource.READ,
+    consulted_source="5(4a) at dein-gesetz.de",
 )
 
 _BICYCLE_GAP = quantity(2.0, "m", "de-stvo-2013", why="Outside built-up areas")
@@ -91,6 +114,32 @@ O13 = Rule(
     limit_phrase="the speed it had",
     text_source=TextSource.READ,
     consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",
+)
+
+_FOG_LAMP_RANGE = quantity(50.0, "m", "de-stvo-2013", why="§ 3(1) sentence 3, § 17(3)")
+
+B1 = Rule(
+    id="de.stvo.17@2013",
+    code="B1",
+    article="§ 17(1) to (3) StVO",
+    title="Lamps",
+    gloss="Low beam in the dark and where fog, snow or rain impair the sight considerably; no high "
+    "beam that dazzles; rear fog lamps only if fog leaves less than "
+    f"{_FOG_LAMP_RANGE} of sight.",
+    criterion=Lamps(
+        low_beam_max_range=quantity(100.0, "m", why="§ 17(3) says 'considerably'"),
+        fog_lamp_max_range=_FOG_LAMP_RANGE,
+        high_beam_min_gap=quantity(100.0, "m", why="§ 17(2) names no distance; nearer it dazzles"),
+        high_beam_min_oncoming_gap=quantity(
+            200.0, "m", why="§ 17(2) names no distance; from here on it dazzles"
+        ),
+    ),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the right lamps",
+    text_source=TextSource.READ,
+    consulted_source="17 at ra.de",
 )
 
 # fmt: off

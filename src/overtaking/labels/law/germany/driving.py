@@ -8,22 +8,11 @@ from overtaking.labels.law.case import (
     general_limits,
     judged_span,
     meteorological_range,
-    seconds_of,
     speed_limit_bounds,
-)
-from overtaking.labels.law.lamps_and_indicators import (
-    HIGH_BEAM,
-    L19,
-    LOW_OR_HIGH_BEAM,
-    NO_DAZZLE,
-    REAR_FOG_LAMP,
-    dazzles,
 )
 from overtaking.labels.law.lines_and_lanes import L2, OFF_THE_LINE
 from overtaking.labels.law.margins import (
     UNCONSTRAINED,
-    breach_frames_in,
-    finding_from_margins,
     finding_over_span,
 )
 from overtaking.labels.law.numbers import amount, bare
@@ -39,7 +28,6 @@ from overtaking.labels.law.speed import (
     limit_error,
     with_breaches_undecidable,
 )
-from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case, Finding, Severity, Verdict
 
 _STVO = "de-stvo-2013"
@@ -180,43 +168,6 @@ V3 = Rule(
     spread=OF_SPEED,
 )
 
-
-def _right_lamps(case: Case) -> Finding:
-    """Low beam by night and in fog, rear fog lamps under 50 m only, no high beam that dazzles."""
-    span, sight = judged_span(case), meteorological_range(case)
-    lights = case.trajectories.states.lights[:, EGO_SLOT]
-    needed = case.trajectories.scenario.weather.night | (sight < constant("law_de.fog.impaired"))
-    wrong = needed[:, None] & ((lights & LOW_OR_HIGH_BEAM) == 0)
-    wrong |= ((lights & REAR_FOG_LAMP) != 0) & (sight >= constant("law_de.fog.sight"))[:, None]
-    rows, frames = np.nonzero((lights & HIGH_BEAM) != 0)
-    if rows.size:
-        wrong[rows, frames] |= dazzles(case, rows, frames)
-    all_simulations = np.arange(len(lights))
-    first, last, longest = breach_frames_in(span, all_simulations, wrong)
-    count = (wrong & span.mask(all_simulations, lights.shape[1])).sum(axis=1, dtype=np.int32)
-    return finding_from_margins(
-        span.is_nonempty, -seconds_of(case, count), first, last, longest=longest
-    )
-
-
-B1 = adopt(
-    L19,
-    id="de.stvo.17@2013",
-    code="B1",
-    article="§ 17(1) to (3) StVO",
-    title="Lamps",
-    grade=Grade.LIGHT,
-    gloss="Low beam in the dark and where fog, snow or rain impair the sight considerably; no high "
-    "beam that dazzles; rear fog lamps only if fog leaves less than "
-    f"{amount('law_de.fog.sight')} of sight.",
-    predicate=(
-        "At every frame: low or high beam at night and where the meteorological range is below "
-        f"{amount('law_de.fog.impaired')}; no rear fog lamps from {amount('law_de.fog.sight')} on; "
-        f"{NO_DAZZLE}. The margin is the time in breach."
-    ),
-    source=_STVO,
-    check=_right_lamps,
-)
 
 S1 = adopt(
     L2,

@@ -11,7 +11,6 @@ from overtaking.labels.law.case import (
     meteorological_range,
     neighbour_at,
 )
-from overtaking.labels.law.lamps_and_indicators import INDICATES, L18
 from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, amount
@@ -159,19 +158,6 @@ O6 = Rule(
     check=_AT_PULL_OUT,
     spread=_AT_PULL_OUT_ERROR,
     fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
-)
-
-
-O8 = adopt(
-    L18,
-    id="de.stvo.5-4a@2013",
-    code="O8",
-    article="§ 5(4a) StVO",
-    title="Indicate",
-    predicate=INDICATES,
-    grade=Grade.LIGHT,
-    gloss="Announce moving out and moving back in time and clearly, with the indicators.",
-    source="de-stvo-2013",
 )
 
 
