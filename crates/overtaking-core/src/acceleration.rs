@@ -4,14 +4,14 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::car_following::acc_accel;
+use crate::decision_context::DriverContext;
 use crate::math::vectors::{
     F32, Mask, assign_where, at_least, at_slot, clamp, clamp_to, max, min, select, splat,
 };
-use crate::neighbour_search::{Neighbours, lane_borders};
+use crate::neighbour_search::lane_borders;
 use crate::oncoming::{OncomingTraffic, is_overtaking};
 use crate::params::Params;
 use crate::passing::{current_passing_speed, tall_vehicle_gap_factor};
-use crate::perception::Beliefs;
 use crate::state::{EGO_SLOT, LEADER, LEFT_LEADER, RIGHT_LEADER, State, stage};
 use crate::steering::start_path;
 
@@ -27,12 +27,17 @@ fn current_desired_speed<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    passed: Mask<S>,
+    context: &DriverContext<S>,
 ) -> F32<S> {
     let vehicle = &params.vehicles[i];
     let mut desired = state.desired_speed(params, i);
     if params.road.directions.has_oncoming_traffic {
-        desired = select(passed, desired * vehicle.speed_factor_when_passed, desired);
+        let is_being_passed = context.oncoming.is_being_passed;
+        desired = select(
+            is_being_passed,
+            desired * vehicle.speed_factor_when_passed,
+            desired,
+        );
         let passing = is_before_return(state, i);
         if passing.any_true() {
             desired = select(passing, current_passing_speed(state, params, i), desired);
@@ -56,7 +61,7 @@ fn kept_time_gap<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    near: &Neighbours<S>,
+    context: &DriverContext<S>,
 ) -> F32<S> {
     let own = params.vehicles[i].time_gap;
     if params.road.can_overtake(i) {
@@ -66,7 +71,7 @@ fn kept_time_gap<S: Simd, const N: usize>(
         if params.road.directions.has_oncoming_traffic {
             select(
                 follows,
-                kept * tall_vehicle_gap_factor(params, near.slot[LEADER]),
+                kept * tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER]),
                 kept,
             )
         } else {
@@ -83,12 +88,12 @@ pub fn accel_behind_leader<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    (near, believed): (&Neighbours<S>, &Beliefs<S>),
-    passed: Mask<S>,
+    context: &DriverContext<S>,
 ) -> F32<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
-    let desired = current_desired_speed(state, params, i, passed);
-    let kept = kept_time_gap(state, params, i, near);
+    let desired = current_desired_speed(state, params, i, context);
+    let kept = kept_time_gap(state, params, i, context);
+    let believed = &context.beliefs;
     let (gap, closing) = (believed.gap[LEADER], believed.closing_speed[LEADER]);
     let wanted = acc_accel(
         constants,
@@ -128,10 +133,9 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    near: &Neighbours<S>,
-    believed: &Beliefs<S>,
-    passed: Mask<S>,
+    context: &DriverContext<S>,
 ) -> F32<S> {
+    let (near, believed) = (&context.neighbours, &context.beliefs);
     let (constants, vehicle, n) = (
         &params.constants,
         &params.vehicles[i],
@@ -188,7 +192,7 @@ fn accel_behind_old_leader<S: Simd, const N: usize>(
         constants,
         vehicle,
         state.motion.vx[i],
-        current_desired_speed(state, params, i, passed),
+        current_desired_speed(state, params, i, context),
         gap,
         closing,
         vehicle.time_gap,
@@ -219,13 +223,12 @@ pub fn requested_accel<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    (near, believed): (&Neighbours<S>, &Beliefs<S>),
-    passed: Mask<S>,
-    leader: F32<S>,
+    context: &DriverContext<S>,
+    accel_behind_leader: F32<S>,
 ) -> F32<S> {
     min(
-        leader,
-        accel_behind_old_leader(state, params, i, near, believed, passed),
+        accel_behind_leader,
+        accel_behind_old_leader(state, params, i, context),
     )
 }
 

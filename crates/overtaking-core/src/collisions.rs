@@ -3,10 +3,11 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::decision_context::RoadPositions;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{F32, Mask, assign_where, clamp, clamp_to, max, min, select, splat};
 use crate::params::{Params, StepLength};
-use crate::state::{EGO_SLOT, PerVehicle, State, in_opposite_frame, stage};
+use crate::state::{EGO_SLOT, State, in_opposite_frame, stage};
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;
@@ -109,7 +110,7 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     pairs: &[(usize, usize, Mask<S>)],
-    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
+    step_start: &RoadPositions<S, N>,
     step: u32,
     stride: &StepLength,
 ) {
@@ -117,7 +118,7 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
     for (i, j, near) in pairs.iter().copied() {
         params.simd.vectorize(
             #[inline(always)]
-            || resolve_pair(state, params, near, before, (step, stride), (i, j)),
+            || resolve_pair(state, params, near, step_start, (step, stride), (i, j)),
         );
     }
     let hit = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
@@ -130,7 +131,7 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     near: Mask<S>,
-    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
+    step_start: &RoadPositions<S, N>,
     (step, stride): (u32, &StepLength),
     (i, j): (usize, usize),
 ) {
@@ -140,8 +141,8 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
         oriented_box(state, params, i, None),
         oriented_box(state, params, j, turn),
     );
-    let was = in_first_frame(params, turn, before.0[j], before.1[j]);
-    let then = (was.0 - before.0[i], was.1 - before.1[i]);
+    let was = in_first_frame(params, turn, step_start.s[j], step_start.d[j]);
+    let then = (was.0 - step_start.s[i], was.1 - step_start.d[i]);
     let now = (b.s - a.s, b.d - a.d);
     let near = near & !stay_clear(&a, &b, then, now);
     if !near.any_true() {
@@ -157,7 +158,7 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
         state,
         params,
         i,
-        before,
+        step_start,
         (share, share * stride.length),
         None,
     );
@@ -165,7 +166,7 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
         state,
         params,
         j,
-        before,
+        step_start,
         (share, share * stride.length),
         turn,
     );
@@ -174,8 +175,8 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
     let enter = clamp_to(enter, 0.0, 1.0);
     // Levers of any other instant than the one that the pair goes on from would make spin.
     let turned = share * stride.length;
-    let a = box_at(state, params, i, before, (1.0 - enter, turned), None);
-    let b = box_at(state, params, j, before, (1.0 - enter, turned), turn);
+    let a = box_at(state, params, i, step_start, (1.0 - enter, turned), None);
+    let b = box_at(state, params, j, step_start, (1.0 - enter, turned), turn);
     let (arm_a, arm_b) = contact_arms(&a, &b);
     let velocity_a = point_velocity(state, i, arm_a, None);
     let velocity_b = point_velocity(state, j, arm_b, turn);
@@ -323,13 +324,13 @@ fn box_at<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    before: &(PerVehicle<S, N>, PerVehicle<S, N>),
+    step_start: &RoadPositions<S, N>,
     (share, left): (F32<S>, F32<S>),
     turn: PairFrame<S>,
 ) -> OrientedBox<S> {
     let (sine, cosine) = sincos(state.motion.heading[i] - left * state.motion.yaw_rate[i]);
-    let s = state.motion.s[i] - share * (state.motion.s[i] - before.0[i]);
-    let d = state.motion.d[i] - share * (state.motion.d[i] - before.1[i]);
+    let s = state.motion.s[i] - share * (state.motion.s[i] - step_start.s[i]);
+    let d = state.motion.d[i] - share * (state.motion.d[i] - step_start.d[i]);
     let (s, d) = in_first_frame(params, turn, s, d);
     OrientedBox {
         s,

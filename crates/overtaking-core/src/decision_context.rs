@@ -1,83 +1,84 @@
-//! What drivers know at a decision; see `overtaking.sim.reference.decision_context`.
+//! What drivers perceive at a decision; the twin of `overtaking.sim.reference.decision_context`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::vectors::{Mask, splat};
 use crate::neighbour_search::{Neighbours, VisibleBody};
-use crate::oncoming::OncomingSearch;
-use crate::oncoming::OncomingTraffic;
+use crate::oncoming::{OncomingSearch, OncomingTraffic};
 use crate::perception::Beliefs;
-use crate::state::{EGO_SLOT, PerVehicle};
+use crate::state::PerVehicle;
 
-/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
-/// kept in one place, as moving it costs more than some of what is computed from it.
-pub struct DecisionContext<S: Simd, const N: usize> {
-    pub bodies: [VisibleBody<S>; N],
-    pub neighbours: [Neighbours<S>; N],
-    pub beliefs: [Beliefs<S>; N],
-    pub checks_mirrors: [Mask<S>; N],
-    /// Whom they meet, and what they look for; unused on roads of one direction.
-    pub oncoming: [OncomingTraffic<S>; N],
-    pub oncoming_search: OncomingSearch<S, N>,
-    /// Whether the ego would let somebody first who signals for the same place.
-    pub gives_way: Mask<S>,
-    /// Positions along and across the road before a step, if anybody is near anybody.
-    pub step_start: (PerVehicle<S, N>, PerVehicle<S, N>),
-}
-
-impl<S: Simd, const N: usize> DecisionContext<S, N> {
-    /// Before anyone has looked.
-    pub fn new(simd: S) -> Self {
-        Self {
-            bodies: [VisibleBody::nothing(simd); N],
-            neighbours: [Neighbours::nobody(simd); N],
-            beliefs: [Beliefs::nothing(simd); N],
-            checks_mirrors: [never(simd); N],
-            oncoming: [OncomingTraffic::nobody(simd); N],
-            oncoming_search: OncomingSearch::nobody(simd),
-            gives_way: never(simd),
-            step_start: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
-        }
-    }
-}
-
-/// What a driver knows when it decides.
+/// What one driver perceives when it decides.
+///
+/// `Copy`, so that a stepped batch can keep the ego's until the action of an external driver arrives.
 #[derive(Clone, Copy)]
-pub struct DriverContext<'a, S: Simd> {
-    pub neighbours: &'a Neighbours<S>,
-    pub beliefs: &'a Beliefs<S>,
-    pub oncoming: &'a OncomingTraffic<S>,
+pub struct DriverContext<S: Simd> {
+    /// The nearest vehicles of the own direction, by role.
+    pub neighbours: Neighbours<S>,
+    /// What the driver believes about them.
+    pub beliefs: Beliefs<S>,
+    /// Vehicles of the other direction; not written on one-way roads.
+    pub oncoming: OncomingTraffic<S>,
+    /// Whether the driver checks mirrors and adjacent lanes at this decision.
     pub checks_mirrors: Mask<S>,
+    /// Whether another driver that indicates for the same gap goes first.
+    ///
+    /// Computed for the ego only. On two-way roads it cannot occur: entering one lane from both sides takes three
+    /// lanes. On one-way roads `change_lanes_by_mobil` computes it for the others.
     pub gives_way: Mask<S>,
+    /// Index of the decision, 20 per second.
+    pub decision_index: u32,
+}
+
+impl<S: Simd> DriverContext<S> {
+    /// The context of a driver that has not looked yet.
+    pub fn empty(simd: S) -> Self {
+        Self {
+            neighbours: Neighbours::none(simd),
+            beliefs: Beliefs::none(simd),
+            oncoming: OncomingTraffic::none(simd),
+            checks_mirrors: never(simd),
+            gives_way: never(simd),
+            decision_index: 0,
+        }
+    }
+}
+
+/// Stations and lateral positions of all vehicles.
+pub struct RoadPositions<S: Simd, const N: usize> {
+    pub s: PerVehicle<S, N>,
+    pub d: PerVehicle<S, N>,
+}
+
+/// The contexts of all drivers of a block, and what is computed once for all of them.
+///
+/// A thread has one and overwrites it at every decision of every block. It has several KiB; moving it would cost more
+/// than some of the computations that read it.
+pub struct DecisionContext<S: Simd, const N: usize> {
+    pub drivers: [DriverContext<S>; N],
+    /// What the other drivers see of each vehicle.
+    pub bodies: [VisibleBody<S>; N],
+    /// Which vehicles can meet which, on two-way roads.
+    pub oncoming_search: OncomingSearch<S, N>,
+    /// Positions at the start of a step; written while any pair is near, for the sweep of contacts.
+    pub step_start: RoadPositions<S, N>,
 }
 
 impl<S: Simd, const N: usize> DecisionContext<S, N> {
-    /// What the driver of the ego knows.
-    pub fn of_ego(&self) -> DriverContext<'_, S> {
-        DriverContext {
-            neighbours: &self.neighbours[EGO_SLOT],
-            beliefs: &self.beliefs[EGO_SLOT],
-            oncoming: &self.oncoming[EGO_SLOT],
-            checks_mirrors: self.checks_mirrors[EGO_SLOT],
-            gives_way: self.gives_way,
-        }
-    }
-
-    /// What the driver of another vehicle knows on a two-way road. No two vehicles change into one lane from both of
-    /// its sides there, as that takes three lanes, so the driver gives way to nobody.
-    pub fn of_other(&self, i: usize) -> DriverContext<'_, S> {
-        DriverContext {
-            neighbours: &self.neighbours[i],
-            beliefs: &self.beliefs[i],
-            oncoming: &self.oncoming[i],
-            checks_mirrors: self.checks_mirrors[i],
-            gives_way: self.gives_way & !self.gives_way,
+    /// Memory for the contexts of one thread.
+    pub fn new(simd: S) -> Self {
+        let zero = [splat(simd, 0.0); N];
+        Self {
+            drivers: [DriverContext::empty(simd); N],
+            bodies: [VisibleBody::none(simd); N],
+            oncoming_search: OncomingSearch::none(simd),
+            step_start: RoadPositions { s: zero, d: zero },
         }
     }
 }
 
-/// In no simulation.
+/// True in no simulation.
 fn never<S: Simd>(simd: S) -> Mask<S> {
     let zero = splat(simd, 0.0);
     zero.simd_lt(zero)

@@ -51,16 +51,16 @@ struct GapAcceptanceInputs<'a, S: Simd> {
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &'a Params<S, N>,
-    mind: &DriverContext<'a, S>,
     i: usize,
+    context: &'a DriverContext<S>,
 ) -> GapAcceptanceInputs<'a, S> {
-    let (near, believed, own) = (mind.neighbours, mind.beliefs, &params.vehicles[i]);
+    let (near, believed, own) = (&context.neighbours, &context.beliefs, &params.vehicles[i]);
     let impatience = at_least(
         exp(-(state.overtake.time_waiting[i] * own.inverse_patience)),
         params.constants.patience_floor,
     );
     let demand = own.gap_demand_factor * impatience;
-    let never = mind.checks_mirrors & !mind.checks_mirrors;
+    let never = context.checks_mirrors & !context.checks_mirrors;
     let (mut told, mut ordered, mut command) = (never, never, splat(params.simd, 0.0));
     if i == EGO_SLOT {
         told = is_scripted(params);
@@ -282,14 +282,14 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
 pub fn form_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    mind: &DriverContext<'_, S>,
     i: usize,
+    context: &DriverContext<S>,
     plight: Option<&PassContinuation<S>>,
 ) -> Intent<S> {
-    let view = &gap_acceptance_inputs(state, params, mind, i);
+    let view = &gap_acceptance_inputs(state, params, i, context);
     let (constants, looks, told, command) = (
         &params.constants,
-        mind.checks_mirrors,
+        context.checks_mirrors,
         view.is_scripted,
         view.forced_decision,
     );
@@ -303,19 +303,19 @@ pub fn form_intent<S: Simd, const N: usize>(
     let mut seen = wants_to_overtake(params, view) & accepts_pull_out_gaps(params, view);
     if plight.is_some() {
         let (coming, leader) = (
-            &mind.oncoming.nearest,
+            &context.oncoming.nearest,
             (view.gap[LEADER], view.leader_speed),
         );
         seen &= accepts_oncoming_gap(
             state,
             params,
             i,
-            mind.neighbours,
+            &context.neighbours,
             coming,
             leader,
             view.patience_left,
         );
-        seen &= !mind.oncoming.leader_pulls_out;
+        seen &= !context.oncoming.leader_pulls_out;
     }
     let seen = select_mask(told, view.pulls_out_by_script, seen);
     let wanted =
@@ -349,7 +349,7 @@ pub fn form_intent<S: Simd, const N: usize>(
     let danger = heeds
         & lane_change_is_dangerous(params, view, LEFT_LEADER, LEFT_FOLLOWER)
         & command.simd_ne(forced_decision::RETURN);
-    let sure = (looks & !mind.gives_way) | told;
+    let sure = (looks & !context.gives_way) | told;
     let mut remain = can_cancel_return(state, params, i) & danger;
     let mut back_now = ready;
     if let Some(plight) = plight {

@@ -4,6 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::car_following::{acc_accel, cah_accel, imposed_accel};
+use crate::decision_context::DriverContext;
 use crate::math::vectors::{F32, Mask, assign_where, at_least, min, select, splat};
 use crate::neighbour_search::{VisibleBody, lane_borders, nearest_image};
 use crate::params::Params;
@@ -142,18 +143,16 @@ pub fn anticipated_follower<S: Simd, const N: usize>(
 }
 
 /// Let vehicle `i`, not the ego, change lanes where it pays and is safe, or back in danger.
-#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    bodies: &[VisibleBody<S>; N],
     i: usize,
-    believed: &Beliefs<S>,
+    bodies: &[VisibleBody<S>; N],
+    context: &DriverContext<S>,
     own: F32<S>,
-    looks: Mask<S>,
-    decision: u32,
 ) {
+    let (believed, looks) = (&context.beliefs, context.checks_mirrors);
     let (constants, vehicle, v) = (&params.constants, &params.vehicles[i], state.motion.vx[i]);
     let (to_fast, to_slow) = mobil_incentives(state, params, i, believed, own);
     let ready = looks
@@ -196,7 +195,7 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
         (fast, slow, back),
         believed,
         None,
-        decision,
+        context.decision_index,
     );
 }
 

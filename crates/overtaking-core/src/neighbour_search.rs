@@ -29,7 +29,7 @@ pub struct Neighbours<S: Simd> {
 
 impl<S: Simd> Neighbours<S> {
     /// An empty road.
-    pub fn nobody(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let (none, far, zero) = (splat(simd, NO_SLOT), splat(simd, FAR), splat(simd, 0.0));
         Self {
             slot: [none; NUM_ROLES],
@@ -60,7 +60,7 @@ pub struct VisibleBody<S: Simd> {
 
 impl<S: Simd> VisibleBody<S> {
     /// Nobody.
-    pub fn nothing(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {

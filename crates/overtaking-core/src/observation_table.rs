@@ -87,31 +87,29 @@ pub type ObservationTable<S> = [F32<S>; OBSERVATION_SIZE];
 pub fn observation_table<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
     source: ObservationSource,
-    decision: usize,
 ) -> ObservationTable<S> {
     const NUM_COLUMNS: usize = NEIGHBOUR_COLUMN_NAMES.len();
     let mut table = [splat(params.simd, 0.0); OBSERVATION_SIZE];
     let (ego, rest) = table.split_at_mut(EGO_COLUMN_NAMES.len());
     let (neighbours, passing) = rest.split_at_mut(NEIGHBOURS_SIZE);
-    ego_columns(state, params, mind).write(ego);
+    ego_columns(state, params, context).write(ego);
     let (same_direction, oncoming) = neighbours.split_at_mut(NUM_ROLES * NUM_COLUMNS);
     for (role, columns) in same_direction.chunks_exact_mut(NUM_COLUMNS).enumerate() {
         let motion = match source {
-            ObservationSource::Beliefs => believed_motion(state, params, mind, role),
-            ObservationSource::Truth => true_motion(state, params, mind, role),
+            ObservationSource::Beliefs => believed_motion(state, params, context, role),
+            ObservationSource::Truth => true_motion(state, params, context, role),
         };
-        neighbour_columns(state, params, mind, role, motion).write(columns);
+        neighbour_columns(state, params, context, role, motion).write(columns);
     }
-    let (near, first) = (mind.neighbours, &mind.oncoming.nearest);
-    let mut vehicles = [OncomingVehicle::nobody(params.simd); 2];
+    let mut vehicles = [OncomingVehicle::none(params.simd); 2];
     if params.road.directions.has_oncoming_traffic {
         vehicles = [
-            *first,
-            observe_second_oncoming(state, params, near, first, decision),
+            context.oncoming.nearest,
+            observe_second_oncoming(state, params, context),
         ];
-        passing_columns(state, params, mind).write(passing);
+        passing_columns(state, params, context).write(passing);
     }
     for (vehicle, columns) in vehicles.iter().zip(oncoming.chunks_exact_mut(NUM_COLUMNS)) {
         oncoming_columns(state, params, vehicle, source).write(columns);
@@ -123,10 +121,11 @@ pub fn observation_table<S: Simd, const N: usize>(
 fn ego_columns<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> EgoColumns<S> {
     let flag = |mask| flag(params.simd, mask);
-    let lane_centre = 0.5 * (mind.neighbours.lane_right_edge + mind.neighbours.lane_left_edge);
+    let lane_centre =
+        0.5 * (context.neighbours.lane_right_edge + context.neighbours.lane_left_edge);
     EgoColumns {
         speed: state.motion.vx[EGO_SLOT],
         requested_accel: state.controls.requested_accel[EGO_SLOT],
@@ -143,8 +142,8 @@ fn ego_columns<S: Simd, const N: usize>(
         wanted_side: state.lane_choice.wanted_side[EGO_SLOT],
         time_since_lane_change: state.lane_choice.time_since_lane_change[EGO_SLOT],
         has_finished_lane_change: flag(has_finished_lane_change(state, EGO_SLOT)),
-        checks_mirrors: flag(mind.checks_mirrors),
-        gives_way: flag(mind.gives_way),
+        checks_mirrors: flag(context.checks_mirrors),
+        gives_way: flag(context.gives_way),
         has_passed_target: flag(has_passed_target(state, params, EGO_SLOT)),
         is_behind_target: flag(is_behind_target(state, params, EGO_SLOT)),
         can_pull_out: flag(can_pull_out(state, params)),
@@ -169,24 +168,24 @@ struct NeighbourMotion<S: Simd> {
 fn believed_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
     role: usize,
 ) -> NeighbourMotion<S> {
-    let is_detected = mind.beliefs.is_detected[role];
-    let mut closing_speed = mind.beliefs.closing_speed[role];
+    let is_detected = context.beliefs.is_detected[role];
+    let mut closing_speed = context.beliefs.closing_speed[role];
     if role == LEADER {
         let knows_speed = is_scripted(params) & is_detected;
         closing_speed = select(
             knows_speed,
-            true_closing_speed_to_leader(state, params, mind.neighbours),
+            true_closing_speed_to_leader(state, params, &context.neighbours),
             closing_speed,
         );
     }
     NeighbourMotion {
         is_detected,
-        gap: mind.beliefs.gap[role],
+        gap: context.beliefs.gap[role],
         closing_speed,
-        accel: mind.beliefs.accel[role],
+        accel: context.beliefs.accel[role],
     }
 }
 
@@ -195,14 +194,14 @@ fn believed_motion<S: Simd, const N: usize>(
 fn true_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
     role: usize,
 ) -> NeighbourMotion<S> {
     let (zero, unseen) = (
         splat(params.simd, 0.0),
         splat(params.simd, params.constants.unseen_gap),
     );
-    let slot = mind.neighbours.slot[role];
+    let slot = context.neighbours.slot[role];
     let exists = slot.simd_ge(0.0);
     let (ego_speed, _) = state.road_velocity(EGO_SLOT);
     let [speed, accel] = each_at_slot!(params.num_slots_in_use, slot, |j| [
@@ -217,7 +216,7 @@ fn true_motion<S: Simd, const N: usize>(
     };
     NeighbourMotion {
         is_detected: exists,
-        gap: select(exists, mind.neighbours.gap[role], unseen),
+        gap: select(exists, context.neighbours.gap[role], unseen),
         closing_speed: select(exists, closing_speed, zero),
         accel: select(exists, accel, zero),
     }
@@ -290,12 +289,12 @@ fn oncoming_columns<S: Simd, const N: usize>(
 fn passing_columns<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> PassingColumns<S> {
     let flag = |mask| flag(params.simd, mask);
-    let oncoming = &mind.oncoming.nearest;
-    let plight = decide_pass_continuation(state, params, EGO_SLOT, &mind);
-    let leader = mind.neighbours.slot[LEADER];
+    let oncoming = &context.oncoming.nearest;
+    let plight = decide_pass_continuation(state, params, EGO_SLOT, context);
+    let leader = context.neighbours.slot[LEADER];
     let overtaken = select(
         is_in_stage(state, EGO_SLOT, stage::FOLLOW),
         leader,
@@ -329,7 +328,7 @@ fn passing_columns<S: Simd, const N: usize>(
 fn neighbour_columns<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
     role: usize,
     motion: NeighbourMotion<S>,
 ) -> NeighbourColumns<S> {
@@ -340,13 +339,17 @@ fn neighbour_columns<S: Simd, const N: usize>(
         crashed,
         is_truck,
         is_two_wheeler,
-    ] = each_at_slot!(params.num_slots_in_use, mind.neighbours.slot[role], |j| [
-        state.controls.indicator[j],
-        state.controls.requested_accel[j],
-        state.motion.is_wreck[j],
-        params.vehicles[j].has_truck_tyres,
-        params.vehicles[j].two_wheeler
-    ]);
+    ] = each_at_slot!(
+        params.num_slots_in_use,
+        context.neighbours.slot[role],
+        |j| [
+            state.controls.indicator[j],
+            state.controls.requested_accel[j],
+            state.motion.is_wreck[j],
+            params.vehicles[j].has_truck_tyres,
+            params.vehicles[j].two_wheeler
+        ]
+    );
     let brakes = requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
     let if_detected = |value| select(motion.is_detected, value, zero);
     NeighbourColumns {
@@ -354,10 +357,10 @@ fn neighbour_columns<S: Simd, const N: usize>(
         gap: motion.gap,
         closing_speed: motion.closing_speed,
         accel: motion.accel,
-        lateral_distance: if_detected(mind.neighbours.lateral_distance[role]),
+        lateral_distance: if_detected(context.neighbours.lateral_distance[role]),
         indicator: if_detected(indicator),
         stop_lamp: if_detected(flag(params.simd, brakes)),
-        length: if_detected(2.0 * mind.neighbours.half_length[role]),
+        length: if_detected(2.0 * context.neighbours.half_length[role]),
         is_truck: if_detected(is_truck),
         is_two_wheeler: if_detected(is_two_wheeler),
     }

@@ -3,6 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::decision_context::DriverContext;
 use crate::math::elementary::exp;
 use crate::math::vectors::{
     F32, Mask, at_least, at_most, at_slot, each_at_slot, min, select, splat,
@@ -53,7 +54,7 @@ pub struct OncomingTraffic<S: Simd> {
 
 impl<S: Simd> OncomingVehicle<S> {
     /// An empty road.
-    pub fn nobody(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
@@ -70,11 +71,11 @@ impl<S: Simd> OncomingVehicle<S> {
 
 impl<S: Simd> OncomingTraffic<S> {
     /// An empty road.
-    pub fn nobody(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
-            nearest: OncomingVehicle::nobody(simd),
+            nearest: OncomingVehicle::none(simd),
             meets_in_own_lane: never,
             time_to_meeting: zero,
             is_being_passed: never,
@@ -83,45 +84,47 @@ impl<S: Simd> OncomingTraffic<S> {
     }
 }
 
-/// Whom driver `i` meets, and what it believes of them; advances the time in view.
+/// Update what driver `i` believes about oncoming vehicles, and for how long it has seen them.
 ///
-/// What it believes of who comes in any lane, and of its leader, is left as it was where it is not `asked`:
-/// nothing is decided then.
+/// Without `needs_beliefs`, the beliefs about the nearest vehicle in any lane and about the leader stay as they were,
+/// because nothing is decided by them.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
 pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    (bodies, traffic): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
-    near: &Neighbours<S>,
     i: usize,
-    decision: usize,
-    asked: bool,
-    met: &mut OncomingTraffic<S>,
+    (bodies, search): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
+    needs_beliefs: bool,
+    context: &mut DriverContext<S>,
 ) {
-    let [coming, facing] = traffic.nearest_oncoming(state, params, bodies, i);
+    let (near, decision) = (&context.neighbours, context.decision_index);
+    let oncoming = &mut context.oncoming;
+    let [nearest, in_own_lane] = search.nearest_oncoming(state, params, bodies, i);
     let sight = sight_distance(state, params, near, i);
-    let view = sighting(state, params, near, i, coming, sight);
-    let sure = is_certain(state, params, i, IN_ANY_LANE, coming.0, &view);
-    if asked {
-        met.nearest = believe(state, params, i, coming.0, sight, &view, sure, decision);
-        let lead = near.slot[LEADER];
-        let side = at_slot!(params.num_slots_in_use, lead, |j| state.controls.indicator
-            [j]);
-        met.leader_pulls_out = lead.simd_ge(0.0) & side.simd_gt(0.0);
+    let view = sighting(state, params, near, i, nearest, sight);
+    let certain = is_certain(state, params, i, IN_ANY_LANE, nearest.0, &view);
+    if needs_beliefs {
+        oncoming.nearest = believe(state, params, i, nearest.0, sight, &view, certain, decision);
+        let leader = near.slot[LEADER];
+        let side = at_slot!(params.num_slots_in_use, leader, |j| state
+            .controls
+            .indicator[j]);
+        oncoming.leader_pulls_out = leader.simd_ge(0.0) & side.simd_gt(0.0);
     }
-    if facing.0.simd_ge(0.0).any_true() {
+    if in_own_lane.0.simd_ge(0.0).any_true() {
         let range = state.road.sight_distance[i];
-        let view = sighting(state, params, near, i, facing, range);
-        let sure = is_certain(state, params, i, IN_OWN_LANE, facing.0, &view);
-        let facing = believe(state, params, i, facing.0, range, &view, sure, decision);
-        met.meets_in_own_lane = facing.is_detected;
-        met.time_to_meeting = facing.believed_gap / at_least(facing.closing_speed, MIN_SPEED);
+        let view = sighting(state, params, near, i, in_own_lane, range);
+        let certain = is_certain(state, params, i, IN_OWN_LANE, in_own_lane.0, &view);
+        let slot = in_own_lane.0;
+        let believed = believe(state, params, i, slot, range, &view, certain, decision);
+        oncoming.meets_in_own_lane = believed.is_detected;
+        oncoming.time_to_meeting =
+            believed.believed_gap / at_least(believed.closing_speed, MIN_SPEED);
     } else {
-        update_time_in_view(state, params, i, IN_OWN_LANE, facing.0);
-        met.meets_in_own_lane = sure & !sure;
+        update_time_in_view(state, params, i, IN_OWN_LANE, in_own_lane.0);
+        oncoming.meets_in_own_lane = certain & !certain;
     }
-    met.is_being_passed = traffic.is_being_passed(state, params, i);
+    oncoming.is_being_passed = search.is_being_passed(state, params, i);
 }
 
 /// Whether driver `i` has looked for long enough to know who comes in some lanes; advances the time in view.
@@ -168,19 +171,20 @@ fn update_time_in_view<S: Simd, const N: usize>(
     state.attention.oncoming_slot[i][lanes] = seen;
 }
 
-/// Who comes behind the nearest, and what the ego would believe of it: our drivers decide by the nearest
-/// alone, another driver is told of the next one. It is noticed with the nearest, where it can be seen.
+/// Second oncoming vehicle of the ego, and what the driver of the model would believe about it.
+///
+/// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together with
+/// the nearest one, wherever it is visible.
 #[inline(always)]
 pub fn observe_second_oncoming<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    near: &Neighbours<S>,
-    first: &OncomingVehicle<S>,
-    decision: usize,
+    context: &DriverContext<S>,
 ) -> OncomingVehicle<S> {
-    let met = OncomingSearch::nearest_except(state, params, EGO_SLOT, first.slot);
-    let view = sighting(state, params, near, EGO_SLOT, met, first.sight_distance);
+    let first = &context.oncoming.nearest;
     let sight = first.sight_distance;
+    let met = OncomingSearch::nearest_except(state, params, EGO_SLOT, first.slot);
+    let view = sighting(state, params, &context.neighbours, EGO_SLOT, met, sight);
     believe(
         state,
         params,
@@ -189,7 +193,7 @@ pub fn observe_second_oncoming<S: Simd, const N: usize>(
         sight,
         &view,
         first.is_detected,
-        decision,
+        context.decision_index,
     )
 }
 
@@ -254,7 +258,7 @@ fn believe<S: Simd, const N: usize>(
     sight: F32<S>,
     view: &Sighting<S>,
     sure: Mask<S>,
-    decision: usize,
+    decision: u32,
 ) -> OncomingVehicle<S> {
     let (constants, simulation, vehicle) =
         (&params.constants, &params.simulations, &params.vehicles[i]);
@@ -391,7 +395,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
 
 impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     /// An empty road.
-    pub fn nobody(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         let turned = OppositeView {
@@ -530,10 +534,10 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             if j < params.num_slots_in_use {
                 VisibleBody::new(state, params, j)
             } else {
-                VisibleBody::nothing(params.simd)
+                VisibleBody::none(params.simd)
             }
         });
-        let mut traffic = Self::nobody(params.simd);
+        let mut traffic = Self::none(params.simd);
         traffic.update(state, params, &bodies);
         for j in 0..params.num_slots_in_use {
             traffic.as_seen_by_oncoming[j].on_road &= slot.simd_ne(j as i32 as f32);

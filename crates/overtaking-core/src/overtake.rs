@@ -10,152 +10,106 @@ use crate::gap_acceptance::{Intent, is_in_stage};
 use crate::lane_change::start_lane_changes;
 use crate::math::vectors::{F32, assign_where, at_least, max, min, select, splat};
 use crate::neighbour_search::Neighbours;
-use crate::params::{Params, SUBSTEPS};
+use crate::params::Params;
 use crate::pass_continuation::{
     PassContinuation, decide_pass_continuation, overtakes_next_vehicle,
 };
 use crate::perception::Beliefs;
-use crate::recorder::{ManoeuvreKind, Recorder};
-use crate::state::{
-    EGO_SLOT, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State, stage,
-};
+use crate::recorder::Recorder;
+use crate::state::{EGO_SLOT, LEADER, RIGHT_LEADER, State, stage};
 
-/// One decision of every ego of the block; what it intends holds until it looks around again.
+/// A decision of the egos of a block.
+pub struct EgoDecision<'a, S: Simd> {
+    /// Step of 10 ms at which it is made.
+    pub step: u32,
+    /// Actions of an external driver; `None` if the model decides.
+    pub action: Option<&'a EgoAction<S>>,
+}
+
+/// Let the ego of every simulation decide, or carry out the action of an external driver.
+///
+/// What the ego intends holds until it checks its mirrors again.
 #[inline(always)]
 pub fn decide_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
+    context: &DriverContext<S>,
     recorder: &mut Recorder<'_, N>,
-    step: u32,
-    orders: Option<&EgoAction<S>>,
+    decision: &EgoDecision<'_, S>,
 ) {
-    let (near, believed) = (mind.neighbours, mind.beliefs);
-    let two_way = params.road.directions.has_oncoming_traffic;
-    // Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
-    let plight = if two_way {
-        Some(update_pass_continuation(state, params, &mind, EGO_SLOT))
+    // No closure: it would be compiled as a function of its own, without the SIMD features.
+    let continuation = if params.road.directions.has_oncoming_traffic {
+        // Also with an external driver: the model controls the pedals that the action does not set.
+        Some(update_pass_continuation(state, params, EGO_SLOT, context))
     } else {
         None
     };
-    let intent = match orders {
-        None => form_intent(state, params, &mind, EGO_SLOT, plight.as_ref()),
-        Some(orders) => ego_action::intent_from_action(state, params, orders),
+    let intent = match decision.action {
+        None => form_intent(state, params, EGO_SLOT, context, continuation.as_ref()),
+        Some(action) => ego_action::intent_from_action(state, params, action),
     };
-    count_waiting_time(state, params, EGO_SLOT, believed);
-    let oncoming = two_way.then_some(&mind.oncoming.nearest);
-    let (out, back) = (
-        [LEADER, LEFT_LEADER, LEFT_FOLLOWER],
-        [LEADER, RIGHT_LEADER, RIGHT_FOLLOWER],
-    );
-    recorder.record_percepts(
-        state,
-        params,
-        near,
-        believed,
-        intent.starts_pull_out,
-        ManoeuvreKind::PullOut,
-        out,
-        step,
-        oncoming,
-    );
-    recorder.record_percepts(
-        state,
-        params,
-        near,
-        believed,
-        intent.cancels_pull_out,
-        ManoeuvreKind::Cancel,
-        back,
-        step,
-        None,
-    );
-    recorder.record_percepts(
-        state,
-        params,
-        near,
-        believed,
-        intent.cancels_return,
-        ManoeuvreKind::Cancel,
-        out,
-        step,
-        None,
-    );
-    recorder.record_percepts(
-        state,
-        params,
-        near,
-        believed,
-        intent.starts_return,
-        ManoeuvreKind::Return,
-        back,
-        step,
-        None,
-    );
-    let next = next_stage(state, params, near, EGO_SLOT, &intent);
-    carry_out_intent(state, params, &mind, EGO_SLOT, &intent, step / SUBSTEPS);
+    count_waiting_time(state, params, EGO_SLOT, &context.beliefs);
+    recorder.record_manoeuvres(state, params, context, &intent, decision.step);
+
+    // Compute the stage before the ego moves over, and store it last: the calls in between read the old stage.
+    let stage = next_stage(state, params, EGO_SLOT, &context.neighbours, &intent);
+    carry_out_intent(state, params, EGO_SLOT, context, &intent);
     assign_where(
         &mut state.has_attempted,
         intent.starts_pull_out,
         splat(params.simd, 1.0),
     );
-    if let Some(orders) = orders {
-        ego_action::set_requested_indicator(state, orders);
+    if let Some(action) = decision.action {
+        ego_action::set_requested_indicator(state, action);
     }
-    set_end_step(state, params, &intent, next, step);
-    set_stage(state, params, EGO_SLOT, next);
+    set_end_step(state, params, &intent, stage, decision.step);
+    set_stage(state, params, EGO_SLOT, stage);
 }
 
-/// One decision of vehicle `i`, not the ego, on a two-way road; who has overtaken may do so again.
+/// Let the driver of vehicle `i`, not the ego, decide on a two-way road. After an overtake it may overtake again.
 #[inline(always)]
 pub fn decide_other<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    mind: DriverContext<'_, S>,
     i: usize,
-    step: u32,
+    context: &DriverContext<S>,
 ) {
-    let settled = state.overtake.stage[i].simd_eq(stage::FOLLOW)
-        & state.overtake.time_indicating[i].simd_eq(0.0);
-    let still = settled
+    let has_no_plan = state.overtake.stage[i].simd_eq(stage::FOLLOW)
+        & state.overtake.time_indicating[i].simd_eq(0.0)
         & state.lane_choice.wanted_side[i].simd_eq(0.0)
         & state.controls.indicator[i].simd_eq(0.0);
-    if (still & !mind.checks_mirrors).all_true() {
-        count_waiting_time(state, params, i, mind.beliefs);
-        return; // A driver begins no manoeuvre without a look around.
+    if (has_no_plan & !context.checks_mirrors).all_true() {
+        count_waiting_time(state, params, i, &context.beliefs);
+        return; // A driver begins no manoeuvre without checking its mirrors.
     }
-    let plight = update_pass_continuation(state, params, &mind, i);
-    let intent = form_intent(state, params, &mind, i, Some(&plight));
-    count_waiting_time(state, params, i, mind.beliefs);
-    let next = next_stage(state, params, mind.neighbours, i, &intent);
-    carry_out_intent(state, params, &mind, i, &intent, step / SUBSTEPS);
-    let done = next.simd_eq(stage::DONE);
+    let continuation = update_pass_continuation(state, params, i, context);
+    let intent = form_intent(state, params, i, context, Some(&continuation));
+    count_waiting_time(state, params, i, &context.beliefs);
+    let next = next_stage(state, params, i, &context.neighbours, &intent);
+    carry_out_intent(state, params, i, context, &intent);
+    let is_done = next.simd_eq(stage::DONE);
     assign_where(
         &mut state.overtake.time_waiting[i],
-        done,
+        is_done,
         splat(params.simd, 0.0),
     );
-    set_stage(
-        state,
-        params,
-        i,
-        select(done, splat(params.simd, stage::FOLLOW), next),
-    );
+    let next = select(is_done, splat(params.simd, stage::FOLLOW), next);
+    set_stage(state, params, i, next);
 }
 
-/// How driver `i` stands to oncoming traffic, remembered.
+/// Decide how driver `i` goes on with its pass, and remember whether it aborts or returns urgently.
 #[inline(always)]
 fn update_pass_continuation<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    mind: &DriverContext<'_, S>,
     i: usize,
+    context: &DriverContext<S>,
 ) -> PassContinuation<S> {
-    let plight = decide_pass_continuation(state, params, i, mind);
+    let continuation = decide_pass_continuation(state, params, i, context);
     let (one, zero) = (splat(params.simd, 1.0), splat(params.simd, 0.0));
-    state.overtake.must_abort[i] = select(plight.must_abort, one, zero);
-    state.overtake.must_return_urgently[i] = select(plight.must_return_urgently, one, zero);
-    plight
+    state.overtake.must_abort[i] = select(continuation.must_abort, one, zero);
+    state.overtake.must_return_urgently[i] = select(continuation.must_return_urgently, one, zero);
+    continuation
 }
 
 /// Go on to the next stage, or stay.
@@ -199,8 +153,8 @@ fn count_waiting_time<S: Simd, const N: usize>(
 fn next_stage<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
-    near: &Neighbours<S>,
     i: usize,
+    near: &Neighbours<S>,
     intent: &Intent<S>,
 ) -> F32<S> {
     let centre = 0.5 * (near.lane_right_edge + near.lane_left_edge);
@@ -252,10 +206,9 @@ fn next_stage<S: Simd, const N: usize>(
 fn carry_out_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    mind: &DriverContext<'_, S>,
     i: usize,
+    context: &DriverContext<S>,
     intent: &Intent<S>,
-    decision: u32,
 ) {
     let (constants, zero) = (&params.constants, splat(params.simd, 0.0));
     let (faster, slower) = (
@@ -265,14 +218,14 @@ fn carry_out_intent<S: Simd, const N: usize>(
     assign_where(
         &mut state.overtake.target_slot[i],
         intent.starts_pull_out,
-        mind.neighbours.slot[LEADER],
+        context.neighbours.slot[LEADER],
     );
     if params.road.directions.has_oncoming_traffic {
-        let beside = overtakes_next_vehicle(state, params, i, mind);
+        let beside = overtakes_next_vehicle(state, params, i, context);
         assign_where(
             &mut state.overtake.target_slot[i],
             beside,
-            mind.neighbours.slot[RIGHT_LEADER],
+            context.neighbours.slot[RIGHT_LEADER],
         );
     }
     let broken_off = intent.cancels_pull_out | intent.cancels_return;
@@ -290,7 +243,15 @@ fn carry_out_intent<S: Simd, const N: usize>(
     } else {
         None
     };
-    start_lane_changes(state, params, i, sides, mind.beliefs, hasty, decision);
+    start_lane_changes(
+        state,
+        params,
+        i,
+        sides,
+        &context.beliefs,
+        hasty,
+        context.decision_index,
+    );
     let moved = faster | slower;
     let kept = select(
         state.overtake.time_indicating[i].simd_gt(0.0),

@@ -35,13 +35,13 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    mind: &DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> PassContinuation<S> {
     let (constants, own, near, coming) = (
         &params.constants,
         &params.vehicles[i],
-        mind.neighbours,
-        &mind.oncoming.nearest,
+        &context.neighbours,
+        &context.oncoming.nearest,
     );
     let out = is_before_return(state, i);
     let other = at_slot!(
@@ -65,7 +65,7 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
     );
     let gives_up =
         lead.simd_gt(0.0) & (rest + constants.abort_margin).simd_gt(there) & back.simd_lt(rest);
-    let no_time = must_return_before_next(state, params, i, mind);
+    let no_time = must_return_before_next(state, params, i, context);
     let room = near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER];
     let left = own.return_time_gap * tall_vehicle_gap_factor(params, state.overtake.target_slot[i]);
     let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
@@ -82,8 +82,8 @@ pub fn decide_pass_continuation<S: Simd, const N: usize>(
         faster * (constants.brake_ramp + faster / (2.0 * brake))
     };
     let (front, closing) = (
-        mind.beliefs.gap[RIGHT_LEADER],
-        mind.beliefs.closing_speed[RIGHT_LEADER],
+        context.beliefs.gap[RIGHT_LEADER],
+        context.beliefs.closing_speed[RIGHT_LEADER],
     );
     let fits = (lead - gained(faster)).simd_gt(bodies)
         & (front - gained(closing)).simd_gt(constants.min_return_gap);
@@ -102,7 +102,7 @@ fn must_return_before_next<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    mind: &DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> Mask<S> {
     let passes = is_in_stage(state, i, stage::PASS);
     if !passes.any_true() {
@@ -111,17 +111,17 @@ fn must_return_before_next<S: Simd, const N: usize>(
     let (constants, own, coming) = (
         &params.constants,
         &params.vehicles[i],
-        &mind.oncoming.nearest,
+        &context.oncoming.nearest,
     );
     let target_slot = state.overtake.target_slot[i];
     let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
     let past = passes & state.motion.s[i].simd_gt(target_s);
     let (gap, closing) = (
-        mind.beliefs.gap[RIGHT_LEADER],
-        mind.beliefs.closing_speed[RIGHT_LEADER],
+        context.beliefs.gap[RIGHT_LEADER],
+        context.beliefs.closing_speed[RIGHT_LEADER],
     );
     let next_one = state.motion.vx[i] - closing;
-    let bodies = 2.0 * (mind.neighbours.half_length[RIGHT_LEADER] + own.half_length);
+    let bodies = 2.0 * (context.neighbours.half_length[RIGHT_LEADER] + own.half_length);
     let way = gap + bodies + constants.min_return_gap;
     let longer = time_to_pass(
         state,
@@ -150,19 +150,19 @@ pub fn overtakes_next_vehicle<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    mind: &DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> Mask<S> {
     let passes = is_in_stage(state, i, stage::PASS);
     if !passes.any_true() {
         return passes;
     }
-    let near = mind.neighbours;
+    let near = &context.neighbours;
     let target_slot = state.overtake.target_slot[i];
     let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
     let past = passes & state.motion.s[i].simd_gt(target_s);
     let beside = near.gap[RIGHT_LEADER].simd_lt(params.constants.min_return_gap);
-    let follows =
-        must_return_before_next(state, params, i, mind) | state.overtake.must_abort[i].simd_gt(0.0);
+    let follows = must_return_before_next(state, params, i, context)
+        | state.overtake.must_abort[i].simd_gt(0.0);
     past & beside & near.slot[RIGHT_LEADER].simd_ge(0.0) & !follows
 }
 
@@ -205,7 +205,7 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     i: usize,
-    mind: &DriverContext<'_, S>,
+    context: &DriverContext<S>,
 ) -> F32<S> {
     let free = splat(params.simd, FAR);
     let yields = state.overtake.must_abort[i].simd_gt(0.0);
@@ -215,8 +215,8 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
     let (constants, own, near, believed) = (
         &params.constants,
         &params.vehicles[i],
-        mind.neighbours,
-        mind.beliefs,
+        &context.neighbours,
+        &context.beliefs,
     );
     let (gap, closing) = (
         believed.gap[RIGHT_LEADER],
@@ -250,7 +250,7 @@ pub fn accel_limit_while_passing<S: Simd, const N: usize>(
         believed.accel[RIGHT_LEADER],
     );
     let capped = select(
-        must_return_before_next(state, params, i, mind),
+        must_return_before_next(state, params, i, context),
         fitting,
         free,
     );

@@ -8,6 +8,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::collisions::resolve_pair;
+use crate::decision_context::RoadPositions;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{
     F32, SIMD_LANES, at_least, clamp, clamp_to, dispatch, min, select, splat,
@@ -271,13 +272,14 @@ fn resolve_pairs<S: Simd>(
         simd.vectorize(
             #[inline(always)]
             || {
-                let (old_positions, stride) = ((old_s, old_d), params.derived.fine);
+                let step_start = RoadPositions { s: old_s, d: old_d };
+                let stride = params.derived.fine;
                 let in_all_lanes = zero.simd_eq(0.0);
                 resolve_pair(
                     &mut state,
                     &params,
                     in_all_lanes,
-                    &old_positions,
+                    &step_start,
                     (0, &stride),
                     (0, 1),
                 );

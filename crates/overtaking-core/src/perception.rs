@@ -3,6 +3,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
+use crate::decision_context::DriverContext;
 use crate::math::elementary::exp;
 use crate::math::philox::{GLANCES, uniform, words};
 use crate::math::vectors::{
@@ -42,7 +43,7 @@ pub struct Beliefs<S: Simd> {
 impl<S: Simd> Beliefs<S> {
     /// Before anyone has looked.
     #[inline(always)]
-    pub fn nothing(simd: S) -> Self {
+    pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         Self {
             is_detected: [zero.simd_lt(zero); NUM_ROLES],
@@ -339,19 +340,17 @@ pub fn sense_looming<S: Simd, const N: usize>(
     (excess.simd_gt(0.0), clear, share, sensed)
 }
 
-/// What driver `i` believes about the six neighbours.
-#[allow(clippy::too_many_arguments)]
+/// Update what driver `i` believes about its six neighbours.
 #[inline(always)]
 pub fn form_beliefs<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    bodies: &[VisibleBody<S>; N],
-    near: &Neighbours<S>,
     i: usize,
-    decision: usize,
-    looks: Mask<S>,
-    believed: &mut Beliefs<S>,
+    bodies: &[VisibleBody<S>; N],
+    context: &mut DriverContext<S>,
 ) {
+    let (near, believed) = (&context.neighbours, &mut context.beliefs);
+    let (looks, decision) = (context.checks_mirrors, context.decision_index);
     let (constants, simulation, vehicle) =
         (&params.constants, &params.simulations, &params.vehicles[i]);
     let zero = splat(params.simd, 0.0);
@@ -370,7 +369,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         near.gap[LEADER].simd_lt(constants.urgent_time * (state.motion.vx[i] - leader_speed));
     let (own_speed, _) = state.road_velocity(i);
     let judged = exp(simulation.distance_error * state.noise.distance_error[i]);
-    *believed = Beliefs::nothing(params.simd);
+    *believed = Beliefs::none(params.simd);
     let leader = watched(LEFT_LEADER).then(|| TallLeader::new(params, near));
     let before = (
         state.attention.slot_in_view[i],

@@ -6,24 +6,38 @@ pub(crate) mod output;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16, u32x16};
 
+use crate::decision_context::DriverContext;
+use crate::gap_acceptance::Intent;
 use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, clamp_to, select, splat};
 use crate::names::lights;
-use crate::neighbour_search::Neighbours;
 use crate::oncoming::OncomingVehicle;
 use crate::params::Params;
-use crate::perception::Beliefs;
 use crate::recorder::frame_tiles::{
     FRAMES_PER_TILE, FrameTile, NUM_PACKED_WORDS, NUM_STATE_WORDS, Row, packed, put_tile, transpose,
 };
 use crate::recorder::output::{MAX_PERCEPTS, Output};
-use crate::state::{EGO_SLOT, LEFT_LEADER, State};
+use crate::state::{
+    EGO_SLOT, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
+};
 
-/// Which decision a percept was written down for.
+/// The manoeuvre at which a percept is recorded.
 #[derive(Clone, Copy)]
 pub enum ManoeuvreKind {
     PullOut = 0,
     Return = 1,
     Cancel = 2,
+}
+
+/// Percepts of three vehicles at a manoeuvre of the ego.
+struct RecordedPercepts<'a, S: Simd> {
+    /// Simulations in which the ego makes the manoeuvre at this step.
+    made: Mask<S>,
+    kind: ManoeuvreKind,
+    /// Roles of the leader, and of the leader and the follower in the lane that is entered.
+    roles: [usize; 3],
+    /// Oncoming vehicle in place of the leader in the left lane.
+    oncoming: Option<&'a OncomingVehicle<S>>,
+    step: u32,
 }
 
 /// Collects the recorded integers of a block and hashes them.
@@ -162,24 +176,63 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Write down what the ego believed at a decision, as long as there is room.
-    #[allow(clippy::too_many_arguments)]
+    /// Record what the ego believes at each manoeuvre that it starts or cancels.
     #[inline(always)]
-    pub fn record_percepts<S: Simd>(
+    pub fn record_manoeuvres<S: Simd>(
         &mut self,
         state: &mut State<S, N>,
         params: &Params<S, N>,
-        near: &Neighbours<S>,
-        believed: &Beliefs<S>,
-        mask: Mask<S>,
-        kind: ManoeuvreKind,
-        roles: [usize; 3],
+        context: &DriverContext<S>,
+        intent: &Intent<S>,
         step: u32,
-        oncoming: Option<&OncomingVehicle<S>>,
     ) {
+        let left = [LEADER, LEFT_LEADER, LEFT_FOLLOWER];
+        let right = [LEADER, RIGHT_LEADER, RIGHT_FOLLOWER];
+        // On two-way roads the oncoming vehicle is recorded as leader of the lane that is entered.
+        let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
+        let oncoming = has_oncoming_traffic.then_some(&context.oncoming.nearest);
+        for (made, kind, roles, oncoming) in [
+            (
+                intent.starts_pull_out,
+                ManoeuvreKind::PullOut,
+                left,
+                oncoming,
+            ),
+            (intent.cancels_pull_out, ManoeuvreKind::Cancel, right, None),
+            (intent.cancels_return, ManoeuvreKind::Cancel, left, None),
+            (intent.starts_return, ManoeuvreKind::Return, right, None),
+        ] {
+            let percepts = RecordedPercepts {
+                made,
+                kind,
+                roles,
+                oncoming,
+                step,
+            };
+            self.record_percepts(state, params, context, &percepts);
+        }
+    }
+
+    /// Record what the ego believes, and what is true, where it makes a manoeuvre and has fewer than `MAX_PERCEPTS`.
+    #[inline(always)]
+    fn record_percepts<S: Simd>(
+        &mut self,
+        state: &mut State<S, N>,
+        params: &Params<S, N>,
+        context: &DriverContext<S>,
+        percepts: &RecordedPercepts<'_, S>,
+    ) {
+        let (near, believed) = (&context.neighbours, &context.beliefs);
+        let RecordedPercepts {
+            made,
+            kind,
+            roles,
+            oncoming,
+            step,
+        } = *percepts;
         let now = splat(params.simd, step as f32);
         let mask =
-            mask & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
+            made & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
         if !mask.any_true() {
             return;
         }

@@ -259,7 +259,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         first: u32,
         inputs: &Inputs<'_>,
         action_log: Option<&ActionLog<'_>>,
-        driver: DriverContext<'_, S>,
+        driver: &DriverContext<S>,
         context: &mut DecisionContext<S, N>,
     ) {
         let (stride, steps) = self.step_length(inputs);

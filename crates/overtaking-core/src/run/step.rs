@@ -11,18 +11,18 @@ use fearless_simd::prelude::*;
 use crate::acceleration;
 use crate::acceleration::accel_for_oncoming;
 use crate::collisions::{Pairs, pairs_that_may_touch, resolve_contacts, wreck_off_road_vehicles};
-use crate::decision_context::{DecisionContext, DriverContext};
+use crate::decision_context::{DecisionContext, DriverContext, RoadPositions};
 use crate::ego_action::EgoAction;
 use crate::lane_change;
-use crate::math::vectors::{F32, Mask, min, splat, with_cpu_features};
+use crate::math::vectors::{F32, min, splat, with_cpu_features};
 use crate::neighbour_search::{VisibleBody, find_neighbours};
 use crate::oncoming::observe_oncoming;
-use crate::overtake;
+use crate::overtake::{self, EgoDecision};
 use crate::params::{Params, SUBSTEPS, StepLength};
 use crate::pass_continuation::accel_limit_while_passing;
 use crate::recorder::Recorder;
 use crate::road_conditions;
-use crate::state::{EGO_SLOT, PerVehicle, State};
+use crate::state::{EGO_SLOT, State};
 use crate::vehicle_dynamics;
 use crate::vehicle_dynamics::MotionStep;
 use crate::{perception, steering};
@@ -41,16 +41,9 @@ pub fn decide<S: Simd, const N: usize>(
     orders: Option<&EgoAction<S>>,
 ) {
     perceive(state, params, context, step, orders.is_some());
-    drive_others(state, params, context, step);
-    drive_ego(
-        state,
-        params,
-        context.of_ego(),
-        recorder,
-        pairs,
-        step,
-        orders,
-    );
+    drive_others(state, params, context);
+    let driver = &context.drivers[EGO_SLOT];
+    drive_ego(state, params, driver, recorder, pairs, step, orders);
 }
 
 /// Update weather and friction, then find the neighbours and the beliefs of every driver.
@@ -67,13 +60,9 @@ pub fn perceive<S: Simd, const N: usize>(
     let decision = step / SUBSTEPS;
     update_surroundings(state, params, step);
     let DecisionContext {
+        drivers,
         bodies,
-        neighbours,
-        beliefs,
-        checks_mirrors,
-        oncoming,
         oncoming_search,
-        gives_way,
         ..
     } = context;
     let two_way = params.road.directions.has_oncoming_traffic;
@@ -86,17 +75,13 @@ pub fn perceive<S: Simd, const N: usize>(
         }
     });
     for i in 0..params.num_slots_in_use {
-        let (neighbours, beliefs) = (&mut neighbours[i], &mut beliefs[i]);
-        let checks_mirrors = &mut checks_mirrors[i];
+        let driver = &mut drivers[i];
+        driver.decision_index = decision;
         let mut needs_adjacent_lanes = false;
         with_cpu_features!(params.simd, {
-            needs_adjacent_lanes = update_gaze(
-                state,
-                params,
-                (i, decision, ego_may_change_any_time),
-                checks_mirrors,
-            );
+            needs_adjacent_lanes = update_gaze(state, params, i, driver, ego_may_change_any_time);
         });
+        let neighbours = &mut driver.neighbours;
         // The four variants (1 or 3 lanes, one or two directions) are compiled separately: a common loop would need
         // more registers than the CPU has.
         match (needs_adjacent_lanes, two_way) {
@@ -114,41 +99,23 @@ pub fn perceive<S: Simd, const N: usize>(
             }),
         }
         if two_way {
-            let oncoming = &mut oncoming[i];
             with_cpu_features!(params.simd, {
                 // Other drivers need beliefs about oncoming vehicles only when they look, or while they overtake.
-                let needs_beliefs =
-                    i == EGO_SLOT || (*checks_mirrors | oncoming_search.overtakes[i]).any_true();
-                observe_oncoming(
-                    state,
-                    params,
-                    (&*bodies, &*oncoming_search),
-                    neighbours,
-                    i,
-                    decision as usize,
-                    needs_beliefs,
-                    oncoming,
-                );
+                let needs_beliefs = i == EGO_SLOT
+                    || (driver.checks_mirrors | oncoming_search.overtakes[i]).any_true();
+                let traffic = (&*bodies, &*oncoming_search);
+                observe_oncoming(state, params, i, traffic, needs_beliefs, driver);
             });
         }
         // The function writes the beliefs in place: a value that is returned from a function with other CPU features
         // passes through memory twice.
         with_cpu_features!(params.simd, {
-            perception::form_beliefs(
-                state,
-                params,
-                bodies,
-                neighbours,
-                i,
-                decision as usize,
-                *checks_mirrors,
-                beliefs,
-            );
+            perception::form_beliefs(state, params, i, bodies, driver);
         });
     }
     with_cpu_features!(
         params.simd,
-        *gives_way = lane_change::gives_way(
+        drivers[EGO_SLOT].gives_way = lane_change::gives_way(
             state,
             params,
             bodies,
@@ -158,7 +125,7 @@ pub fn perceive<S: Simd, const N: usize>(
     );
 }
 
-/// Update where driver `i` looks at a decision: `checks_mirrors` is set where the driver looks at the adjacent lanes.
+/// Update `checks_mirrors` of driver `i`: whether it looks at the adjacent lanes at this decision.
 ///
 /// Returns whether the neighbours in the adjacent lanes are needed in any simulation of the block: where the driver
 /// looks there, where a lane change is under way, or where the ego may change lanes without a look.
@@ -166,18 +133,21 @@ pub fn perceive<S: Simd, const N: usize>(
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    (i, decision, ego_may_change_any_time): (usize, u32, bool),
-    checks_mirrors: &mut Mask<S>,
+    i: usize,
+    driver: &mut DriverContext<S>,
+    ego_may_change_any_time: bool,
 ) -> bool {
+    let decision = driver.decision_index;
     if decision == 0 {
         let exists = params.vehicles[i].valid.simd_gt(0.0);
         perception::draw_shoulder_check(state, params, i, exists, decision);
     }
-    *checks_mirrors = perception::checks_mirrors_now(state, params, i, decision);
+    let mut checks_mirrors = perception::checks_mirrors_now(state, params, i, decision);
     if params.road.directions.has_oncoming_traffic {
         // A driver in the opposing lane looks at every decision.
-        *checks_mirrors |= state.lane_choice.lane[i].simd_ge(1.0);
+        checks_mirrors |= state.lane_choice.lane[i].simd_ge(1.0);
     }
+    driver.checks_mirrors = checks_mirrors;
     let is_changing_lane = state.path.elapsed[i].simd_lt(state.path.duration[i]);
     // An ego with a forced decision, or one that accepts every gap, may change lanes at any decision, and the recorder
     // then needs the vehicles of the lane that it enters.
@@ -185,7 +155,7 @@ fn update_gaze<S: Simd, const N: usize>(
     let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0);
     let may_change_any_time =
         i == EGO_SLOT && (ego_may_change_any_time || (accepts_every_gap | is_forced).any_true());
-    may_change_any_time || (*checks_mirrors | is_changing_lane).any_true()
+    may_change_any_time || (checks_mirrors | is_changing_lane).any_true()
 }
 
 /// Decide for all drivers but the ego: acceleration first, then lane changes or overtakes.
@@ -196,28 +166,16 @@ pub fn drive_others<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     context: &DecisionContext<S, N>,
-    step: u32,
 ) {
     let DecisionContext {
-        bodies,
-        neighbours,
-        beliefs,
-        checks_mirrors,
-        oncoming,
-        ..
+        drivers, bodies, ..
     } = context;
     // Short loops over all vehicles, so that the CPU works on several vehicles at once.
     let mut accel_limit = [splat(params.simd, 0.0); N];
     for i in 1..params.num_slots_in_use {
         accel_limit[i] = with_cpu_features!(
             params.simd,
-            acceleration::accel_behind_leader(
-                state,
-                params,
-                i,
-                (&neighbours[i], &beliefs[i]),
-                oncoming[i].is_being_passed
-            )
+            acceleration::accel_behind_leader(state, params, i, &drivers[i])
         );
     }
     if params.road.directions.has_oncoming_traffic {
@@ -225,49 +183,40 @@ pub fn drive_others<S: Simd, const N: usize>(
             with_cpu_features!(params.simd, {
                 accel_limit[i] = min(
                     accel_limit[i],
-                    accel_for_oncoming(state, params, i, &oncoming[i]),
+                    accel_for_oncoming(state, params, i, &drivers[i].oncoming),
                 );
                 accel_limit[i] = min(
                     accel_limit[i],
-                    accel_limit_while_passing(state, params, i, &context.of_other(i)),
+                    accel_limit_while_passing(state, params, i, &drivers[i]),
                 );
             });
         }
     }
     for i in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            let requested = acceleration::requested_accel(
-                state,
-                params,
-                i,
-                (&neighbours[i], &beliefs[i]),
-                oncoming[i].is_being_passed,
-                accel_limit[i],
-            );
+            let requested =
+                acceleration::requested_accel(state, params, i, &drivers[i], accel_limit[i]);
             acceleration::apply_pedals(state, params, i, requested);
         });
     }
     if params.road.directions.has_oncoming_traffic {
         for i in 1..params.num_slots_in_use {
-            let driver = context.of_other(i);
             with_cpu_features!(
                 params.simd,
-                overtake::decide_other(state, params, driver, i, step)
+                overtake::decide_other(state, params, i, &drivers[i])
             );
         }
         return;
     }
-    for i in (1..params.num_slots_in_use).filter(|i| checks_mirrors[*i].any_true()) {
+    for i in (1..params.num_slots_in_use).filter(|i| drivers[*i].checks_mirrors.any_true()) {
         with_cpu_features!(params.simd, {
             lane_change::change_lanes_by_mobil(
                 state,
                 params,
-                bodies,
                 i,
-                &beliefs[i],
+                bodies,
+                &drivers[i],
                 accel_limit[i],
-                checks_mirrors[i],
-                step / SUBSTEPS,
             );
         });
     }
@@ -280,7 +229,7 @@ pub fn drive_others<S: Simd, const N: usize>(
 pub fn drive_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    driver: DriverContext<'_, S>,
+    driver: &DriverContext<S>,
     recorder: &mut Recorder<'_, N>,
     pairs: &mut Pairs<S>,
     step: u32,
@@ -290,42 +239,38 @@ pub fn drive_ego<S: Simd, const N: usize>(
         let two_way = params.road.directions.has_oncoming_traffic;
         // Computed under an external driver, too, because the function also switches the ego's headlamp flash.
         let oncoming_limit = if two_way {
-            Some(accel_for_oncoming(state, params, EGO_SLOT, driver.oncoming))
+            Some(accel_for_oncoming(
+                state,
+                params,
+                EGO_SLOT,
+                &driver.oncoming,
+            ))
         } else {
             None
         };
-        let is_being_passed = driver.oncoming.is_being_passed;
         // No closure here: the compiler may compile it as a separate function without the features of the CPU.
         let requested = if let Some(ordered) = orders.and_then(EgoAction::requested_accel) {
             ordered
         } else {
-            let mut accel_limit = acceleration::accel_behind_leader(
-                state,
-                params,
-                EGO_SLOT,
-                (driver.neighbours, driver.beliefs),
-                is_being_passed,
-            );
+            let mut accel_limit =
+                acceleration::accel_behind_leader(state, params, EGO_SLOT, driver);
             if let Some(oncoming_limit) = oncoming_limit {
                 accel_limit = min(
                     min(accel_limit, oncoming_limit),
-                    accel_limit_while_passing(state, params, EGO_SLOT, &driver),
+                    accel_limit_while_passing(state, params, EGO_SLOT, driver),
                 );
             }
-            acceleration::requested_accel(
-                state,
-                params,
-                EGO_SLOT,
-                (driver.neighbours, driver.beliefs),
-                is_being_passed,
-                accel_limit,
-            )
+            acceleration::requested_accel(state, params, EGO_SLOT, driver, accel_limit)
         };
         acceleration::apply_pedals(state, params, EGO_SLOT, requested);
     });
+    let decision = EgoDecision {
+        step,
+        action: orders,
+    };
     with_cpu_features!(
         params.simd,
-        overtake::decide_ego(state, params, driver, recorder, step, orders)
+        overtake::decide_ego(state, params, driver, recorder, &decision)
     );
     with_cpu_features!(params.simd, {
         if params.road.directions.has_oncoming_traffic {
@@ -409,7 +354,7 @@ pub fn advance<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     pairs: &Pairs<S>,
-    positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
+    positions: &mut RoadPositions<S, N>,
     step: u32,
     stride: &StepLength,
     wheel: Option<F32<S>>,
@@ -438,14 +383,14 @@ fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     pairs: &Pairs<S>,
-    positions: &mut (PerVehicle<S, N>, PerVehicle<S, N>),
+    positions: &mut RoadPositions<S, N>,
     stride: &StepLength,
     wheel: Option<F32<S>>,
 ) {
     if !pairs.is_empty() {
         // A collision is found between the positions before and after the step.
         for i in 0..params.num_slots_in_use {
-            (positions.0[i], positions.1[i]) = (state.motion.s[i], state.motion.d[i]);
+            (positions.s[i], positions.d[i]) = (state.motion.s[i], state.motion.d[i]);
         }
     }
     // Short loops over all vehicles, so that the CPU works on several vehicles at once.

@@ -15,19 +15,16 @@ use rayon::prelude::*;
 
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
-use crate::math::vectors::{Mask, SIMD_LANES, with_cpu_features};
-use crate::neighbour_search::Neighbours;
+use crate::math::vectors::{SIMD_LANES, with_cpu_features};
 use crate::observation_table::{
     OBSERVATION_SIZE, ObservationSource, ObservationTable, observation_table,
 };
-use crate::oncoming::OncomingTraffic;
 use crate::params::SUBSTEPS;
-use crate::perception::Beliefs;
 use crate::recorder::output::{Output, Storage};
 use crate::run::block::{Block, merge};
 use crate::run::engine::{Inputs, SimulationOutput, divide_into_shares, order_by_similarity};
 use crate::run::step::{drive_others, perceive};
-use crate::state::{History, new_history};
+use crate::state::{EGO_SLOT, History, new_history};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
 /// Number of decisions between two attempts to merge blocks whose simulations have ended. Chosen.
@@ -267,7 +264,7 @@ impl<'a, S: Simd, const N: usize> SteppedBatch<'a, S, N> {
         }
         self.shares.push(StepGroup {
             blocks,
-            perceptions: Vec::new(),
+            ego_contexts: Vec::new(),
             initial_rows,
             number,
             step: 0,
@@ -350,39 +347,6 @@ impl<'a, S: Simd, const N: usize> SteppedBatch<'a, S, N> {
     }
 }
 
-/// The perception of the egos of a block at a decision: a copy of a `DriverContext`.
-///
-/// A request ends between perception and the ego's choice, and the working memory serves all blocks of a thread.
-struct EgoPerception<S: Simd> {
-    neighbours: Neighbours<S>,
-    beliefs: Beliefs<S>,
-    oncoming: OncomingTraffic<S>,
-    checks_mirrors: Mask<S>,
-    gives_way: Mask<S>,
-}
-
-impl<S: Simd> EgoPerception<S> {
-    fn copy_of(driver: DriverContext<'_, S>) -> Self {
-        Self {
-            neighbours: *driver.neighbours,
-            beliefs: *driver.beliefs,
-            oncoming: *driver.oncoming,
-            checks_mirrors: driver.checks_mirrors,
-            gives_way: driver.gives_way,
-        }
-    }
-
-    fn driver_context(&self) -> DriverContext<'_, S> {
-        DriverContext {
-            neighbours: &self.neighbours,
-            beliefs: &self.beliefs,
-            oncoming: &self.oncoming,
-            checks_mirrors: self.checks_mirrors,
-            gives_way: self.gives_way,
-        }
-    }
-}
-
 /// The rows of the answer in which a share writes the observations of its egos.
 struct ShareRows<'r, 'o> {
     source: ObservationSource,
@@ -409,8 +373,8 @@ enum Writes {
 /// A share: blocks that began at the same request and that one thread advances together.
 struct StepGroup<'a, S: Simd, const N: usize> {
     blocks: Vec<Box<Block<'a, S, N>>>,
-    /// Perception of the egos of each block at the present decision.
-    perceptions: Vec<EgoPerception<S>>,
+    /// Context of the egos of each block at the present decision, which `observe` keeps for the next request.
+    ego_contexts: Vec<DriverContext<S>>,
     /// Rows of the simulations that began in this share.
     initial_rows: Vec<usize>,
     /// Number of the share, as in `SteppedBatch::owners`.
@@ -435,8 +399,7 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
         context: &mut DecisionContext<S, N>,
         request_start: u32,
     ) {
-        for (block, perception) in self.blocks.iter_mut().zip(&self.perceptions) {
-            let driver = perception.driver_context();
+        for (block, driver) in self.blocks.iter_mut().zip(&self.ego_contexts) {
             block.advance_to_decision(self.step, inputs, action_log, driver, context);
         }
         self.step += SUBSTEPS;
@@ -459,14 +422,14 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
         if self.blocks.iter().all(|block| block.num_running() > 0) {
             return;
         }
-        let perceptions = std::mem::take(&mut self.perceptions);
-        for (block, perception) in std::mem::take(&mut self.blocks)
+        let ego_contexts = std::mem::take(&mut self.ego_contexts);
+        for (block, ego_context) in std::mem::take(&mut self.blocks)
             .into_iter()
-            .zip(perceptions)
+            .zip(ego_contexts)
         {
             if block.num_running() > 0 {
                 self.blocks.push(block);
-                self.perceptions.push(perception);
+                self.ego_contexts.push(ego_context);
             } else {
                 self.free_histories.push(block.state.attention.history);
             }
@@ -483,7 +446,7 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
         first_step: u32,
         writes: Writes,
     ) {
-        self.perceptions.clear();
+        self.ego_contexts.clear();
         for block in &mut self.blocks {
             let Block {
                 state,
@@ -504,11 +467,10 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                     && (writes == Writes::All || !runs(lane))
             };
             if (0..SIMD_LANES).any(is_written) {
-                let driver = context.of_ego();
-                let decision = (self.step / SUBSTEPS) as usize;
+                let driver = &context.drivers[EGO_SLOT];
                 let table: ObservationTable<S> = with_cpu_features!(
                     params.simd,
-                    observation_table(state, params, driver, rows.source, decision)
+                    observation_table(state, params, driver, rows.source)
                 );
                 for lane in (0..SIMD_LANES).filter(|lane| is_written(*lane)) {
                     let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {
@@ -521,9 +483,8 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                     *row.num_decisions = (self.step - first_step) / SUBSTEPS;
                 }
             }
-            drive_others(state, params, context, self.step);
-            self.perceptions
-                .push(EgoPerception::copy_of(context.of_ego()));
+            drive_others(state, params, context);
+            self.ego_contexts.push(context.drivers[EGO_SLOT]);
         }
     }
 }
