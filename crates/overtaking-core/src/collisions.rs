@@ -8,6 +8,7 @@ use crate::math::elementary::sincos;
 use crate::math::vectors::{F32, Mask, assign_where, clamp, clamp_to, max, min, select, splat};
 use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, State, in_opposite_frame, stage};
+use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;
@@ -45,7 +46,7 @@ pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
     pairs.clear();
     for i in 0..params.num_slots_in_use {
         for j in i + 1..params.num_slots_in_use {
-            let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
+            let (s, d) = state.vehicle(params, i).position_of::<TWO_WAY>(j);
             let along = (s - state.motion.s[i])
                 .abs()
                 .simd_lt(vehicles[i].half_length + vehicles[j].half_length + constants.near_gap);
@@ -136,10 +137,10 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
     (i, j): (usize, usize),
 ) {
     let (constants, vehicles) = (&params.constants, &params.vehicles);
-    let turn = pair_frame(params, i, j);
+    let turn = state.vehicle(params, i).pair_frame(j);
     let (a, b) = (
-        oriented_box(state, params, i, None),
-        oriented_box(state, params, j, turn),
+        state.vehicle(params, i).oriented_box(None),
+        state.vehicle(params, j).oriented_box(turn),
     );
     let was = in_first_frame(params, turn, step_start.s[j], step_start.d[j]);
     let then = (was.0 - step_start.s[i], was.1 - step_start.d[i]);
@@ -154,32 +155,26 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
         return;
     }
     let share = 1.0 - clamp_to(overlap.0, 0.0, 1.0);
-    let a = box_at(
-        state,
-        params,
-        i,
-        step_start,
-        (share, share * stride.length),
-        None,
-    );
-    let b = box_at(
-        state,
-        params,
-        j,
-        step_start,
-        (share, share * stride.length),
-        turn,
-    );
+    let a = state
+        .vehicle(params, i)
+        .box_at(step_start, (share, share * stride.length), None);
+    let b = state
+        .vehicle(params, j)
+        .box_at(step_start, (share, share * stride.length), turn);
     let (enter, leave, along, across) = swept_overlap(&a, &b, then, now);
     let within = is_within_step(enter, leave);
     let enter = clamp_to(enter, 0.0, 1.0);
     // Levers of any other instant than the one that the pair goes on from would make spin.
     let turned = share * stride.length;
-    let a = box_at(state, params, i, step_start, (1.0 - enter, turned), None);
-    let b = box_at(state, params, j, step_start, (1.0 - enter, turned), turn);
+    let a = state
+        .vehicle(params, i)
+        .box_at(step_start, (1.0 - enter, turned), None);
+    let b = state
+        .vehicle(params, j)
+        .box_at(step_start, (1.0 - enter, turned), turn);
     let (arm_a, arm_b) = contact_arms(&a, &b);
-    let velocity_a = point_velocity(state, i, arm_a, None);
-    let velocity_b = point_velocity(state, j, arm_b, turn);
+    let velocity_a = state.vehicle(params, i).point_velocity(arm_a, None);
+    let velocity_b = state.vehicle(params, j).point_velocity(arm_b, turn);
     let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
     let instant = step as f32 * constants.step + enter * stride.length;
     let runs = instant.simd_lt(state.end_step * constants.step);
@@ -239,13 +234,16 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
 /// one direction.
 type PairFrame<S> = Option<F32<S>>;
 
-#[inline(always)]
-fn pair_frame<S: Simd, const N: usize>(params: &Params<S, N>, i: usize, j: usize) -> PairFrame<S> {
-    params
-        .road
-        .directions
-        .has_oncoming_traffic
-        .then(|| params.vehicles[i].travel_sign * params.vehicles[j].travel_sign)
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    #[inline(always)]
+    fn pair_frame(self, j: usize) -> PairFrame<S> {
+        let params = self.params;
+        params
+            .road
+            .directions
+            .has_oncoming_traffic
+            .then(|| self.vehicle().travel_sign * params.vehicles[j].travel_sign)
+    }
 }
 
 /// A position of the second vehicle of a pair in the frame of the first.
@@ -295,50 +293,48 @@ fn extent<S: Simd>(body: &OrientedBox<S>) -> Vector<S> {
     )
 }
 
-#[inline(always)]
-fn oriented_box<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    turn: PairFrame<S>,
-) -> OrientedBox<S> {
-    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
-    let (half_length, half_width) = (
-        params.vehicles[i].half_length,
-        params.vehicles[i].half_width,
-    );
-    let (s, d) = in_first_frame(params, turn, state.motion.s[i], state.motion.d[i]);
-    OrientedBox {
-        s,
-        d,
-        sine: turn.map_or(sine, |turn| turn * sine),
-        cosine: turn.map_or(cosine, |turn| turn * cosine),
-        half_length,
-        half_width,
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    #[inline(always)]
+    fn oriented_box(self, turn: PairFrame<S>) -> OrientedBox<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (sine, cosine) = (
+            state.motion.sin_heading[slot],
+            state.motion.cos_heading[slot],
+        );
+        let (half_length, half_width) = (self.vehicle().half_length, self.vehicle().half_width);
+        let (s, d) = in_first_frame(params, turn, state.motion.s[slot], state.motion.d[slot]);
+        OrientedBox {
+            s,
+            d,
+            sine: turn.map_or(sine, |turn| turn * sine),
+            cosine: turn.map_or(cosine, |turn| turn * cosine),
+            half_length,
+            half_width,
+        }
     }
-}
 
-/// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
-#[inline(always)]
-fn box_at<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    step_start: &RoadPositions<S, N>,
-    (share, left): (F32<S>, F32<S>),
-    turn: PairFrame<S>,
-) -> OrientedBox<S> {
-    let (sine, cosine) = sincos(state.motion.heading[i] - left * state.motion.yaw_rate[i]);
-    let s = state.motion.s[i] - share * (state.motion.s[i] - step_start.s[i]);
-    let d = state.motion.d[i] - share * (state.motion.d[i] - step_start.d[i]);
-    let (s, d) = in_first_frame(params, turn, s, d);
-    OrientedBox {
-        s,
-        d,
-        sine: turn.map_or(sine, |turn| turn * sine),
-        cosine: turn.map_or(cosine, |turn| turn * cosine),
-        half_length: params.vehicles[i].half_length,
-        half_width: params.vehicles[i].half_width,
+    /// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
+    #[inline(always)]
+    fn box_at(
+        self,
+        step_start: &RoadPositions<S, N>,
+        (share, left): (F32<S>, F32<S>),
+        turn: PairFrame<S>,
+    ) -> OrientedBox<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (sine, cosine) =
+            sincos(state.motion.heading[slot] - left * state.motion.yaw_rate[slot]);
+        let s = state.motion.s[slot] - share * (state.motion.s[slot] - step_start.s[slot]);
+        let d = state.motion.d[slot] - share * (state.motion.d[slot] - step_start.d[slot]);
+        let (s, d) = in_first_frame(params, turn, s, d);
+        OrientedBox {
+            s,
+            d,
+            sine: turn.map_or(sine, |turn| turn * sine),
+            cosine: turn.map_or(cosine, |turn| turn * cosine),
+            half_length: self.vehicle().half_length,
+            half_width: self.vehicle().half_width,
+        }
     }
 }
 
@@ -415,46 +411,52 @@ fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: F32<S>, aside: F32<S>) -
     )
 }
 
-/// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
-#[inline(always)]
-fn point_velocity<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    i: usize,
-    arm: Vector<S>,
-    turn: PairFrame<S>,
-) -> Vector<S> {
-    let (sine, cosine) = (state.motion.sin_heading[i], state.motion.cos_heading[i]);
-    let along = state.motion.vx[i] * cosine - state.motion.vy[i] * sine;
-    let across = state.motion.vx[i] * sine + state.motion.vy[i] * cosine;
-    let (along, across) = turn.map_or((along, across), |turn| (turn * along, turn * across));
-    (
-        along - state.motion.yaw_rate[i] * arm.1,
-        across + state.motion.yaw_rate[i] * arm.0,
-    )
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
+    #[inline(always)]
+    fn point_velocity(self, arm: Vector<S>, turn: PairFrame<S>) -> Vector<S> {
+        let (state, slot) = (self.state, self.slot);
+        let (sine, cosine) = (
+            state.motion.sin_heading[slot],
+            state.motion.cos_heading[slot],
+        );
+        let along = state.motion.vx[slot] * cosine - state.motion.vy[slot] * sine;
+        let across = state.motion.vx[slot] * sine + state.motion.vy[slot] * cosine;
+        let (along, across) = turn.map_or((along, across), |turn| (turn * along, turn * across));
+        (
+            along - state.motion.yaw_rate[slot] * arm.1,
+            across + state.motion.yaw_rate[slot] * arm.0,
+        )
+    }
 }
 
-/// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
+/// Change the motion of vehicle `slot` by an impulse, and its place by what is left of the step.
 #[inline(always)]
 fn apply_impulse<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     impulse: F32<S>,
     normal: Vector<S>,
     lever: F32<S>,
     (hit, left): (Mask<S>, F32<S>),
 ) {
     let zero = splat(params.simd, 0.0);
-    let change = impulse * params.vehicles[i].inverse_mass;
-    let (along, across) = point_velocity(state, i, (zero, zero), None);
+    let change = impulse * params.vehicles[slot].inverse_mass;
+    let (along, across) = state
+        .vehicle(params, slot)
+        .point_velocity((zero, zero), None);
     let (along, across) = (along + change * normal.0, across + change * normal.1);
-    let spin = impulse * lever * params.vehicles[i].inverse_inertia;
-    state.motion.s[i] += left * (change * normal.0);
-    state.motion.d[i] += left * (change * normal.1);
-    state.motion.heading[i] += left * spin;
-    state.motion.yaw_rate[i] += spin;
-    let (sine, cosine) = sincos(state.motion.heading[i]);
-    state.motion.vx[i] = select(hit, along * cosine + across * sine, state.motion.vx[i]);
-    state.motion.vy[i] = select(hit, across * cosine - along * sine, state.motion.vy[i]);
-    (state.motion.sin_heading[i], state.motion.cos_heading[i]) = (sine, cosine);
+    let spin = impulse * lever * params.vehicles[slot].inverse_inertia;
+    state.motion.s[slot] += left * (change * normal.0);
+    state.motion.d[slot] += left * (change * normal.1);
+    state.motion.heading[slot] += left * spin;
+    state.motion.yaw_rate[slot] += spin;
+    let (sine, cosine) = sincos(state.motion.heading[slot]);
+    state.motion.vx[slot] = select(hit, along * cosine + across * sine, state.motion.vx[slot]);
+    state.motion.vy[slot] = select(hit, across * cosine - along * sine, state.motion.vy[slot]);
+    (
+        state.motion.sin_heading[slot],
+        state.motion.cos_heading[slot],
+    ) = (sine, cosine);
 }

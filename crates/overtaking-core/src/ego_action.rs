@@ -3,15 +3,12 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::gap_acceptance::{
-    Intent, can_cancel_pull_out, can_cancel_return, has_finished_lane_change, has_passed_target,
-    is_in_stage, update_indicator,
-};
+use crate::gap_acceptance::{Intent, update_indicator};
 use crate::math::vectors::{F32, Mask, SIMD_LANES, select, splat};
 use crate::names::ego_move;
 use crate::params::Params;
-use crate::pass_continuation::can_abort_pass;
 use crate::state::{EGO_SLOT, State, stage};
+use crate::vehicle_handle::VehicleHandle;
 
 /// Numbers of an action.
 pub const MAX_ACTION_PARTS: usize = 3;
@@ -116,26 +113,24 @@ impl<S: Simd> EgoAction<S> {
     }
 }
 
-/// Whether there is a faster lane, and no lane change under way.
-#[inline(always)]
-pub fn can_pull_out<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-) -> Mask<S> {
-    let settled =
-        is_in_stage(state, EGO_SLOT, stage::FOLLOW) | is_in_stage(state, EGO_SLOT, stage::PASS);
-    settled
-        & has_finished_lane_change(state, EGO_SLOT)
-        & state.lane_choice.lane[EGO_SLOT].simd_lt((params.road.num_lanes - 1) as f32)
-}
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Whether there is a faster lane, and no lane change under way.
+    #[inline(always)]
+    pub fn can_pull_out(self) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let settled = self.is_in_stage(stage::FOLLOW) | self.is_in_stage(stage::PASS);
+        settled
+            & self.has_finished_lane_change()
+            & state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32)
+    }
 
-/// Whether there is a slower lane, and no lane change under way that cannot be given up.
-#[inline(always)]
-pub fn can_return<S: Simd, const N: usize>(state: &State<S, N>) -> Mask<S> {
-    let follows =
-        is_in_stage(state, EGO_SLOT, stage::FOLLOW) & has_finished_lane_change(state, EGO_SLOT);
-    (follows | is_in_stage(state, EGO_SLOT, stage::PASS))
-        & state.lane_choice.lane[EGO_SLOT].simd_ge(1.0)
+    /// Whether there is a slower lane, and no lane change under way that cannot be given up.
+    #[inline(always)]
+    pub fn can_return(self) -> Mask<S> {
+        let (state, slot) = (self.state, self.slot);
+        let follows = self.is_in_stage(stage::FOLLOW) & self.has_finished_lane_change();
+        (follows | self.is_in_stage(stage::PASS)) & state.lane_choice.lane[slot].simd_ge(1.0)
+    }
 }
 
 /// What the ego sets out to do: what another driver asks for, where that is possible.
@@ -153,8 +148,8 @@ pub fn intent_from_action<S: Simd, const N: usize>(
     let turned = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
     state.overtake.time_indicating[EGO_SLOT] =
         select(turned, zero, state.overtake.time_indicating[EGO_SLOT]);
-    let start = can_pull_out(state, params) & side.simd_gt(0.0);
-    let back = can_return(state) & side.simd_lt(0.0);
+    let start = state.vehicle(params, EGO_SLOT).can_pull_out() & side.simd_gt(0.0);
+    let back = state.vehicle(params, EGO_SLOT).can_return() & side.simd_lt(0.0);
     update_indicator(state, params, EGO_SLOT, start, back);
     let [now, drops_out, drops_back] = if let Some(code) = orders.move_code() {
         let is = |which: f32| code.simd_eq(which);
@@ -169,9 +164,9 @@ pub fn intent_from_action<S: Simd, const N: usize>(
             .simd_gt(params.vehicles[EGO_SLOT].indicator_lead_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
-    let mut gives_up = can_cancel_pull_out(state, params, EGO_SLOT);
+    let mut gives_up = state.vehicle(params, EGO_SLOT).can_cancel_pull_out();
     if params.road.directions.has_oncoming_traffic && orders.move_code().is_some() {
-        gives_up |= can_abort_pass(state, params);
+        gives_up |= state.vehicle(params, EGO_SLOT).can_abort_pass();
     }
     Intent {
         wants_to_pull_out: start,
@@ -179,9 +174,9 @@ pub fn intent_from_action<S: Simd, const N: usize>(
         starts_pull_out: start & now,
         starts_return: back & now,
         cancels_pull_out: gives_up & drops_out,
-        cancels_return: can_cancel_return(state, params, EGO_SLOT) & drops_back,
-        has_passed_target: has_passed_target(state, params, EGO_SLOT),
-        has_finished_lane_change: has_finished_lane_change(state, EGO_SLOT),
+        cancels_return: state.vehicle(params, EGO_SLOT).can_cancel_return() & drops_back,
+        has_passed_target: state.vehicle(params, EGO_SLOT).has_passed_target(),
+        has_finished_lane_change: state.vehicle(params, EGO_SLOT).has_finished_lane_change(),
     }
 }
 
@@ -240,9 +235,9 @@ fn intent_from_position<S: Simd, const N: usize>(
     }
     let faster = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
     let slower = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
-    let out = is_in_stage(state, EGO_SLOT, stage::PULL_OUT);
-    let comes_back =
-        is_in_stage(state, EGO_SLOT, stage::RETURN) | is_in_stage(state, EGO_SLOT, stage::ABORT);
+    let out = state.vehicle(params, EGO_SLOT).is_in_stage(stage::PULL_OUT);
+    let comes_back = state.vehicle(params, EGO_SLOT).is_in_stage(stage::RETURN)
+        | state.vehicle(params, EGO_SLOT).is_in_stage(stage::ABORT);
     let never = lane.simd_ne(lane);
     update_indicator(state, params, EGO_SLOT, never, never);
     Intent {
@@ -252,7 +247,7 @@ fn intent_from_position<S: Simd, const N: usize>(
         starts_return: slower & !out,
         cancels_pull_out: slower & out,
         cancels_return: faster & comes_back,
-        has_passed_target: has_passed_target(state, params, EGO_SLOT),
-        has_finished_lane_change: has_finished_lane_change(state, EGO_SLOT),
+        has_passed_target: state.vehicle(params, EGO_SLOT).has_passed_target(),
+        has_finished_lane_change: state.vehicle(params, EGO_SLOT).has_finished_lane_change(),
     }
 }

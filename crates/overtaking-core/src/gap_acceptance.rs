@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use crate::car_following::{cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
-use crate::lane_change::{anticipated_follower, lane_change_direction};
+use crate::lane_change::anticipated_follower;
 use crate::math::elementary::exp;
 use crate::math::vectors::{F32, Mask, at_least, at_most, at_slot, min, select, splat};
 use crate::names::VehicleParams;
@@ -14,11 +14,12 @@ use crate::names::forced_decision;
 use crate::neighbour_search::Neighbours;
 use crate::params::Params;
 use crate::pass_continuation::PassContinuation;
-use crate::passing::{accepts_oncoming_gap, tall_vehicle_gap_factor};
+use crate::passing::tall_vehicle_gap_factor;
 use crate::state::{
     EGO_SLOT, FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
     stage,
 };
+use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps what is imposed finite for who demands nothing.
 const MIN_GAP_FACTOR: f32 = 1e-6;
@@ -51,32 +52,38 @@ struct GapAcceptanceInputs<'a, S: Simd> {
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &'a Params<S, N>,
-    i: usize,
+    slot: usize,
     context: &'a DriverContext<S>,
 ) -> GapAcceptanceInputs<'a, S> {
-    let (near, believed, own) = (&context.neighbours, &context.beliefs, &params.vehicles[i]);
+    let (near, believed, own) = (
+        &context.neighbours,
+        &context.beliefs,
+        &params.vehicles[slot],
+    );
     let impatience = at_least(
-        exp(-(state.overtake.time_waiting[i] * own.inverse_patience)),
+        exp(-(state.overtake.time_waiting[slot] * own.inverse_patience)),
         params.constants.patience_floor,
     );
     let demand = own.gap_demand_factor * impatience;
     let never = context.checks_mirrors & !context.checks_mirrors;
     let (mut told, mut ordered, mut command) = (never, never, splat(params.simd, 0.0));
-    if i == EGO_SLOT {
+    if slot == EGO_SLOT {
         told = is_scripted(params);
-        let faster = true_closing_speed_to_leader(state, params, near);
+        let faster = state
+            .vehicle(params, slot)
+            .true_closing_speed_to_leader(near);
         ordered = told & believed.is_detected[LEADER] & faster.simd_gt(own.min_speed_gain);
         command = params.simulations.forced_decision;
     }
     let bounded = own.safe_decel / at_least(demand, MIN_GAP_FACTOR);
     GapAcceptanceInputs {
         vehicle: own,
-        desired_speed: state.desired_speed(params, i),
-        speed: state.motion.vx[i],
+        desired_speed: state.vehicle(params, slot).desired_speed(),
+        speed: state.motion.vx[slot],
         gap: &believed.gap,
         closing_speed: &believed.closing_speed,
         is_detected: &believed.is_detected,
-        leader_speed: state.motion.vx[i] - believed.closing_speed[LEADER],
+        leader_speed: state.motion.vx[slot] - believed.closing_speed[LEADER],
         gap_factor: demand,
         acceptable_imposed_decel: min(
             at_most(bounded, params.constants.max_imposed_decel),
@@ -100,17 +107,16 @@ pub fn is_scripted<S: Simd, const N: usize>(params: &Params<S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
-/// By how much the ego is in truth faster than its leader, which decides where it is told.
-#[inline(always)]
-pub fn true_closing_speed_to_leader<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    near: &Neighbours<S>,
-) -> F32<S> {
-    state.motion.vx[EGO_SLOT]
-        - at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
-            .motion
-            .vx[j])
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// By how much the ego is in truth faster than its leader, which decides where it is told.
+    #[inline(always)]
+    pub fn true_closing_speed_to_leader(self, near: &Neighbours<S>) -> F32<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        state.motion.vx[slot]
+            - at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+                .motion
+                .vx[j])
+    }
 }
 
 #[inline(always)]
@@ -277,16 +283,16 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     squeezed & ahead.simd_ge(-(constants.abort_factor * view.vehicle.decel))
 }
 
-/// What driver `i` wants, and what of it is done now that it has signalled long enough.
+/// What driver `slot` wants, and what of it is done now that it has signalled long enough.
 #[inline(always)]
 pub fn form_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     context: &DriverContext<S>,
     plight: Option<&PassContinuation<S>>,
 ) -> Intent<S> {
-    let view = &gap_acceptance_inputs(state, params, i, context);
+    let view = &gap_acceptance_inputs(state, params, slot, context);
     let (constants, looks, told, command) = (
         &params.constants,
         context.checks_mirrors,
@@ -294,22 +300,19 @@ pub fn form_intent<S: Simd, const N: usize>(
         view.forced_decision,
     );
     let heeds = looks & !told;
-    let arrived = has_finished_lane_change(state, i);
-    let free = is_in_stage(state, i, stage::FOLLOW)
+    let arrived = state.vehicle(params, slot).has_finished_lane_change();
+    let free = state.vehicle(params, slot).is_in_stage(stage::FOLLOW)
         & arrived
-        & state.lane_choice.time_since_lane_change[i].simd_ge(constants.abort_cooldown)
-        & state.lane_choice.lane[i].simd_lt((params.road.num_lanes - 1) as f32);
-    let held = state.lane_choice.wanted_side[i];
+        & state.lane_choice.time_since_lane_change[slot].simd_ge(constants.abort_cooldown)
+        & state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32);
+    let held = state.lane_choice.wanted_side[slot];
     let mut seen = wants_to_overtake(params, view) & accepts_pull_out_gaps(params, view);
     if plight.is_some() {
         let (coming, leader) = (
             &context.oncoming.nearest,
             (view.gap[LEADER], view.leader_speed),
         );
-        seen &= accepts_oncoming_gap(
-            state,
-            params,
-            i,
+        seen &= state.vehicle(params, slot).accepts_oncoming_gap(
             &context.neighbours,
             coming,
             leader,
@@ -323,14 +326,16 @@ pub fn form_intent<S: Simd, const N: usize>(
     let forced = command.simd_eq(forced_decision::PULL_OUT) & state.has_attempted.simd_eq(0.0);
     let start = free & (wanted | forced);
 
-    let slower_lane = is_in_stage(state, i, stage::PASS) & state.lane_choice.lane[i].simd_ge(1.0);
-    let passed = has_passed_target(state, params, i);
-    let stuck = state.overtake.time_in_stage[i].simd_gt(constants.give_up_after)
-        & is_behind_target(state, params, i);
-    let mut rested = state.lane_choice.time_since_lane_change[i].simd_ge(constants.abort_cooldown);
+    let slower_lane = state.vehicle(params, slot).is_in_stage(stage::PASS)
+        & state.lane_choice.lane[slot].simd_ge(1.0);
+    let passed = state.vehicle(params, slot).has_passed_target();
+    let stuck = state.overtake.time_in_stage[slot].simd_gt(constants.give_up_after)
+        & state.vehicle(params, slot).is_behind_target();
+    let mut rested =
+        state.lane_choice.time_since_lane_change[slot].simd_ge(constants.abort_cooldown);
     let mut room = splat(params.simd, 1.0);
     if plight.is_some() {
-        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[i]);
+        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[slot]);
     }
     let mut may = accepts_return_gaps(params, view, room) & (passed | stuck);
     if let Some(plight) = plight {
@@ -341,16 +346,16 @@ pub fn form_intent<S: Simd, const N: usize>(
     let seen = select_mask(told, passed, may) & rested;
     let wanted = select_mask(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | command.simd_eq(forced_decision::RETURN));
-    update_indicator(state, params, i, start, back);
-    let ready = state.overtake.time_indicating[i].simd_gt(view.vehicle.indicator_lead_time);
+    update_indicator(state, params, slot, start, back);
+    let ready = state.overtake.time_indicating[slot].simd_gt(view.vehicle.indicator_lead_time);
     let danger = heeds & lane_change_is_dangerous(params, view, RIGHT_LEADER, RIGHT_FOLLOWER);
-    let mut abort =
-        can_cancel_pull_out(state, params, i) & (danger | command.simd_eq(forced_decision::CANCEL));
+    let mut abort = state.vehicle(params, slot).can_cancel_pull_out()
+        & (danger | command.simd_eq(forced_decision::CANCEL));
     let danger = heeds
         & lane_change_is_dangerous(params, view, LEFT_LEADER, LEFT_FOLLOWER)
         & command.simd_ne(forced_decision::RETURN);
     let sure = (looks & !context.gives_way) | told;
-    let mut remain = can_cancel_return(state, params, i) & danger;
+    let mut remain = state.vehicle(params, slot).can_cancel_return() & danger;
     let mut back_now = ready;
     if let Some(plight) = plight {
         let behind = view.gap[RIGHT_FOLLOWER].simd_gt(constants.min_rear_gap);
@@ -395,76 +400,47 @@ pub struct Intent<S: Simd> {
     pub has_finished_lane_change: Mask<S>,
 }
 
-/// Whether driver `i` is sound and in a stage.
-#[inline(always)]
-pub fn is_in_stage<S: Simd, const N: usize>(state: &State<S, N>, i: usize, which: f32) -> Mask<S> {
-    state.motion.is_wreck[i].simd_eq(0.0) & state.overtake.stage[i].simd_eq(which)
-}
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Whether the front of the target of driver `i` is visibly behind the own rear.
+    #[inline(always)]
+    pub fn has_passed_target(self) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let target = state.overtake.target_slot[slot];
+        let target_s = at_slot!(params.num_slots_in_use, target, |j| state.motion.s[j]);
+        let bodies = self.vehicle().half_length
+            + at_slot!(params.num_slots_in_use, target, |j| params.vehicles[j]
+                .half_length);
+        (state.motion.s[slot] - target_s).simd_gt(bodies + params.constants.return_clearance)
+    }
 
-/// Whether the last lane change of driver `i` is over.
-#[inline(always)]
-pub fn has_finished_lane_change<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
-    state.path.elapsed[i].simd_ge(state.path.duration[i])
-}
+    /// Whether the target of driver `i` is ahead.
+    #[inline(always)]
+    pub fn is_behind_target(self) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let target_slot = state.overtake.target_slot[slot];
+        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
+        state.motion.s[slot].simd_lt(target_s)
+    }
 
-/// Whether the front of the target of driver `i` is visibly behind the own rear.
-#[inline(always)]
-pub fn has_passed_target<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> Mask<S> {
-    let target = state.overtake.target_slot[i];
-    let target_s = at_slot!(params.num_slots_in_use, target, |j| state.motion.s[j]);
-    let bodies = params.vehicles[i].half_length
-        + at_slot!(params.num_slots_in_use, target, |j| params.vehicles[j]
-            .half_length);
-    (state.motion.s[i] - target_s).simd_gt(bodies + params.constants.return_clearance)
-}
+    /// Whether going back is shorter than going on.
+    #[inline(always)]
+    fn is_quicker_to_turn_back(self) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        state.path.elapsed[slot].simd_lt(params.constants.abort_until * state.path.duration[slot])
+    }
 
-/// Whether the target of driver `i` is ahead.
-#[inline(always)]
-pub fn is_behind_target<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> Mask<S> {
-    let target_slot = state.overtake.target_slot[i];
-    let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
-    state.motion.s[i].simd_lt(target_s)
-}
+    /// Whether driver `i` pulls out, and going back is shorter than going on.
+    #[inline(always)]
+    pub fn can_cancel_pull_out(self) -> Mask<S> {
+        self.is_in_stage(stage::PULL_OUT) & self.is_quicker_to_turn_back()
+    }
 
-/// Whether going back is shorter than going on.
-#[inline(always)]
-fn is_quicker_to_turn_back<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> Mask<S> {
-    state.path.elapsed[i].simd_lt(params.constants.abort_until * state.path.duration[i])
-}
-
-/// Whether driver `i` pulls out, and going back is shorter than going on.
-#[inline(always)]
-pub fn can_cancel_pull_out<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> Mask<S> {
-    is_in_stage(state, i, stage::PULL_OUT) & is_quicker_to_turn_back(state, params, i)
-}
-
-/// Whether driver `i` changes back by a whole lane, and going back is shorter than going on.
-#[inline(always)]
-pub fn can_cancel_return<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> Mask<S> {
-    let comes_back = is_in_stage(state, i, stage::RETURN) | is_in_stage(state, i, stage::ABORT);
-    comes_back
-        & is_quicker_to_turn_back(state, params, i)
-        & lane_change_direction(state, params, i).1
+    /// Whether driver `i` changes back by a whole lane, and going back is shorter than going on.
+    #[inline(always)]
+    pub fn can_cancel_return(self) -> Mask<S> {
+        let comes_back = self.is_in_stage(stage::RETURN) | self.is_in_stage(stage::ABORT);
+        comes_back & self.is_quicker_to_turn_back() & self.lane_change_direction().1
+    }
 }
 
 /// Remember the side that is wanted, and for how long it has been shown.
@@ -472,16 +448,16 @@ pub fn can_cancel_return<S: Simd, const N: usize>(
 pub fn update_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     start: Mask<S>,
     back: Mask<S>,
 ) {
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    state.lane_choice.wanted_side[i] = select(start, one, select(back, -one, zero));
-    let longer = state.overtake.time_indicating[i] + params.constants.decision;
+    state.lane_choice.wanted_side[slot] = select(start, one, select(back, -one, zero));
+    let longer = state.overtake.time_indicating[slot] + params.constants.decision;
     let fading = at_least(
-        state.overtake.time_indicating[i] - params.constants.decision,
+        state.overtake.time_indicating[slot] - params.constants.decision,
         0.0,
     );
-    state.overtake.time_indicating[i] = select(start | back, longer, fading);
+    state.overtake.time_indicating[slot] = select(start | back, longer, fading);
 }

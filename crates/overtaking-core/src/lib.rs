@@ -34,6 +34,7 @@ pub mod run;
 mod state;
 mod steering;
 mod vehicle_dynamics;
+mod vehicle_handle;
 
 pub use math::vectors::SIMD_LANES;
 pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, neighbour_role};

@@ -7,6 +7,7 @@ use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
 use crate::params::Params;
 use crate::road_conditions::value_of_lane;
 use crate::state::{NO_SLOT, NUM_ROLES, State};
+use crate::vehicle_handle::VehicleHandle;
 
 const FAR: f32 = 1e9;
 /// The own, the faster and the slower lane, from the own.
@@ -126,90 +127,84 @@ pub fn nearest_image<S: Simd, const N: usize>(params: &Params<S, N>, distance: F
             * (distance * params.simulations.inverse_ring_length).round_ties_even()
 }
 
-/// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
-/// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
-#[inline(always)]
-pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    bodies: &[VisibleBody<S>; N],
-    i: usize,
-    near: &mut Neighbours<S>,
-) {
-    let lane = state.lane_choice.lane[i];
-    let (low, high) = lane_borders(params, lane, 0.0);
-    let (slower, _) = lane_borders(params, lane, -1.0);
-    let (_, faster) = lane_borders(params, lane, 1.0);
-    let bands = [(low, high), (high, faster), (slower, low)];
-    near.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
-    for k in 0..WATCHED {
-        let ends = nearest_in_lane::<S, N, WATCHED, TWO_WAY>(
-            state,
-            params,
-            bodies,
-            i,
-            bands[k],
-            LANE_OFFSETS[k],
-        );
-        for (end, (slot, distance)) in ends.into_iter().enumerate().take(WATCHED.min(2)) {
-            let role = 2 * k + end;
-            let [half_length, place] = each_at_slot!(params.num_slots_in_use, slot, |j| [
-                params.vehicles[j].half_length,
-                state.motion.d[j]
-            ]);
-            let zero = splat(params.simd, 0.0);
-            near.slot[role] = slot;
-            near.gap[role] = distance - (half_length + params.vehicles[i].half_length);
-            near.distance[role] = distance;
-            near.lateral_distance[role] =
-                select(slot.simd_ge(0.0), place - state.motion.d[i], zero);
-            near.half_length[role] = half_length;
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
+    /// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
+    #[inline(always)]
+    pub fn find_neighbours<const WATCHED: usize, const TWO_WAY: bool>(
+        self,
+        bodies: &[VisibleBody<S>; N],
+        near: &mut Neighbours<S>,
+    ) {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let lane = state.lane_choice.lane[slot];
+        let (low, high) = lane_borders(params, lane, 0.0);
+        let (slower, _) = lane_borders(params, lane, -1.0);
+        let (_, faster) = lane_borders(params, lane, 1.0);
+        let bands = [(low, high), (high, faster), (slower, low)];
+        near.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
+        for k in 0..WATCHED {
+            let ends = self.nearest_in_lane::<WATCHED, TWO_WAY>(bodies, bands[k], LANE_OFFSETS[k]);
+            for (end, (other_slot, distance)) in ends.into_iter().enumerate().take(WATCHED.min(2)) {
+                let role = 2 * k + end;
+                let [half_length, place] =
+                    each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+                        params.vehicles[j].half_length,
+                        state.motion.d[j]
+                    ]);
+                let zero = splat(params.simd, 0.0);
+                near.slot[role] = other_slot;
+                near.gap[role] = distance - (half_length + self.vehicle().half_length);
+                near.distance[role] = distance;
+                near.lateral_distance[role] =
+                    select(other_slot.simd_ge(0.0), place - state.motion.d[slot], zero);
+                near.half_length[role] = half_length;
+            }
         }
+        (near.lane_right_edge, near.lane_left_edge) = (low, high);
     }
-    (near.lane_right_edge, near.lane_left_edge) = (low, high);
-}
 
-/// Slot and distance of the nearest vehicle ahead and behind of vehicle `i` in one lane, between these borders and
-/// `shift` lanes from its own; only ahead if `WATCHED` is 1.
-///
-/// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
-#[inline(always)]
-fn nearest_in_lane<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    bodies: &[VisibleBody<S>; N],
-    i: usize,
-    (low, high): (F32<S>, F32<S>),
-    shift: f32,
-) -> [(F32<S>, F32<S>); 2] {
-    let (low, high) = (
-        low + params.constants.corridor_margin,
-        high - params.constants.corridor_margin,
-    );
-    let lane = state.lane_choice.lane[i] + shift;
-    let (nobody, far) = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
-    let [mut ahead, mut behind] = [(nobody, far); 2];
-    for j in 0..params.num_slots_in_use {
-        if i == j {
-            continue;
+    /// Slot and distance of the nearest vehicle ahead and behind of vehicle `i` in one lane, between these borders and
+    /// `shift` lanes from its own; only ahead if `WATCHED` is 1.
+    ///
+    /// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
+    #[inline(always)]
+    fn nearest_in_lane<const WATCHED: usize, const TWO_WAY: bool>(
+        self,
+        bodies: &[VisibleBody<S>; N],
+        (low, high): (F32<S>, F32<S>),
+        shift: f32,
+    ) -> [(F32<S>, F32<S>); 2] {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (low, high) = (
+            low + params.constants.corridor_margin,
+            high - params.constants.corridor_margin,
+        );
+        let lane = state.lane_choice.lane[slot] + shift;
+        let (nobody, far) = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
+        let [mut ahead, mut behind] = [(nobody, far); 2];
+        for j in 0..params.num_slots_in_use {
+            if slot == j {
+                continue;
+            }
+            let (other, number) = (&bodies[j], splat(params.simd, j as i32 as f32));
+            let way = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
+            let overlaps = other.left_side.simd_gt(low) & other.right_side.simd_lt(high);
+            let shows = other.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
+            let mut inside = other.valid & (overlaps | shows);
+            if TWO_WAY {
+                inside &= params.vehicles[j]
+                    .travel_sign
+                    .simd_eq(self.vehicle().travel_sign);
+            }
+            let is_ahead = way.simd_ge(0.0);
+            let front = inside & is_ahead & way.simd_lt(ahead.1);
+            ahead = (select(front, number, ahead.0), select(front, way, ahead.1));
+            if WATCHED > 1 {
+                let back = inside & !is_ahead & (-way).simd_lt(behind.1);
+                behind = (select(back, number, behind.0), select(back, -way, behind.1));
+            }
         }
-        let (other, number) = (&bodies[j], splat(params.simd, j as i32 as f32));
-        let way = nearest_image(params, state.motion.s[j] - state.motion.s[i]);
-        let overlaps = other.left_side.simd_gt(low) & other.right_side.simd_lt(high);
-        let shows = other.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
-        let mut inside = other.valid & (overlaps | shows);
-        if TWO_WAY {
-            inside &= params.vehicles[j]
-                .travel_sign
-                .simd_eq(params.vehicles[i].travel_sign);
-        }
-        let is_ahead = way.simd_ge(0.0);
-        let front = inside & is_ahead & way.simd_lt(ahead.1);
-        ahead = (select(front, number, ahead.0), select(front, way, ahead.1));
-        if WATCHED > 1 {
-            let back = inside & !is_ahead & (-way).simd_lt(behind.1);
-            behind = (select(back, number, behind.0), select(back, -way, behind.1));
-        }
+        [ahead, behind]
     }
-    [ahead, behind]
 }

@@ -4,18 +4,12 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::decision_context::DriverContext;
-use crate::ego_action::{can_pull_out, can_return};
-use crate::gap_acceptance::{
-    can_cancel_pull_out, can_cancel_return, has_finished_lane_change, has_passed_target,
-    is_behind_target, is_in_stage,
-};
-use crate::gap_acceptance::{is_scripted, true_closing_speed_to_leader};
+use crate::gap_acceptance::is_scripted;
 use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
-use crate::oncoming::{OncomingVehicle, expected_closing_speed, observe_second_oncoming};
-use crate::params::Params;
-use crate::pass_continuation::{can_abort_pass, decide_pass_continuation};
-use crate::passing::{gap_ahead_of, line_is_solid, tall_vehicle_gap_factor};
-use crate::state::{EGO_SLOT, LEADER, NUM_ROLES, State, stage};
+use crate::oncoming::OncomingVehicle;
+use crate::passing::tall_vehicle_gap_factor;
+use crate::state::{LEADER, NUM_ROLES, stage};
+use crate::vehicle_handle::VehicleHandle;
 
 /// Source of the observed motion of neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,76 +76,72 @@ pub const OBSERVATION_SIZE: usize =
 /// The observations of the simulations of a block.
 pub type ObservationTable<S> = [F32<S>; OBSERVATION_SIZE];
 
-/// Observations of the ego in each simulation of a block.
-#[inline(always)]
-pub fn observation_table<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-    source: ObservationSource,
-) -> ObservationTable<S> {
-    const NUM_COLUMNS: usize = NEIGHBOUR_COLUMN_NAMES.len();
-    let mut table = [splat(params.simd, 0.0); OBSERVATION_SIZE];
-    let (ego, rest) = table.split_at_mut(EGO_COLUMN_NAMES.len());
-    let (neighbours, passing) = rest.split_at_mut(NEIGHBOURS_SIZE);
-    ego_columns(state, params, context).write(ego);
-    let (same_direction, oncoming) = neighbours.split_at_mut(NUM_ROLES * NUM_COLUMNS);
-    for (role, columns) in same_direction.chunks_exact_mut(NUM_COLUMNS).enumerate() {
-        let motion = match source {
-            ObservationSource::Beliefs => believed_motion(state, params, context, role),
-            ObservationSource::Truth => true_motion(state, params, context, role),
-        };
-        neighbour_columns(state, params, context, role, motion).write(columns);
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Observations of the ego in each simulation of a block.
+    #[inline(always)]
+    pub fn observation_table(
+        self,
+        context: &DriverContext<S>,
+        source: ObservationSource,
+    ) -> ObservationTable<S> {
+        let params = self.params;
+        const NUM_COLUMNS: usize = NEIGHBOUR_COLUMN_NAMES.len();
+        let mut table = [splat(params.simd, 0.0); OBSERVATION_SIZE];
+        let (ego, rest) = table.split_at_mut(EGO_COLUMN_NAMES.len());
+        let (neighbours, passing) = rest.split_at_mut(NEIGHBOURS_SIZE);
+        self.ego_columns(context).write(ego);
+        let (same_direction, oncoming) = neighbours.split_at_mut(NUM_ROLES * NUM_COLUMNS);
+        for (role, columns) in same_direction.chunks_exact_mut(NUM_COLUMNS).enumerate() {
+            let motion = match source {
+                ObservationSource::Beliefs => self.believed_motion(context, role),
+                ObservationSource::Truth => self.true_motion(context, role),
+            };
+            self.neighbour_columns(context, role, motion).write(columns);
+        }
+        let mut vehicles = [OncomingVehicle::none(params.simd); 2];
+        if params.road.directions.has_oncoming_traffic {
+            vehicles = [
+                context.oncoming.nearest,
+                self.observe_second_oncoming(context),
+            ];
+            self.passing_columns(context).write(passing);
+        }
+        for (vehicle, columns) in vehicles.iter().zip(oncoming.chunks_exact_mut(NUM_COLUMNS)) {
+            self.oncoming_columns(vehicle, source).write(columns);
+        }
+        table
     }
-    let mut vehicles = [OncomingVehicle::none(params.simd); 2];
-    if params.road.directions.has_oncoming_traffic {
-        vehicles = [
-            context.oncoming.nearest,
-            observe_second_oncoming(state, params, context),
-        ];
-        passing_columns(state, params, context).write(passing);
-    }
-    for (vehicle, columns) in vehicles.iter().zip(oncoming.chunks_exact_mut(NUM_COLUMNS)) {
-        oncoming_columns(state, params, vehicle, source).write(columns);
-    }
-    table
-}
 
-#[inline(always)]
-fn ego_columns<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-) -> EgoColumns<S> {
-    let flag = |mask| flag(params.simd, mask);
-    let lane_centre =
-        0.5 * (context.neighbours.lane_right_edge + context.neighbours.lane_left_edge);
-    EgoColumns {
-        speed: state.motion.vx[EGO_SLOT],
-        requested_accel: state.controls.requested_accel[EGO_SLOT],
-        s: state.motion.s[EGO_SLOT],
-        lateral_position: state.motion.d[EGO_SLOT],
-        lane_offset: state.motion.d[EGO_SLOT] - lane_centre,
-        heading: state.motion.heading[EGO_SLOT],
-        yaw_rate: state.motion.yaw_rate[EGO_SLOT],
-        lane: state.lane_choice.lane[EGO_SLOT],
-        stage: state.overtake.stage[EGO_SLOT],
-        time_in_stage: state.overtake.time_in_stage[EGO_SLOT],
-        time_waiting: state.overtake.time_waiting[EGO_SLOT],
-        time_indicating: state.overtake.time_indicating[EGO_SLOT],
-        wanted_side: state.lane_choice.wanted_side[EGO_SLOT],
-        time_since_lane_change: state.lane_choice.time_since_lane_change[EGO_SLOT],
-        has_finished_lane_change: flag(has_finished_lane_change(state, EGO_SLOT)),
-        checks_mirrors: flag(context.checks_mirrors),
-        gives_way: flag(context.gives_way),
-        has_passed_target: flag(has_passed_target(state, params, EGO_SLOT)),
-        is_behind_target: flag(is_behind_target(state, params, EGO_SLOT)),
-        can_pull_out: flag(can_pull_out(state, params)),
-        can_return: flag(can_return(state)),
-        can_cancel_lane_change: flag(
-            can_cancel_pull_out(state, params, EGO_SLOT)
-                | can_cancel_return(state, params, EGO_SLOT),
-        ),
+    #[inline(always)]
+    fn ego_columns(self, context: &DriverContext<S>) -> EgoColumns<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let flag = |mask| flag(params.simd, mask);
+        let lane_centre =
+            0.5 * (context.neighbours.lane_right_edge + context.neighbours.lane_left_edge);
+        EgoColumns {
+            speed: state.motion.vx[slot],
+            requested_accel: state.controls.requested_accel[slot],
+            s: state.motion.s[slot],
+            lateral_position: state.motion.d[slot],
+            lane_offset: state.motion.d[slot] - lane_centre,
+            heading: state.motion.heading[slot],
+            yaw_rate: state.motion.yaw_rate[slot],
+            lane: state.lane_choice.lane[slot],
+            stage: state.overtake.stage[slot],
+            time_in_stage: state.overtake.time_in_stage[slot],
+            time_waiting: state.overtake.time_waiting[slot],
+            time_indicating: state.overtake.time_indicating[slot],
+            wanted_side: state.lane_choice.wanted_side[slot],
+            time_since_lane_change: state.lane_choice.time_since_lane_change[slot],
+            has_finished_lane_change: flag(self.has_finished_lane_change()),
+            checks_mirrors: flag(context.checks_mirrors),
+            gives_way: flag(context.gives_way),
+            has_passed_target: flag(self.has_passed_target()),
+            is_behind_target: flag(self.is_behind_target()),
+            can_pull_out: flag(self.can_pull_out()),
+            can_return: flag(self.can_return()),
+            can_cancel_lane_change: flag(self.can_cancel_pull_out() | self.can_cancel_return()),
+        }
     }
 }
 
@@ -163,206 +153,192 @@ struct NeighbourMotion<S: Simd> {
     accel: F32<S>,
 }
 
-/// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
-#[inline(always)]
-fn believed_motion<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-    role: usize,
-) -> NeighbourMotion<S> {
-    let is_detected = context.beliefs.is_detected[role];
-    let mut closing_speed = context.beliefs.closing_speed[role];
-    if role == LEADER {
-        let knows_speed = is_scripted(params) & is_detected;
-        closing_speed = select(
-            knows_speed,
-            true_closing_speed_to_leader(state, params, &context.neighbours),
-            closing_speed,
-        );
-    }
-    NeighbourMotion {
-        is_detected,
-        gap: context.beliefs.gap[role],
-        closing_speed,
-        accel: context.beliefs.accel[role],
-    }
-}
-
-/// The true motion of a neighbour; a large gap and zeros without one.
-#[inline(always)]
-fn true_motion<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-    role: usize,
-) -> NeighbourMotion<S> {
-    let (zero, unseen) = (
-        splat(params.simd, 0.0),
-        splat(params.simd, params.constants.unseen_gap),
-    );
-    let slot = context.neighbours.slot[role];
-    let exists = slot.simd_ge(0.0);
-    let (ego_speed, _) = state.road_velocity(EGO_SLOT);
-    let [speed, accel] = each_at_slot!(params.num_slots_in_use, slot, |j| [
-        state.road_velocity(j).0,
-        state.motion.accel_lon[j]
-    ]);
-    let is_ahead = role.is_multiple_of(2);
-    let closing_speed = if is_ahead {
-        ego_speed - speed
-    } else {
-        speed - ego_speed
-    };
-    NeighbourMotion {
-        is_detected: exists,
-        gap: select(exists, context.neighbours.gap[role], unseen),
-        closing_speed: select(exists, closing_speed, zero),
-        accel: select(exists, accel, zero),
-    }
-}
-
-/// One oncoming vehicle; a large gap and zeros without one.
-#[inline(always)]
-fn oncoming_columns<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    vehicle: &OncomingVehicle<S>,
-    source: ObservationSource,
-) -> NeighbourColumns<S> {
-    let zero = splat(params.simd, 0.0);
-    let [
-        speed,
-        accel,
-        d,
-        indicator,
-        half_length,
-        is_truck,
-        is_two_wheeler,
-    ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
-        state.road_velocity(j).0,
-        state.motion.accel_lon[j],
-        state.motion.d[j],
-        state.controls.indicator[j],
-        params.vehicles[j].half_length,
-        params.vehicles[j].has_truck_tyres,
-        params.vehicles[j].two_wheeler
-    ]);
-    let ego_speed = state.road_velocity(EGO_SLOT).0;
-    let (is_detected, gap, closing_speed, accel) = match source {
-        ObservationSource::Beliefs => (
-            vehicle.is_detected,
-            vehicle.believed_gap,
-            vehicle.closing_speed,
-            zero,
-        ),
-        ObservationSource::Truth => (
-            vehicle.slot.simd_ge(0.0),
-            vehicle.gap,
-            ego_speed + speed,
-            accel,
-        ),
-    };
-    let if_detected = |value| select(is_detected, value, zero);
-    NeighbourColumns {
-        is_detected: flag(params.simd, is_detected),
-        gap: select(
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
+    #[inline(always)]
+    fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
+        let params = self.params;
+        let is_detected = context.beliefs.is_detected[role];
+        let mut closing_speed = context.beliefs.closing_speed[role];
+        if role == LEADER {
+            let knows_speed = is_scripted(params) & is_detected;
+            closing_speed = select(
+                knows_speed,
+                self.true_closing_speed_to_leader(&context.neighbours),
+                closing_speed,
+            );
+        }
+        NeighbourMotion {
             is_detected,
-            gap,
+            gap: context.beliefs.gap[role],
+            closing_speed,
+            accel: context.beliefs.accel[role],
+        }
+    }
+
+    /// The true motion of a neighbour; a large gap and zeros without one.
+    #[inline(always)]
+    fn true_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
+        let (state, params) = (self.state, self.params);
+        let (zero, unseen) = (
+            splat(params.simd, 0.0),
             splat(params.simd, params.constants.unseen_gap),
-        ),
-        closing_speed: if_detected(closing_speed),
-        accel: if_detected(accel),
-        lateral_distance: if_detected(
-            (params.road.directions.edge_sum - d) - state.motion.d[EGO_SLOT],
-        ),
-        indicator: if_detected(-indicator),
-        stop_lamp: zero,
-        length: if_detected(2.0 * half_length),
-        is_truck: if_detected(is_truck),
-        is_two_wheeler: if_detected(is_two_wheeler),
+        );
+        let other_slot = context.neighbours.slot[role];
+        let exists = other_slot.simd_ge(0.0);
+        let (ego_speed, _) = self.road_velocity();
+        let [speed, accel] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+            self.other(j).road_velocity().0,
+            state.motion.accel_lon[j]
+        ]);
+        let is_ahead = role.is_multiple_of(2);
+        let closing_speed = if is_ahead {
+            ego_speed - speed
+        } else {
+            speed - ego_speed
+        };
+        NeighbourMotion {
+            is_detected: exists,
+            gap: select(exists, context.neighbours.gap[role], unseen),
+            closing_speed: select(exists, closing_speed, zero),
+            accel: select(exists, accel, zero),
+        }
     }
-}
 
-/// The model driver's knowledge about a pass against oncoming traffic.
-#[inline(always)]
-fn passing_columns<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-) -> PassingColumns<S> {
-    let flag = |mask| flag(params.simd, mask);
-    let oncoming = &context.oncoming.nearest;
-    let plight = decide_pass_continuation(state, params, EGO_SLOT, context);
-    let leader = context.neighbours.slot[LEADER];
-    let overtaken = select(
-        is_in_stage(state, EGO_SLOT, stage::FOLLOW),
-        leader,
-        state.overtake.target_slot[EGO_SLOT],
-    );
-    PassingColumns {
-        sight_distance: oncoming.sight_distance,
-        is_certain: flag(oncoming.is_certain),
-        expected_closing_speed: expected_closing_speed(state, params, EGO_SLOT),
-        gap_ahead_of_leader: at_most(
-            gap_ahead_of(state, params, EGO_SLOT, leader),
-            params.constants.unseen_gap,
-        ),
-        tall_vehicle_gap_factor: tall_vehicle_gap_factor(params, overtaken),
-        line_is_solid: flag(line_is_solid(
-            state,
-            params,
-            EGO_SLOT,
-            splat(params.simd, params.constants.line_lookahead),
-        )),
-        return_urgency: 0.5 * flag(plight.must_return_urgently)
-            + 0.5 * flag(plight.accepts_small_gap),
-        abort_state: 0.5 * flag(plight.must_abort)
-            + 0.5 * flag(plight.must_abort & plight.fits_into_lane),
-        can_abort_pass: flag(can_abort_pass(state, params)),
-    }
-}
-
-/// A neighbour's motion and appearance; without a vehicle the appearance is zero.
-#[inline(always)]
-fn neighbour_columns<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-    role: usize,
-    motion: NeighbourMotion<S>,
-) -> NeighbourColumns<S> {
-    let zero = splat(params.simd, 0.0);
-    let [
-        indicator,
-        requested_accel,
-        crashed,
-        is_truck,
-        is_two_wheeler,
-    ] = each_at_slot!(
-        params.num_slots_in_use,
-        context.neighbours.slot[role],
-        |j| [
+    /// One oncoming vehicle; a large gap and zeros without one.
+    #[inline(always)]
+    fn oncoming_columns(
+        self,
+        vehicle: &OncomingVehicle<S>,
+        source: ObservationSource,
+    ) -> NeighbourColumns<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let zero = splat(params.simd, 0.0);
+        let [
+            speed,
+            accel,
+            d,
+            indicator,
+            half_length,
+            is_truck,
+            is_two_wheeler,
+        ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
+            self.other(j).road_velocity().0,
+            state.motion.accel_lon[j],
+            state.motion.d[j],
             state.controls.indicator[j],
-            state.controls.requested_accel[j],
-            state.motion.is_wreck[j],
+            params.vehicles[j].half_length,
             params.vehicles[j].has_truck_tyres,
             params.vehicles[j].two_wheeler
-        ]
-    );
-    let brakes = requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
-    let if_detected = |value| select(motion.is_detected, value, zero);
-    NeighbourColumns {
-        is_detected: flag(params.simd, motion.is_detected),
-        gap: motion.gap,
-        closing_speed: motion.closing_speed,
-        accel: motion.accel,
-        lateral_distance: if_detected(context.neighbours.lateral_distance[role]),
-        indicator: if_detected(indicator),
-        stop_lamp: if_detected(flag(params.simd, brakes)),
-        length: if_detected(2.0 * context.neighbours.half_length[role]),
-        is_truck: if_detected(is_truck),
-        is_two_wheeler: if_detected(is_two_wheeler),
+        ]);
+        let ego_speed = self.road_velocity().0;
+        let (is_detected, gap, closing_speed, accel) = match source {
+            ObservationSource::Beliefs => (
+                vehicle.is_detected,
+                vehicle.believed_gap,
+                vehicle.closing_speed,
+                zero,
+            ),
+            ObservationSource::Truth => (
+                vehicle.slot.simd_ge(0.0),
+                vehicle.gap,
+                ego_speed + speed,
+                accel,
+            ),
+        };
+        let if_detected = |value| select(is_detected, value, zero);
+        NeighbourColumns {
+            is_detected: flag(params.simd, is_detected),
+            gap: select(
+                is_detected,
+                gap,
+                splat(params.simd, params.constants.unseen_gap),
+            ),
+            closing_speed: if_detected(closing_speed),
+            accel: if_detected(accel),
+            lateral_distance: if_detected(
+                (params.road.directions.edge_sum - d) - state.motion.d[slot],
+            ),
+            indicator: if_detected(-indicator),
+            stop_lamp: zero,
+            length: if_detected(2.0 * half_length),
+            is_truck: if_detected(is_truck),
+            is_two_wheeler: if_detected(is_two_wheeler),
+        }
+    }
+
+    /// The model driver's knowledge about a pass against oncoming traffic.
+    #[inline(always)]
+    fn passing_columns(self, context: &DriverContext<S>) -> PassingColumns<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let flag = |mask| flag(params.simd, mask);
+        let oncoming = &context.oncoming.nearest;
+        let plight = self.decide_pass_continuation(context);
+        let leader = context.neighbours.slot[LEADER];
+        let overtaken = select(
+            self.is_in_stage(stage::FOLLOW),
+            leader,
+            state.overtake.target_slot[slot],
+        );
+        PassingColumns {
+            sight_distance: oncoming.sight_distance,
+            is_certain: flag(oncoming.is_certain),
+            expected_closing_speed: self.expected_closing_speed(),
+            gap_ahead_of_leader: at_most(self.gap_ahead_of(leader), params.constants.unseen_gap),
+            tall_vehicle_gap_factor: tall_vehicle_gap_factor(params, overtaken),
+            line_is_solid: flag(
+                self.line_is_solid(splat(params.simd, params.constants.line_lookahead)),
+            ),
+            return_urgency: 0.5 * flag(plight.must_return_urgently)
+                + 0.5 * flag(plight.accepts_small_gap),
+            abort_state: 0.5 * flag(plight.must_abort)
+                + 0.5 * flag(plight.must_abort & plight.fits_into_lane),
+            can_abort_pass: flag(self.can_abort_pass()),
+        }
+    }
+
+    /// A neighbour's motion and appearance; without a vehicle the appearance is zero.
+    #[inline(always)]
+    fn neighbour_columns(
+        self,
+        context: &DriverContext<S>,
+        role: usize,
+        motion: NeighbourMotion<S>,
+    ) -> NeighbourColumns<S> {
+        let (state, params) = (self.state, self.params);
+        let zero = splat(params.simd, 0.0);
+        let [
+            indicator,
+            requested_accel,
+            crashed,
+            is_truck,
+            is_two_wheeler,
+        ] = each_at_slot!(
+            params.num_slots_in_use,
+            context.neighbours.slot[role],
+            |j| [
+                state.controls.indicator[j],
+                state.controls.requested_accel[j],
+                state.motion.is_wreck[j],
+                params.vehicles[j].has_truck_tyres,
+                params.vehicles[j].two_wheeler
+            ]
+        );
+        let brakes =
+            requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
+        let if_detected = |value| select(motion.is_detected, value, zero);
+        NeighbourColumns {
+            is_detected: flag(params.simd, motion.is_detected),
+            gap: motion.gap,
+            closing_speed: motion.closing_speed,
+            accel: motion.accel,
+            lateral_distance: if_detected(context.neighbours.lateral_distance[role]),
+            indicator: if_detected(indicator),
+            stop_lamp: if_detected(flag(params.simd, brakes)),
+            length: if_detected(2.0 * context.neighbours.half_length[role]),
+            is_truck: if_detected(is_truck),
+            is_two_wheeler: if_detected(is_two_wheeler),
+        }
     }
 }
 

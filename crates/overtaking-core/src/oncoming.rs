@@ -10,10 +10,9 @@ use crate::math::vectors::{
 };
 use crate::neighbour_search::{Neighbours, VisibleBody, lane_borders};
 use crate::params::{MAX_STATIONS, Params, station_indices};
-use crate::perception::{
-    MIN_SIGHT_LINE, extinction_ahead, recall_motion, sense_looming, sight_range_ratio,
-};
-use crate::state::{EGO_SLOT, LEADER, NEVER_LOOKED, NO_SLOT, State, stage};
+use crate::perception::{MIN_SIGHT_LINE, recall_motion, sight_range_ratio};
+use crate::state::{LEADER, NEVER_LOOKED, NO_SLOT, State};
+use crate::vehicle_handle::VehicleHandle;
 
 const FAR: f32 = 1e9;
 /// Keeps the time until vehicles meet finite [m/s].
@@ -84,7 +83,7 @@ impl<S: Simd> OncomingTraffic<S> {
     }
 }
 
-/// Update what driver `i` believes about oncoming vehicles, and for how long it has seen them.
+/// Update what driver `slot` believes about oncoming vehicles, and for how long it has seen them.
 ///
 /// Without `needs_beliefs`, the beliefs about the nearest vehicle in any lane and about the leader stay as they were,
 /// because nothing is decided by them.
@@ -92,19 +91,21 @@ impl<S: Simd> OncomingTraffic<S> {
 pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     (bodies, search): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
     needs_beliefs: bool,
     context: &mut DriverContext<S>,
 ) {
     let (near, decision) = (&context.neighbours, context.decision_index);
     let oncoming = &mut context.oncoming;
-    let [nearest, in_own_lane] = search.nearest_oncoming(state, params, bodies, i);
-    let sight = sight_distance(state, params, near, i);
-    let view = sighting(state, params, near, i, nearest, sight);
-    let certain = is_certain(state, params, i, IN_ANY_LANE, nearest.0, &view);
+    let [nearest, in_own_lane] = search.nearest_oncoming(state, params, bodies, slot);
+    let sight = state.vehicle(params, slot).sight_distance(near);
+    let view = state.vehicle(params, slot).sighting(near, nearest, sight);
+    let certain = is_certain(state, params, slot, IN_ANY_LANE, nearest.0, &view);
     if needs_beliefs {
-        oncoming.nearest = believe(state, params, i, nearest.0, sight, &view, certain, decision);
+        oncoming.nearest = state
+            .vehicle(params, slot)
+            .believe(nearest.0, sight, &view, certain, decision);
         let leader = near.slot[LEADER];
         let side = at_slot!(params.num_slots_in_use, leader, |j| state
             .controls
@@ -112,29 +113,33 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
         oncoming.leader_pulls_out = leader.simd_ge(0.0) & side.simd_gt(0.0);
     }
     if in_own_lane.0.simd_ge(0.0).any_true() {
-        let range = state.road.sight_distance[i];
-        let view = sighting(state, params, near, i, in_own_lane, range);
-        let certain = is_certain(state, params, i, IN_OWN_LANE, in_own_lane.0, &view);
-        let slot = in_own_lane.0;
-        let believed = believe(state, params, i, slot, range, &view, certain, decision);
+        let range = state.road.sight_distance[slot];
+        let view = state
+            .vehicle(params, slot)
+            .sighting(near, in_own_lane, range);
+        let certain = is_certain(state, params, slot, IN_OWN_LANE, in_own_lane.0, &view);
+        let other_slot = in_own_lane.0;
+        let believed = state
+            .vehicle(params, slot)
+            .believe(other_slot, range, &view, certain, decision);
         oncoming.meets_in_own_lane = believed.is_detected;
         oncoming.time_to_meeting =
             believed.believed_gap / at_least(believed.closing_speed, MIN_SPEED);
     } else {
-        update_time_in_view(state, params, i, IN_OWN_LANE, in_own_lane.0);
+        update_time_in_view(state, params, slot, IN_OWN_LANE, in_own_lane.0);
         oncoming.meets_in_own_lane = certain & !certain;
     }
-    oncoming.is_being_passed = search.is_being_passed(state, params, i);
+    oncoming.is_being_passed = search.is_being_passed(state, params, slot);
 }
 
-/// Whether driver `i` has looked for long enough to know who comes in some lanes; advances the time in view.
+/// Whether driver `slot` has looked for long enough to know who comes in some lanes; advances the time in view.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     lanes: usize,
-    slot: F32<S>,
+    other_slot: F32<S>,
     view: &Sighting<S>,
 ) -> Mask<S> {
     let (constants, simulation, effort) = (
@@ -145,56 +150,52 @@ fn is_certain<S: Simd, const N: usize>(
     let needed =
         simulation.detection_time * (1.0 + constants.detection_growth * (effort * effort * effort));
     let needed = select(view.is_visible, needed, simulation.detection_time);
-    let seen = select(view.is_visible, slot, splat(params.simd, NO_SLOT));
-    update_time_in_view(state, params, i, lanes, seen);
-    state.attention.oncoming_time_in_view[i][lanes].simd_ge(needed)
+    let seen = select(view.is_visible, other_slot, splat(params.simd, NO_SLOT));
+    update_time_in_view(state, params, slot, lanes, seen);
+    state.attention.oncoming_time_in_view[slot][lanes].simd_ge(needed)
 }
 
-/// Count for how long driver `i` has seen whom it sees now in some lanes.
+/// Count for how long driver `slot` has seen whom it sees now in some lanes.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     lanes: usize,
     seen: F32<S>,
 ) {
-    let before = state.attention.oncoming_slot[i][lanes];
-    let time = state.attention.oncoming_time_in_view[i][lanes] + params.constants.decision;
+    let before = state.attention.oncoming_slot[slot][lanes];
+    let time = state.attention.oncoming_time_in_view[slot][lanes] + params.constants.decision;
     let longer = select(seen.simd_eq(before), time, splat(params.simd, 0.0));
     let first = before.simd_eq(NEVER_LOOKED);
-    state.attention.oncoming_time_in_view[i][lanes] = select(
+    state.attention.oncoming_time_in_view[slot][lanes] = select(
         first,
         splat(params.simd, params.constants.initial_time_in_view),
         longer,
     );
-    state.attention.oncoming_slot[i][lanes] = seen;
+    state.attention.oncoming_slot[slot][lanes] = seen;
 }
 
-/// Second oncoming vehicle of the ego, and what the driver of the model would believe about it.
-///
-/// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together with
-/// the nearest one, wherever it is visible.
-#[inline(always)]
-pub fn observe_second_oncoming<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    context: &DriverContext<S>,
-) -> OncomingVehicle<S> {
-    let first = &context.oncoming.nearest;
-    let sight = first.sight_distance;
-    let met = OncomingSearch::nearest_except(state, params, EGO_SLOT, first.slot);
-    let view = sighting(state, params, &context.neighbours, EGO_SLOT, met, sight);
-    believe(
-        state,
-        params,
-        EGO_SLOT,
-        met.0,
-        sight,
-        &view,
-        first.is_detected,
-        context.decision_index,
-    )
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Second oncoming vehicle of the ego, and what the driver of the model would believe about it.
+    ///
+    /// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together with
+    /// the nearest one, wherever it is visible.
+    #[inline(always)]
+    pub fn observe_second_oncoming(self, context: &DriverContext<S>) -> OncomingVehicle<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let first = &context.oncoming.nearest;
+        let sight = first.sight_distance;
+        let met = OncomingSearch::nearest_except(state, params, slot, first.slot);
+        let view = self.sighting(&context.neighbours, met, sight);
+        self.believe(
+            met.0,
+            sight,
+            &view,
+            first.is_detected,
+            context.decision_index,
+        )
+    }
 }
 
 /// Whether an oncomer can be seen.
@@ -206,142 +207,136 @@ struct Sighting<S: Simd> {
     is_visible: Mask<S>,
 }
 
-/// What there is to see of an oncomer, as far as a range.
-#[inline(always)]
-fn sighting<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    near: &Neighbours<S>,
-    i: usize,
-    (slot, distance): (F32<S>, F32<S>),
-    range: F32<S>,
-) -> Sighting<S> {
-    let [half, contrast, lamp] = each_at_slot!(params.num_slots_in_use, slot, |j| [
-        params.vehicles[j].half_length,
-        params.vehicles[j].log_contrast,
-        params.vehicles[j].inverse_head_lamp
-    ]);
-    let reach = half + params.vehicles[i].half_length;
-    let gap = distance - reach;
-    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
-        .motion
-        .vx[j]);
-    let depths = extinction_ahead(state, params, near, leader_speed, i);
-    let effort = sight_range_ratio(params, gap, true, [contrast, lamp], depths);
-    let range = at_most(range, params.constants.oncoming_range);
-    Sighting {
-        reach,
-        gap,
-        sight_range_ratio: effort,
-        is_visible: slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(range),
-    }
-}
-
-/// Speed of approach that driver `i` expects of who comes.
-#[inline(always)]
-pub fn expected_closing_speed<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> F32<S> {
-    state.road_velocity(i).0 + params.simulations.expected_oncoming_speed
-}
-
-/// What driver `i` believes of an oncomer that it sees, and is `sure` of.
-#[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn believe<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    slot: F32<S>,
-    sight: F32<S>,
-    view: &Sighting<S>,
-    sure: Mask<S>,
-    decision: u32,
-) -> OncomingVehicle<S> {
-    let (constants, simulation, vehicle) =
-        (&params.constants, &params.simulations, &params.vehicles[i]);
-    let [width, two_wheeler, their_vx] = each_at_slot!(params.num_slots_in_use, slot, |j| [
-        params.vehicles[j].looming_width,
-        params.vehicles[j].two_wheeler,
-        state.motion.vx[j]
-    ]);
-    let detected = view.is_visible & sure;
-    let (own_speed, _) = state.road_velocity(i);
-    let urgent = view
-        .gap
-        .simd_lt(constants.urgent_time * (own_speed + their_vx));
-    let ticks = select(
-        urgent,
-        vehicle.urgent_reaction_delay,
-        vehicle.reaction_delay,
-    );
-    let at = splat(params.simd, decision as f32);
-    let then = at_least(at - ticks, 0.0);
-    let (place, speed) = recall_motion(state, params.simd, then, slot);
-    let place = place + speed * ((at - then) * constants.decision);
-    let gap = (params.road.directions.length - place) - state.motion.s[i] - view.reach;
-    let closing = own_speed + speed;
-    let (_, clear, share, sensed) = sense_looming(state, params, i, gap, closing, width);
-    let small = select(
-        two_wheeler.simd_gt(0.0),
-        splat(params.simd, constants.two_wheeler_distance_factor),
-        splat(params.simd, 1.0),
-    );
-    let judged = exp(simulation.oncoming_error * state.noise.distance_error[i]) * small;
-    let habit = expected_closing_speed(state, params, i);
-    let range = splat(params.simd, constants.oncoming_range);
-    OncomingVehicle {
-        slot,
-        gap: view.gap,
-        is_detected: detected,
-        is_certain: sure,
-        believed_gap: select(detected, gap + gap * ((judged - 1.0) * share), range),
-        closing_speed: select(detected, habit + clear * (sensed - habit), habit),
-        sight_distance: sight,
-    }
-}
-
-/// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
-#[inline(always)]
-fn sight_distance<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    near: &Neighbours<S>,
-    i: usize,
-) -> F32<S> {
-    let (constants, road) = (&params.constants, &params.road);
-    let (place, _) = state.road_position(params, i);
-    let turned = params.vehicles[i].travel_sign.simd_lt(0.0);
-    let [along, against] = &road.directions.sight;
-    let mut by_road = splat(params.simd, 0.0);
-    for (table, there) in [(along, !turned), (against, turned)] {
-        if there.any_true() {
-            by_road = select(there, interpolate_knots(table, place), by_road);
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// What there is to see of an oncomer, as far as a range.
+    #[inline(always)]
+    fn sighting(
+        self,
+        near: &Neighbours<S>,
+        (other_slot, distance): (F32<S>, F32<S>),
+        range: F32<S>,
+    ) -> Sighting<S> {
+        let (state, params) = (self.state, self.params);
+        let [half, contrast, lamp] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+            params.vehicles[j].half_length,
+            params.vehicles[j].log_contrast,
+            params.vehicles[j].inverse_head_lamp
+        ]);
+        let reach = half + self.vehicle().half_length;
+        let gap = distance - reach;
+        let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+            .motion
+            .vx[j]);
+        let depths = self.extinction_ahead(near, leader_speed);
+        let effort = sight_range_ratio(params, gap, true, [contrast, lamp], depths);
+        let range = at_most(range, params.constants.oncoming_range);
+        Sighting {
+            reach,
+            gap,
+            sight_range_ratio: effort,
+            is_visible: other_slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(range),
         }
     }
-    let lead = near.slot[LEADER];
-    let [half_width, tall] = each_at_slot!(params.num_slots_in_use, lead, |j| [
-        params.vehicles[j].half_width,
-        params.vehicles[j].blocks_view
-    ]);
-    let reach = at_least(
-        near.distance[LEADER] - near.half_length[LEADER],
-        MIN_SIGHT_LINE,
-    );
-    let edge = near.lateral_distance[LEADER] + half_width - constants.eye_offset;
-    let middle =
-        0.5 * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
-    let beside = middle - state.motion.d[i] - constants.eye_offset;
-    let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
-    let past = select(
-        hides,
-        beside * (reach / at_least(edge, MIN_SIGHT_LINE)),
-        splat(params.simd, FAR),
-    );
-    let by_road = min(by_road, state.road.sight_distance[i]);
-    min(min(by_road, past), params.simulations.oncoming_sight)
+
+    /// Speed of approach that driver `i` expects of who comes.
+    #[inline(always)]
+    pub fn expected_closing_speed(self) -> F32<S> {
+        let params = self.params;
+        self.road_velocity().0 + params.simulations.expected_oncoming_speed
+    }
+
+    /// What driver `i` believes of an oncomer that it sees, and is `sure` of.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
+    fn believe(
+        self,
+        other_slot: F32<S>,
+        sight: F32<S>,
+        view: &Sighting<S>,
+        sure: Mask<S>,
+        decision: u32,
+    ) -> OncomingVehicle<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, simulation, vehicle) =
+            (&params.constants, &params.simulations, self.vehicle());
+        let [width, two_wheeler, their_vx] =
+            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+                params.vehicles[j].looming_width,
+                params.vehicles[j].two_wheeler,
+                state.motion.vx[j]
+            ]);
+        let detected = view.is_visible & sure;
+        let (own_speed, _) = self.road_velocity();
+        let urgent = view
+            .gap
+            .simd_lt(constants.urgent_time * (own_speed + their_vx));
+        let ticks = select(
+            urgent,
+            vehicle.urgent_reaction_delay,
+            vehicle.reaction_delay,
+        );
+        let at = splat(params.simd, decision as f32);
+        let then = at_least(at - ticks, 0.0);
+        let (place, speed) = recall_motion(state, params.simd, then, other_slot);
+        let place = place + speed * ((at - then) * constants.decision);
+        let gap = (params.road.directions.length - place) - state.motion.s[slot] - view.reach;
+        let closing = own_speed + speed;
+        let (_, clear, share, sensed) = self.sense_looming(gap, closing, width);
+        let small = select(
+            two_wheeler.simd_gt(0.0),
+            splat(params.simd, constants.two_wheeler_distance_factor),
+            splat(params.simd, 1.0),
+        );
+        let judged = exp(simulation.oncoming_error * state.noise.distance_error[slot]) * small;
+        let habit = self.expected_closing_speed();
+        let range = splat(params.simd, constants.oncoming_range);
+        OncomingVehicle {
+            slot: other_slot,
+            gap: view.gap,
+            is_detected: detected,
+            is_certain: sure,
+            believed_gap: select(detected, gap + gap * ((judged - 1.0) * share), range),
+            closing_speed: select(detected, habit + clear * (sensed - habit), habit),
+            sight_distance: sight,
+        }
+    }
+
+    /// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
+    #[inline(always)]
+    fn sight_distance(self, near: &Neighbours<S>) -> F32<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, road) = (&params.constants, &params.road);
+        let (place, _) = self.road_position();
+        let turned = self.vehicle().travel_sign.simd_lt(0.0);
+        let [along, against] = &road.directions.sight;
+        let mut by_road = splat(params.simd, 0.0);
+        for (table, there) in [(along, !turned), (against, turned)] {
+            if there.any_true() {
+                by_road = select(there, interpolate_knots(table, place), by_road);
+            }
+        }
+        let lead = near.slot[LEADER];
+        let [half_width, tall] = each_at_slot!(params.num_slots_in_use, lead, |j| [
+            params.vehicles[j].half_width,
+            params.vehicles[j].blocks_view
+        ]);
+        let reach = at_least(
+            near.distance[LEADER] - near.half_length[LEADER],
+            MIN_SIGHT_LINE,
+        );
+        let edge = near.lateral_distance[LEADER] + half_width - constants.eye_offset;
+        let middle = 0.5
+            * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
+        let beside = middle - state.motion.d[slot] - constants.eye_offset;
+        let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
+        let past = select(
+            hides,
+            beside * (reach / at_least(edge, MIN_SIGHT_LINE)),
+            splat(params.simd, FAR),
+        );
+        let by_road = min(by_road, state.road.sight_distance[slot]);
+        min(min(by_road, past), params.simulations.oncoming_sight)
+    }
 }
 
 /// What a table of `Ways::sight` says of places [m].
@@ -448,7 +443,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             self.directions[0] |= u32::from((valid & along).any_true()) << j;
             self.directions[1] |= u32::from((valid & !along).any_true()) << j;
             self.off_lane_slots |= u32::from((valid & strays).any_true()) << j;
-            self.overtakes[j] = is_overtaking(state, j);
+            self.overtakes[j] = state.vehicle(params, j).is_overtaking();
             self.overtaking_slots |= u32::from(self.overtakes[j].any_true()) << j;
             self.as_seen_by_oncoming[j] = OppositeView {
                 on_road: valid & turned.overlaps(whole),
@@ -495,7 +490,10 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             opposed
         };
         if opposed == 0 {
-            return [where_vehicle_exists(params, i, coming), facing];
+            return [
+                state.vehicle(params, i).where_vehicle_exists(coming),
+                facing,
+            ];
         }
         let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
         let (low, high) = (
@@ -517,8 +515,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             facing.1 = select(nearer, ahead, facing.1);
         }
         [
-            where_vehicle_exists(params, i, coming),
-            where_vehicle_exists(params, i, facing),
+            state.vehicle(params, i).where_vehicle_exists(coming),
+            state.vehicle(params, i).where_vehicle_exists(facing),
         ]
     }
 
@@ -563,24 +561,18 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     }
 }
 
-/// Whom vehicle `i` meets, where there is a vehicle `i`.
-#[inline(always)]
-fn where_vehicle_exists<S: Simd, const N: usize>(
-    params: &Params<S, N>,
-    i: usize,
-    (slot, distance): NearestOncoming<S>,
-) -> NearestOncoming<S> {
-    let valid = params.vehicles[i].valid.simd_gt(0.0);
-    (
-        select(valid, slot, splat(params.simd, NO_SLOT)),
-        select(valid, distance, splat(params.simd, FAR)),
-    )
-}
-
-/// Whether vehicle `i` is overtaking, or on its way back from there.
-#[inline(always)]
-pub fn is_overtaking<S: Simd, const N: usize>(state: &State<S, N>, i: usize) -> Mask<S> {
-    let away = state.overtake.stage[i].simd_ne(stage::FOLLOW)
-        & state.overtake.stage[i].simd_ne(stage::DONE);
-    away & state.motion.is_wreck[i].simd_eq(0.0)
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Whom vehicle `i` meets, where there is a vehicle `i`.
+    #[inline(always)]
+    fn where_vehicle_exists(
+        self,
+        (other_slot, distance): NearestOncoming<S>,
+    ) -> NearestOncoming<S> {
+        let params = self.params;
+        let valid = self.vehicle().valid.simd_gt(0.0);
+        (
+            select(valid, other_slot, splat(params.simd, NO_SLOT)),
+            select(valid, distance, splat(params.simd, FAR)),
+        )
+    }
 }

@@ -5,18 +5,17 @@ use fearless_simd::prelude::*;
 
 use crate::decision_context::DriverContext;
 use crate::ego_action::{self, EgoAction};
+use crate::gap_acceptance::Intent;
 use crate::gap_acceptance::form_intent;
-use crate::gap_acceptance::{Intent, is_in_stage};
 use crate::lane_change::start_lane_changes;
 use crate::math::vectors::{F32, assign_where, at_least, max, min, select, splat};
 use crate::neighbour_search::Neighbours;
 use crate::params::Params;
-use crate::pass_continuation::{
-    PassContinuation, decide_pass_continuation, overtakes_next_vehicle,
-};
+use crate::pass_continuation::PassContinuation;
 use crate::perception::Beliefs;
 use crate::recorder::Recorder;
 use crate::state::{EGO_SLOT, LEADER, RIGHT_LEADER, State, stage};
+use crate::vehicle_handle::VehicleHandle;
 
 /// A decision of the egos of a block.
 pub struct EgoDecision<'a, S: Simd> {
@@ -52,7 +51,9 @@ pub fn decide_ego<S: Simd, const N: usize>(
     recorder.record_manoeuvres(state, params, context, &intent, decision.step);
 
     // Compute the stage before the ego moves over, and store it last: the calls in between read the old stage.
-    let stage = next_stage(state, params, EGO_SLOT, &context.neighbours, &intent);
+    let stage = state
+        .vehicle(params, EGO_SLOT)
+        .next_stage(&context.neighbours, &intent);
     carry_out_intent(state, params, EGO_SLOT, context, &intent);
     assign_where(
         &mut state.has_attempted,
@@ -66,49 +67,54 @@ pub fn decide_ego<S: Simd, const N: usize>(
     set_stage(state, params, EGO_SLOT, stage);
 }
 
-/// Let the driver of vehicle `i`, not the ego, decide on a two-way road. After an overtake it may overtake again.
+/// Let the driver of vehicle `slot`, not the ego, decide on a two-way road. After an overtake it may overtake again.
 #[inline(always)]
 pub fn decide_other<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     context: &DriverContext<S>,
 ) {
-    let has_no_plan = state.overtake.stage[i].simd_eq(stage::FOLLOW)
-        & state.overtake.time_indicating[i].simd_eq(0.0)
-        & state.lane_choice.wanted_side[i].simd_eq(0.0)
-        & state.controls.indicator[i].simd_eq(0.0);
+    let has_no_plan = state.overtake.stage[slot].simd_eq(stage::FOLLOW)
+        & state.overtake.time_indicating[slot].simd_eq(0.0)
+        & state.lane_choice.wanted_side[slot].simd_eq(0.0)
+        & state.controls.indicator[slot].simd_eq(0.0);
     if (has_no_plan & !context.checks_mirrors).all_true() {
-        count_waiting_time(state, params, i, &context.beliefs);
+        count_waiting_time(state, params, slot, &context.beliefs);
         return; // A driver begins no manoeuvre without checking its mirrors.
     }
-    let continuation = update_pass_continuation(state, params, i, context);
-    let intent = form_intent(state, params, i, context, Some(&continuation));
-    count_waiting_time(state, params, i, &context.beliefs);
-    let next = next_stage(state, params, i, &context.neighbours, &intent);
-    carry_out_intent(state, params, i, context, &intent);
+    let continuation = update_pass_continuation(state, params, slot, context);
+    let intent = form_intent(state, params, slot, context, Some(&continuation));
+    count_waiting_time(state, params, slot, &context.beliefs);
+    let next = state
+        .vehicle(params, slot)
+        .next_stage(&context.neighbours, &intent);
+    carry_out_intent(state, params, slot, context, &intent);
     let is_done = next.simd_eq(stage::DONE);
     assign_where(
-        &mut state.overtake.time_waiting[i],
+        &mut state.overtake.time_waiting[slot],
         is_done,
         splat(params.simd, 0.0),
     );
     let next = select(is_done, splat(params.simd, stage::FOLLOW), next);
-    set_stage(state, params, i, next);
+    set_stage(state, params, slot, next);
 }
 
-/// Decide how driver `i` goes on with its pass, and remember whether it aborts or returns urgently.
+/// Decide how driver `slot` goes on with its pass, and remember whether it aborts or returns urgently.
 #[inline(always)]
 fn update_pass_continuation<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     context: &DriverContext<S>,
 ) -> PassContinuation<S> {
-    let continuation = decide_pass_continuation(state, params, i, context);
+    let continuation = state
+        .vehicle(params, slot)
+        .decide_pass_continuation(context);
     let (one, zero) = (splat(params.simd, 1.0), splat(params.simd, 0.0));
-    state.overtake.must_abort[i] = select(continuation.must_abort, one, zero);
-    state.overtake.must_return_urgently[i] = select(continuation.must_return_urgently, one, zero);
+    state.overtake.must_abort[slot] = select(continuation.must_abort, one, zero);
+    state.overtake.must_return_urgently[slot] =
+        select(continuation.must_return_urgently, one, zero);
     continuation
 }
 
@@ -117,16 +123,16 @@ fn update_pass_continuation<S: Simd, const N: usize>(
 fn set_stage<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     next: F32<S>,
 ) {
-    let changed = next.simd_ne(state.overtake.stage[i]);
+    let changed = next.simd_ne(state.overtake.stage[slot]);
     assign_where(
-        &mut state.overtake.time_in_stage[i],
+        &mut state.overtake.time_in_stage[slot],
         changed,
         splat(params.simd, 0.0),
     );
-    state.overtake.stage[i] = next;
+    state.overtake.stage[slot] = next;
 }
 
 /// Count the time behind a slower leader.
@@ -134,71 +140,69 @@ fn set_stage<S: Simd, const N: usize>(
 fn count_waiting_time<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     believed: &Beliefs<S>,
 ) {
-    let speed = state.motion.vx[i];
+    let speed = state.motion.vx[slot];
     let queues = believed.gap[LEADER].simd_lt(params.constants.waiting_time_gap * speed);
-    let waits = is_in_stage(state, i, stage::FOLLOW)
+    let waits = state.vehicle(params, slot).is_in_stage(stage::FOLLOW)
         & believed.is_detected[LEADER]
         & queues
         & state
-            .desired_speed(params, i)
+            .vehicle(params, slot)
+            .desired_speed()
             .simd_gt(speed - believed.closing_speed[LEADER]);
-    let longer = state.overtake.time_waiting[i] + params.constants.decision;
-    assign_where(&mut state.overtake.time_waiting[i], waits, longer);
+    let longer = state.overtake.time_waiting[slot] + params.constants.decision;
+    assign_where(&mut state.overtake.time_waiting[slot], waits, longer);
 }
 
-#[inline(always)]
-fn next_stage<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    near: &Neighbours<S>,
-    intent: &Intent<S>,
-) -> F32<S> {
-    let centre = 0.5 * (near.lane_right_edge + near.lane_left_edge);
-    let settled = (state.motion.d[i] - centre)
-        .abs()
-        .simd_lt(params.constants.settled_offset);
-    let finished = intent.has_finished_lane_change & settled;
-    let [pull_out, pass, back, done, abort, follow] = [
-        stage::PULL_OUT,
-        stage::PASS,
-        stage::RETURN,
-        stage::DONE,
-        stage::ABORT,
-        stage::FOLLOW,
-    ];
-    let next = select(
-        intent.starts_pull_out,
-        splat(params.simd, pull_out),
-        state.overtake.stage[i],
-    );
-    let next = select(
-        is_in_stage(state, i, pull_out) & intent.has_finished_lane_change,
-        splat(params.simd, pass),
-        next,
-    );
-    let next = select(intent.cancels_pull_out, splat(params.simd, abort), next);
-    let returning = select(
-        intent.has_passed_target,
-        splat(params.simd, back),
-        splat(params.simd, abort),
-    );
-    let returns = intent.starts_return & is_in_stage(state, i, pass);
-    let next = select(returns, returning, next);
-    let next = select(
-        is_in_stage(state, i, back) & finished,
-        splat(params.simd, done),
-        next,
-    );
-    let next = select(
-        is_in_stage(state, i, abort) & finished,
-        splat(params.simd, follow),
-        next,
-    );
-    select(intent.cancels_return, splat(params.simd, pass), next)
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    #[inline(always)]
+    fn next_stage(self, near: &Neighbours<S>, intent: &Intent<S>) -> F32<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let centre = 0.5 * (near.lane_right_edge + near.lane_left_edge);
+        let settled = (state.motion.d[slot] - centre)
+            .abs()
+            .simd_lt(params.constants.settled_offset);
+        let finished = intent.has_finished_lane_change & settled;
+        let [pull_out, pass, back, done, abort, follow] = [
+            stage::PULL_OUT,
+            stage::PASS,
+            stage::RETURN,
+            stage::DONE,
+            stage::ABORT,
+            stage::FOLLOW,
+        ];
+        let next = select(
+            intent.starts_pull_out,
+            splat(params.simd, pull_out),
+            state.overtake.stage[slot],
+        );
+        let next = select(
+            self.is_in_stage(pull_out) & intent.has_finished_lane_change,
+            splat(params.simd, pass),
+            next,
+        );
+        let next = select(intent.cancels_pull_out, splat(params.simd, abort), next);
+        let returning = select(
+            intent.has_passed_target,
+            splat(params.simd, back),
+            splat(params.simd, abort),
+        );
+        let returns = intent.starts_return & self.is_in_stage(pass);
+        let next = select(returns, returning, next);
+        let next = select(
+            self.is_in_stage(back) & finished,
+            splat(params.simd, done),
+            next,
+        );
+        let next = select(
+            self.is_in_stage(abort) & finished,
+            splat(params.simd, follow),
+            next,
+        );
+        select(intent.cancels_return, splat(params.simd, pass), next)
+    }
 }
 
 /// Move over and show it.
@@ -206,7 +210,7 @@ fn next_stage<S: Simd, const N: usize>(
 fn carry_out_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     context: &DriverContext<S>,
     intent: &Intent<S>,
 ) {
@@ -216,14 +220,14 @@ fn carry_out_intent<S: Simd, const N: usize>(
         intent.starts_return | intent.cancels_pull_out,
     );
     assign_where(
-        &mut state.overtake.target_slot[i],
+        &mut state.overtake.target_slot[slot],
         intent.starts_pull_out,
         context.neighbours.slot[LEADER],
     );
     if params.road.directions.has_oncoming_traffic {
-        let beside = overtakes_next_vehicle(state, params, i, context);
+        let beside = state.vehicle(params, slot).overtakes_next_vehicle(context);
         assign_where(
-            &mut state.overtake.target_slot[i],
+            &mut state.overtake.target_slot[slot],
             beside,
             context.neighbours.slot[RIGHT_LEADER],
         );
@@ -231,10 +235,10 @@ fn carry_out_intent<S: Simd, const N: usize>(
     let broken_off = intent.cancels_pull_out | intent.cancels_return;
     let sides = (faster, slower, broken_off);
     let hasty = if params.road.directions.has_oncoming_traffic {
-        let hurried = state.overtake.must_return_urgently[i].simd_gt(0.0)
-            | state.overtake.must_abort[i].simd_gt(0.0);
+        let hurried = state.overtake.must_return_urgently[slot].simd_gt(0.0)
+            | state.overtake.must_abort[slot].simd_gt(0.0);
         let turned =
-            constants.min_change_distance / at_least(state.motion.vx[i], constants.slip_speed);
+            constants.min_change_distance / at_least(state.motion.vx[slot], constants.slip_speed);
         Some(select(
             hurried,
             max(params.simulations.urgent_change_duration, turned),
@@ -246,7 +250,7 @@ fn carry_out_intent<S: Simd, const N: usize>(
     start_lane_changes(
         state,
         params,
-        i,
+        slot,
         sides,
         &context.beliefs,
         hasty,
@@ -254,22 +258,22 @@ fn carry_out_intent<S: Simd, const N: usize>(
     );
     let moved = faster | slower;
     let kept = select(
-        state.overtake.time_indicating[i].simd_gt(0.0),
-        state.controls.indicator[i],
+        state.overtake.time_indicating[slot].simd_gt(0.0),
+        state.controls.indicator[slot],
         zero,
     );
-    let used = params.vehicles[i].uses_indicator;
+    let used = params.vehicles[slot].uses_indicator;
     let shown = select(
         intent.wants_to_pull_out,
         used,
         select(intent.wants_to_return, -used, kept),
     );
     assign_where(
-        &mut state.controls.indicator[i],
+        &mut state.controls.indicator[slot],
         intent.has_finished_lane_change & !moved,
         shown,
     );
-    assign_where(&mut state.overtake.time_indicating[i], moved, zero);
+    assign_where(&mut state.overtake.time_indicating[slot], moved, zero);
 }
 
 /// End the simulation some time after the overtake, or at the deadline if the ego follows then.
@@ -287,7 +291,7 @@ fn set_end_step<S: Simd, const N: usize>(
     let after = now + (constants.after_overtake / constants.step).round_ties_even();
     let sooner = min(state.end_step, after);
     assign_where(&mut state.end_step, over, sooner);
-    let idle = is_in_stage(state, EGO_SLOT, stage::FOLLOW)
+    let idle = state.vehicle(params, EGO_SLOT).is_in_stage(stage::FOLLOW)
         & !intent.wants_to_pull_out
         & now.simd_ge(params.simulations.deadline_step);
     let sooner = min(state.end_step, now);

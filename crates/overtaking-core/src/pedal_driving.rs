@@ -403,20 +403,21 @@ fn drive<S: Simd, const N: usize>(
 fn apply_throttle_and_brake<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     controls: PedalControls<'_>,
     speed: F32<S>,
 ) {
-    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
-    let air = speed - state.friction_and_wind.tail_wind[i];
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let air = speed - state.friction_and_wind.tail_wind[slot];
     let resistance = vehicle.drag * air * air.abs() + vehicle.rolling;
     let engine = min(
         vehicle.launch_force,
         vehicle.power / at_least(speed, constants.slip_speed),
     );
-    let force =
-        controls.throttle[i] * engine - controls.brake[i] * vehicle.max_brake_force - resistance;
-    state.controls.requested_accel[i] = force * vehicle.inverse_mass;
+    let force = controls.throttle[slot] * engine
+        - controls.brake[slot] * vehicle.max_brake_force
+        - resistance;
+    state.controls.requested_accel[slot] = force * vehicle.inverse_mass;
 }
 
 /// Turn the front wheels, or lean into the curve that they stand for.
@@ -426,23 +427,27 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
 fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     controls: PedalControls<'_>,
     speed: F32<S>,
 ) -> F32<S> {
-    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
-    let angle: F32<S> = splat(params.simd, controls.wheel_angle[i]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let angle: F32<S> = splat(params.simd, controls.wheel_angle[slot]);
     let max_turn = controls.wheel_rate * constants.step;
-    let turn = clamp_to(angle - state.controls.wheel_angle[i], -max_turn, max_turn);
+    let turn = clamp_to(
+        angle - state.controls.wheel_angle[slot],
+        -max_turn,
+        max_turn,
+    );
     let (sine, cosine) = sincos(angle);
     let curve = speed * speed * sine / (cosine * vehicle.wheelbase);
     let grip = constants.gravity
         * 0.5
-        * (state.friction_and_wind.mu_left[i] + state.friction_and_wind.mu_right[i]);
-    let lean =
-        (clamp(curve, -grip, grip) - state.controls.wheel_angle[i]) * params.derived.fine.leaning;
+        * (state.friction_and_wind.mu_left[slot] + state.friction_and_wind.mu_right[slot]);
+    let lean = (clamp(curve, -grip, grip) - state.controls.wheel_angle[slot])
+        * params.derived.fine.leaning;
     let moved = select(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
-    let old_angle = state.controls.wheel_angle[i];
-    state.controls.wheel_angle[i] = old_angle + moved;
+    let old_angle = state.controls.wheel_angle[slot];
+    state.controls.wheel_angle[slot] = old_angle + moved;
     old_angle + 0.5 * moved
 }

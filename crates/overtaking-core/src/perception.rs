@@ -16,6 +16,7 @@ use crate::road_conditions::{lane_film, value_of_lane};
 use crate::state::{
     HISTORY_LENGTH, HISTORY_STRIDE, LEADER, LEFT_LEADER, NEVER_LOOKED, NUM_ROLES, State,
 };
+use crate::vehicle_handle::VehicleHandle;
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
 const NEAREST_GAP: f32 = 1.0;
@@ -63,7 +64,7 @@ pub fn record_history<S: Simd, const N: usize>(
 ) {
     let row = decision % HISTORY_LENGTH;
     for i in 0..params.num_slots_in_use {
-        let (along, _) = state.road_velocity(i);
+        let (along, _) = state.vehicle(params, i).road_velocity();
         let (low, high) = state.motion.s[i].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
@@ -73,43 +74,42 @@ pub fn record_history<S: Simd, const N: usize>(
     }
 }
 
-/// Which simulations' driver `i` looks into the mirrors and at the other lanes now.
-#[inline(always)]
-pub fn checks_mirrors_now<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    decision: u32,
-) -> Mask<S> {
-    let (constants, vehicle) = (&params.constants, &params.vehicles[i]);
-    let interval = constants.glance_interval as u32;
-    let turn = decision + i as u32 * constants.glance_stagger as u32;
-    if decision >= interval && turn.is_multiple_of(interval) {
-        return vehicle.valid.simd_eq(vehicle.valid);
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Which simulations' driver `i` looks into the mirrors and at the other lanes now.
+    #[inline(always)]
+    pub fn checks_mirrors_now(self, decision: u32) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let interval = constants.glance_interval as u32;
+        let turn = decision + slot as u32 * constants.glance_stagger as u32;
+        if decision >= interval && turn.is_multiple_of(interval) {
+            return vehicle.valid.simd_eq(vehicle.valid);
+        }
+        let signalled = if params.road.can_overtake(slot) {
+            state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
+        } else {
+            state.lane_choice.time_wanted[slot].simd_ge(vehicle.indicator_lead_time)
+        };
+        let looks = state.lane_choice.wanted_side[slot].simd_ne(0.0) & signalled;
+        if decision.is_multiple_of(constants.glance_moving as u32) {
+            return looks
+                | state.path.elapsed[slot]
+                    .simd_lt(constants.abort_until * state.path.duration[slot]);
+        }
+        looks
     }
-    let signalled = if params.road.can_overtake(i) {
-        state.overtake.time_indicating[i].simd_gt(vehicle.indicator_lead_time)
-    } else {
-        state.lane_choice.time_wanted[i].simd_ge(vehicle.indicator_lead_time)
-    };
-    let looks = state.lane_choice.wanted_side[i].simd_ne(0.0) & signalled;
-    if decision.is_multiple_of(constants.glance_moving as u32) {
-        return looks
-            | state.path.elapsed[i].simd_lt(constants.abort_until * state.path.duration[i]);
-    }
-    looks
 }
 
-/// Draw whether driver `i` looks over the shoulder before the next lane change.
+/// Draw whether driver `slot` looks over the shoulder before the next lane change.
 #[inline(always)]
 pub fn draw_shoulder_check<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     drawn: Mask<S>,
     decision: u32,
 ) {
-    let stream = GLANCES + i as u32;
+    let stream = GLANCES + slot as u32;
     let [word, ..] = words(
         params.key,
         &params.scenario_index_low,
@@ -120,42 +120,40 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
     let word = uniform(params.simd, word);
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
     let checks = select(
-        word.simd_lt(params.vehicles[i].checks_blind_spot),
+        word.simd_lt(params.vehicles[slot].checks_blind_spot),
         one,
         zero,
     );
-    state.lane_choice.checks_blind_spot[i] =
-        select(drawn, checks, state.lane_choice.checks_blind_spot[i]);
+    state.lane_choice.checks_blind_spot[slot] =
+        select(drawn, checks, state.lane_choice.checks_blind_spot[slot]);
 }
 
-#[inline(always)]
-pub fn extinction_ahead<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    near: &Neighbours<S>,
-    leader_speed: F32<S>,
-    i: usize,
-) -> (F32<S>, F32<S>) {
-    let (constants, simulation) = (&params.constants, &params.simulations);
-    let air = simulation.fog_extinction
-        + simulation.rain_extinction * (1.0 + state.motion.vx[i] / constants.rain_speed);
-    let path = value_of_lane(
-        &params.road.film_path[..params.road.num_lanes],
-        state.lane_choice.lane[i],
-    );
-    let water = lane_film(params, path);
-    let zero = splat(params.simd, 0.0);
-    if water.simd_le(0.0).all_true() {
-        return (air, zero);
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    #[inline(always)]
+    pub fn extinction_ahead(self, near: &Neighbours<S>, leader_speed: F32<S>) -> (F32<S>, F32<S>) {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, simulation) = (&params.constants, &params.simulations);
+        let air = simulation.fog_extinction
+            + simulation.rain_extinction * (1.0 + state.motion.vx[slot] / constants.rain_speed);
+        let path = value_of_lane(
+            &params.road.film_path[..params.road.num_lanes],
+            state.lane_choice.lane[slot],
+        );
+        let water = lane_film(params, path);
+        let zero = splat(params.simd, 0.0);
+        if water.simd_le(0.0).all_true() {
+            return (air, zero);
+        }
+        let speed = leader_speed / constants.spray_speed;
+        let wetness = at_most(water / constants.spray_film, 1.0);
+        let lifted = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| params
+            .vehicles[j]
+            .spray);
+        let spray = constants.spray_coefficient * wetness * (speed * speed) * lifted;
+        let close =
+            near.slot[LEADER].simd_ge(0.0) & near.gap[LEADER].simd_lt(constants.spray_reach);
+        (air, select(close, spray, zero))
     }
-    let speed = leader_speed / constants.spray_speed;
-    let wetness = at_most(water / constants.spray_film, 1.0);
-    let lifted = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| params
-        .vehicles[j]
-        .spray);
-    let spray = constants.spray_coefficient * wetness * (speed * speed) * lifted;
-    let close = near.slot[LEADER].simd_ge(0.0) & near.gap[LEADER].simd_lt(constants.spray_reach);
-    (air, select(close, spray, zero))
 }
 
 /// What the leader hides.
@@ -227,7 +225,7 @@ fn detect<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     near: &Neighbours<S>,
-    i: usize,
+    slot: usize,
     role: usize,
     effort: F32<S>,
     leader: Option<&TallLeader<S>>,
@@ -236,23 +234,23 @@ fn detect<S: Simd, const N: usize>(
 ) -> Mask<S> {
     let constants = &params.constants;
     let zero = splat(params.simd, 0.0);
-    let (slot, gap) = (near.slot[role], near.gap[role]);
+    let (other_slot, gap) = (near.slot[role], near.gap[role]);
     let is_front = role.is_multiple_of(2);
     let reach = if is_front {
-        params.vehicles[i].attention_range
+        params.vehicles[slot].attention_range
     } else {
         splat(params.simd, constants.mirror_range)
     };
-    let mut visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
+    let mut visible = other_slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
     if let Some(leader) = leader.filter(|leader| is_front && leader.is_tall.any_true()) {
         visible &= !is_occluded(near, leader, role);
     }
     let hides = gap.simd_lt(if is_front { 0.0 } else { constants.blind_spot })
-        & state.lane_choice.checks_blind_spot[i].simd_eq(0.0);
+        & state.lane_choice.checks_blind_spot[slot].simd_eq(0.0);
     if hides.any_true() {
-        let width = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
+        let width = at_slot!(params.num_slots_in_use, other_slot, |j| params.vehicles[j]
             .half_width);
-        let aside = near.lateral_distance[role].abs() - (params.vehicles[i].half_width + width);
+        let aside = near.lateral_distance[role].abs() - (params.vehicles[slot].half_width + width);
         visible &= !(hides & aside.simd_gt(constants.alongside));
     }
     let more = select(
@@ -262,7 +260,7 @@ fn detect<S: Simd, const N: usize>(
     );
     let mut longer = zero;
     for (known, time) in before.0.into_iter().zip(before.1) {
-        longer = select(slot.simd_eq(known), max(longer, time), longer);
+        longer = select(other_slot.simd_eq(known), max(longer, time), longer);
     }
     let first = before.0[role].simd_eq(NEVER_LOOKED);
     let longer = select(
@@ -271,11 +269,15 @@ fn detect<S: Simd, const N: usize>(
         longer + more,
     );
     let longer = select(visible, longer, zero);
-    assign_where(&mut state.attention.time_in_view[i][role], now, longer);
-    assign_where(&mut state.attention.slot_in_view[i][role], now, slot);
+    assign_where(&mut state.attention.time_in_view[slot][role], now, longer);
+    assign_where(
+        &mut state.attention.slot_in_view[slot][role],
+        now,
+        other_slot,
+    );
     let needed = params.simulations.detection_time
         * (1.0 + constants.detection_growth * (effort * effort * effort));
-    now & visible & state.attention.time_in_view[i][role].simd_ge(needed)
+    now & visible & state.attention.time_in_view[slot][role].simd_ge(needed)
 }
 
 /// 0, 1, 2 ... 15.
@@ -316,76 +318,82 @@ pub fn recall_motion<S: Simd, const N: usize>(
     F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
-/// How an approach looms to driver `i`: whether it does at all, how much of it is noticed, what is left of
-/// misjudgements as contact comes near, and the speed of approach that is sensed.
-#[inline(always)]
-pub fn sense_looming<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-    gap: F32<S>,
-    closing: F32<S>,
-    width: F32<S>,
-) -> (Mask<S>, F32<S>, F32<S>, F32<S>) {
-    let constants = &params.constants;
-    let distance = at_least(gap, NEAREST_GAP);
-    let expansion = width * closing.abs() / (distance * distance);
-    let excess = expansion - constants.looming_threshold;
-    let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
-    let clear = clamp_to(excess / span, 0.0, 1.0);
-    let fading = at_least(closing * constants.error_fade_time, NEAREST_GAP);
-    let share = at_most(distance / fading, 1.0);
-    let sensed =
-        closing * (1.0 + share * (params.simulations.speed_error * state.noise.speed_error[i]));
-    (excess.simd_gt(0.0), clear, share, sensed)
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// How an approach looms to driver `i`: whether it does at all, how much of it is noticed, what is left of
+    /// misjudgements as contact comes near, and the speed of approach that is sensed.
+    #[inline(always)]
+    pub fn sense_looming(
+        self,
+        gap: F32<S>,
+        closing: F32<S>,
+        width: F32<S>,
+    ) -> (Mask<S>, F32<S>, F32<S>, F32<S>) {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let constants = &params.constants;
+        let distance = at_least(gap, NEAREST_GAP);
+        let expansion = width * closing.abs() / (distance * distance);
+        let excess = expansion - constants.looming_threshold;
+        let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
+        let clear = clamp_to(excess / span, 0.0, 1.0);
+        let fading = at_least(closing * constants.error_fade_time, NEAREST_GAP);
+        let share = at_most(distance / fading, 1.0);
+        let sensed = closing
+            * (1.0 + share * (params.simulations.speed_error * state.noise.speed_error[slot]));
+        (excess.simd_gt(0.0), clear, share, sensed)
+    }
 }
 
-/// Update what driver `i` believes about its six neighbours.
+/// Update what driver `slot` believes about its six neighbours.
 #[inline(always)]
 pub fn form_beliefs<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     bodies: &[VisibleBody<S>; N],
     context: &mut DriverContext<S>,
 ) {
     let (near, believed) = (&context.neighbours, &mut context.beliefs);
     let (looks, decision) = (context.checks_mirrors, context.decision_index);
-    let (constants, simulation, vehicle) =
-        (&params.constants, &params.simulations, &params.vehicles[i]);
+    let (constants, simulation, vehicle) = (
+        &params.constants,
+        &params.simulations,
+        &params.vehicles[slot],
+    );
     let zero = splat(params.simd, 0.0);
     let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
         .motion
         .vx[j]);
-    let depths = extinction_ahead(state, params, near, leader_speed, i);
+    let depths = state
+        .vehicle(params, slot)
+        .extinction_ahead(near, leader_speed);
     let everybody = vehicle.valid.simd_eq(vehicle.valid);
-    let changing = state.path.elapsed[i].simd_lt(state.path.duration[i]);
+    let changing = state.path.elapsed[slot].simd_lt(state.path.duration[slot]);
     // Beliefs about roles that no driver of the block looks at are not computed.
     let watched = |role: usize| {
         role == LEADER || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
     };
     let at = splat(params.simd, decision as f32);
     let urgent =
-        near.gap[LEADER].simd_lt(constants.urgent_time * (state.motion.vx[i] - leader_speed));
-    let (own_speed, _) = state.road_velocity(i);
-    let judged = exp(simulation.distance_error * state.noise.distance_error[i]);
+        near.gap[LEADER].simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
+    let (own_speed, _) = state.vehicle(params, slot).road_velocity();
+    let judged = exp(simulation.distance_error * state.noise.distance_error[slot]);
     *believed = Beliefs::none(params.simd);
     let leader = watched(LEFT_LEADER).then(|| TallLeader::new(params, near));
     let before = (
-        state.attention.slot_in_view[i],
-        state.attention.time_in_view[i],
+        state.attention.slot_in_view[slot],
+        state.attention.time_in_view[slot],
     );
     // A short pass: the exponential and the root of one role take the time of those of several.
     let mut efforts = [zero; NUM_ROLES];
     for role in (0..NUM_ROLES).filter(|role| watched(*role)) {
-        let (slot, is_front) = (near.slot[role], role.is_multiple_of(2));
+        let (other_slot, is_front) = (near.slot[role], role.is_multiple_of(2));
         let shines = if is_front {
-            each_at_slot!(params.num_slots_in_use, slot, |j| [
+            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
                 params.vehicles[j].log_contrast,
                 bodies[j].inverse_rear_lamp
             ])
         } else {
-            each_at_slot!(params.num_slots_in_use, slot, |j| [
+            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
                 params.vehicles[j].log_contrast,
                 params.vehicles[j].inverse_head_lamp
             ])
@@ -393,7 +401,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         efforts[role] = sight_range_ratio(params, near.gap[role], is_front, shines, depths);
     }
     for role in 0..NUM_ROLES {
-        let slot = near.slot[role];
+        let other_slot = near.slot[role];
         let is_front = role.is_multiple_of(2);
         believed.gap[role] = splat(params.simd, constants.unseen_gap);
         if !watched(role) {
@@ -405,9 +413,13 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             _ => !everybody,
         };
         let now = looks | steadily;
-        if slot.simd_lt(0.0).all_true() {
-            assign_where(&mut state.attention.slot_in_view[i][role], now, slot);
-            assign_where(&mut state.attention.time_in_view[i][role], now, zero);
+        if other_slot.simd_lt(0.0).all_true() {
+            assign_where(
+                &mut state.attention.slot_in_view[slot][role],
+                now,
+                other_slot,
+            );
+            assign_where(&mut state.attention.time_in_view[slot][role], now, zero);
             continue;
         }
         let noticed = params.simd.vectorize(
@@ -417,7 +429,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
                     state,
                     params,
                     near,
-                    i,
+                    slot,
                     role,
                     efforts[role],
                     leader.as_ref().filter(|_| role != LEADER),
@@ -435,12 +447,12 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             _ => vehicle.reaction_delay,
         };
         let then = at_least(at - ticks, 0.0);
-        let (place, speed) = recall_motion(state, params.simd, then, slot);
+        let (place, speed) = recall_motion(state, params.simd, then, other_slot);
         let place = place + speed * ((at - then) * constants.decision);
         let ahead = if is_front {
-            place - state.motion.s[i]
+            place - state.motion.s[slot]
         } else {
-            state.motion.s[i] - place
+            state.motion.s[slot] - place
         };
         let ahead = nearest_image(params, ahead);
         let gap = ahead - (near.half_length[role] + vehicle.half_length);
@@ -449,13 +461,15 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         } else {
             speed - own_speed
         };
-        let width = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
+        let width = at_slot!(params.num_slots_in_use, other_slot, |j| params.vehicles[j]
             .looming_width);
-        let (looms, clear, share, sensed) = sense_looming(state, params, i, gap, closing, width);
+        let (looms, clear, share, sensed) = state
+            .vehicle(params, slot)
+            .sense_looming(gap, closing, width);
         let error = (judged - 1.0) * share;
         if is_front {
             let before = at_least(then - constants.brake_memory, 0.0);
-            let (_, early) = recall_motion(state, params.simd, before, slot);
+            let (_, early) = recall_motion(state, params.simd, before, other_slot);
             let change = at_most(
                 (speed - early) / (constants.brake_memory * constants.decision),
                 0.0,

@@ -19,6 +19,7 @@ use crate::recorder::output::{MAX_PERCEPTS, Output};
 use crate::state::{
     EGO_SLOT, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
 };
+use crate::vehicle_handle::VehicleHandle;
 
 /// The manoeuvre at which a percept is recorded.
 #[derive(Clone, Copy)]
@@ -102,7 +103,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         let at = number - self.flushed;
         for i in 0..params.num_slots_in_use {
             let valid = params.vehicles[i].valid.simd_gt(0.0);
-            let words = state_words(state, params, i);
+            let words = state.vehicle(params, i).state_words();
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, active & valid);
             }
@@ -236,14 +237,18 @@ impl<'a, const N: usize> Recorder<'a, N> {
         if !mask.any_true() {
             return;
         }
-        let (own, _) = state.road_velocity(EGO_SLOT);
+        let (own, _) = state.vehicle(params, EGO_SLOT).road_velocity();
         for (column, role) in roles.into_iter().enumerate() {
             // Who comes stands for the front of the lane that is pulled out to.
             let comes = oncoming.filter(|_| role == LEFT_LEADER);
             let slot = comes.map_or(near.slot[role], |one| one.slot);
-            let mut speed = state.road_velocity(0).0;
+            let mut speed = state.vehicle(params, 0).road_velocity().0;
             for j in 1..params.num_slots_in_use {
-                speed = select(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
+                speed = select(
+                    slot.simd_eq(j as f32),
+                    state.vehicle(params, j).road_velocity().0,
+                    speed,
+                );
             }
             let closing = if comes.is_some() {
                 own + speed
@@ -427,100 +432,98 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
     angle - turns * core::f32::consts::TAU
 }
 
-/// The recorded integers of vehicle `i`.
-#[inline(always)]
-pub fn state_words<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> [i32x16<S>; NUM_STATE_WORDS] {
-    let (road, vehicle) = (&params.road, &params.vehicles[i]);
-    let [x0, y0, heading, cosine, sine] = road.pose;
-    let (s, from_slow) = state.road_position(params, i);
-    let d = road.overtaking_sign * from_slow;
-    let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
-    for k in 0..=road.directions.num_own_lanes {
-        let beyond = from_slow.simd_ge(road.boundaries[k]);
-        lane = beyond.select(i32x16::splat(params.simd, k as i32), lane);
-    }
-    let speed =
-        (state.motion.vx[i] * state.motion.vx[i] + state.motion.vy[i] * state.motion.vy[i]).sqrt();
-    let wheel = select(
-        vehicle.two_wheeler.simd_gt(0.0),
-        splat(params.simd, 0.0),
-        state.controls.wheel_angle[i],
-    );
-    let mut course = heading + road.overtaking_sign * state.motion.heading[i];
-    if road.directions.has_oncoming_traffic {
-        let half_turn = splat(params.simd, core::f32::consts::PI);
-        course += select(
-            vehicle.travel_sign.simd_lt(0.0),
-            half_turn,
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// The recorded integers of vehicle `i`.
+    #[inline(always)]
+    pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (road, vehicle) = (&params.road, self.vehicle());
+        let [x0, y0, heading, cosine, sine] = road.pose;
+        let (s, from_slow) = self.road_position();
+        let d = road.overtaking_sign * from_slow;
+        let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
+        for k in 0..=road.directions.num_own_lanes {
+            let beyond = from_slow.simd_ge(road.boundaries[k]);
+            lane = beyond.select(i32x16::splat(params.simd, k as i32), lane);
+        }
+        let speed = (state.motion.vx[slot] * state.motion.vx[slot]
+            + state.motion.vy[slot] * state.motion.vy[slot])
+            .sqrt();
+        let wheel = select(
+            vehicle.two_wheeler.simd_gt(0.0),
             splat(params.simd, 0.0),
+            state.controls.wheel_angle[slot],
         );
+        let mut course = heading + road.overtaking_sign * state.motion.heading[slot];
+        if road.directions.has_oncoming_traffic {
+            let half_turn = splat(params.simd, core::f32::consts::PI);
+            course += select(
+                vehicle.travel_sign.simd_lt(0.0),
+                half_turn,
+                splat(params.simd, 0.0),
+            );
+        }
+        [
+            to_recorded_integers(x0 + s * cosine - d * sine, INTEGERS_PER_UNIT, INT32_LIMIT),
+            to_recorded_integers(y0 + s * sine + d * cosine, INTEGERS_PER_UNIT, INT32_LIMIT),
+            to_recorded_integers(s, INTEGERS_PER_UNIT, INT32_LIMIT),
+            to_recorded_integers(d, INTEGERS_PER_UNIT, INT32_LIMIT),
+            to_recorded_integers(speed, INTEGERS_PER_UNIT, INT32_LIMIT),
+            to_recorded_integers(wrap_angle(course), INTEGERS_PER_RADIAN, INT16_LIMIT),
+            to_recorded_integers(
+                road.overtaking_sign * wheel,
+                INTEGERS_PER_RADIAN,
+                INT16_LIMIT,
+            ),
+            to_recorded_integers(state.motion.accel_lon[slot], INTEGERS_PER_UNIT, INT16_LIMIT),
+            to_recorded_integers(
+                road.overtaking_sign * state.motion.accel_lat[slot],
+                INTEGERS_PER_UNIT,
+                INT16_LIMIT,
+            ),
+            to_recorded_integers(
+                road.overtaking_sign * state.motion.yaw_rate[slot],
+                INTEGERS_PER_RADIAN,
+                INT16_LIMIT,
+            ),
+            lane,
+            self.recorded_lights(),
+        ]
     }
-    [
-        to_recorded_integers(x0 + s * cosine - d * sine, INTEGERS_PER_UNIT, INT32_LIMIT),
-        to_recorded_integers(y0 + s * sine + d * cosine, INTEGERS_PER_UNIT, INT32_LIMIT),
-        to_recorded_integers(s, INTEGERS_PER_UNIT, INT32_LIMIT),
-        to_recorded_integers(d, INTEGERS_PER_UNIT, INT32_LIMIT),
-        to_recorded_integers(speed, INTEGERS_PER_UNIT, INT32_LIMIT),
-        to_recorded_integers(wrap_angle(course), INTEGERS_PER_RADIAN, INT16_LIMIT),
-        to_recorded_integers(
-            road.overtaking_sign * wheel,
-            INTEGERS_PER_RADIAN,
-            INT16_LIMIT,
-        ),
-        to_recorded_integers(state.motion.accel_lon[i], INTEGERS_PER_UNIT, INT16_LIMIT),
-        to_recorded_integers(
-            road.overtaking_sign * state.motion.accel_lat[i],
-            INTEGERS_PER_UNIT,
-            INT16_LIMIT,
-        ),
-        to_recorded_integers(
-            road.overtaking_sign * state.motion.yaw_rate[i],
-            INTEGERS_PER_RADIAN,
-            INT16_LIMIT,
-        ),
-        lane,
-        recorded_lights(state, params, i),
-    ]
-}
 
-#[inline(always)]
-fn recorded_lights<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> i32x16<S> {
-    let towards_left = params.road.overtaking_sign * state.controls.indicator[i];
-    let left = towards_left.simd_gt(0.0).select(
-        i32x16::splat(params.simd, lights::INDICATOR_LEFT),
-        i32x16::splat(params.simd, 0),
-    );
-    let right = towards_left.simd_lt(0.0).select(
-        i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
-        i32x16::splat(params.simd, 0),
-    );
-    let braking = state.controls.requested_accel[i].simd_lt(-params.constants.stop_lamp_decel)
-        | state.motion.is_wreck[i].simd_gt(0.0);
-    let base: i32x16<S> = params.vehicles[i].initial_lights.to_int();
-    let shown = base
-        + left
-        + right
-        + braking.select(
-            i32x16::splat(params.simd, lights::BRAKE),
+    #[inline(always)]
+    fn recorded_lights(self) -> i32x16<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let towards_left = params.road.overtaking_sign * state.controls.indicator[slot];
+        let left = towards_left.simd_gt(0.0).select(
+            i32x16::splat(params.simd, lights::INDICATOR_LEFT),
             i32x16::splat(params.simd, 0),
         );
-    if !params.road.directions.has_oncoming_traffic {
-        return shown;
-    }
-    let flashes = state.controls.flashes_high_beam[i].simd_gt(0.0);
-    shown
-        + flashes.select(
-            i32x16::splat(params.simd, lights::HIGH_BEAM),
+        let right = towards_left.simd_lt(0.0).select(
+            i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
             i32x16::splat(params.simd, 0),
-        )
+        );
+        let braking = state.controls.requested_accel[slot]
+            .simd_lt(-params.constants.stop_lamp_decel)
+            | state.motion.is_wreck[slot].simd_gt(0.0);
+        let base: i32x16<S> = self.vehicle().initial_lights.to_int();
+        let shown = base
+            + left
+            + right
+            + braking.select(
+                i32x16::splat(params.simd, lights::BRAKE),
+                i32x16::splat(params.simd, 0),
+            );
+        if !params.road.directions.has_oncoming_traffic {
+            return shown;
+        }
+        let flashes = state.controls.flashes_high_beam[slot].simd_gt(0.0);
+        shown
+            + flashes.select(
+                i32x16::splat(params.simd, lights::HIGH_BEAM),
+                i32x16::splat(params.simd, 0),
+            )
+    }
 }
 
 const PRIME_1: u32 = 2_654_435_761;

@@ -8,9 +8,10 @@ use crate::math::philox::{MOTION, uniform, words};
 use crate::math::vectors::{
     F32, SIMD_LANES, at_least, at_most, clamp_to, floor, max, min, select, splat,
 };
-use crate::names::ModelConstants;
+use crate::names::{ModelConstants, SimulationParams, VehicleParams};
 use crate::params::Params;
 use crate::state::{NO_ACCEL_LIMIT, State};
+use crate::vehicle_handle::VehicleHandle;
 
 /// A uniform number of unit variance lies within +- sqrt(3).
 const ROOT_3: f32 = 1.732_050_8;
@@ -56,7 +57,10 @@ pub fn update_random_processes<S: Simd, const N: usize>(
             MOTION + i as u32,
             decision,
         );
-        let along = state.motion.vx[i] - in_travel_direction(params, i, simulation.wind_along);
+        let along = state.motion.vx[i]
+            - state
+                .vehicle(params, i)
+                .in_travel_direction(simulation.wind_along);
         let air_speed = (along * along + simulation.wind_across * simulation.wind_across).sqrt();
         let keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
         state.noise.gust[i] =
@@ -79,17 +83,16 @@ pub fn update_random_processes<S: Simd, const N: usize>(
     }
 }
 
-/// A number along or across the road, in the direction of vehicle `i`.
-#[inline(always)]
-fn in_travel_direction<S: Simd, const N: usize>(
-    params: &Params<S, N>,
-    i: usize,
-    value: F32<S>,
-) -> F32<S> {
-    if params.road.directions.has_oncoming_traffic {
-        params.vehicles[i].travel_sign * value
-    } else {
-        value
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// A number along or across the road, in the direction of vehicle `i`.
+    #[inline(always)]
+    fn in_travel_direction(self, value: F32<S>) -> F32<S> {
+        let params = self.params;
+        if params.road.directions.has_oncoming_traffic {
+            self.vehicle().travel_sign * value
+        } else {
+            value
+        }
     }
 }
 
@@ -193,28 +196,32 @@ pub fn friction_at_film<S: Simd>(
     at_least(value, constants.friction_floor)
 }
 
-/// What the road does to vehicle `i` until the next decision: it bends, rises, shows itself, has limits.
+/// What the road does to vehicle `slot` until the next decision: it bends, rises, shows itself, has limits.
 #[inline(always)]
 pub fn update_road_course<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
 ) {
     let (constants, vehicle, ways) = (
         &params.constants,
-        &params.vehicles[i],
+        &params.vehicles[slot],
         &params.road.directions,
     );
     let table = &params.road.course_table;
     let turned = vehicle.travel_sign.simd_lt(0.0);
-    let offset = select(turned, state.motion.d[i] - ways.edge_sum, state.motion.d[i]);
+    let offset = select(
+        turned,
+        state.motion.d[slot] - ways.edge_sum,
+        state.motion.d[slot],
+    );
     let soon = 0.5 * constants.decision;
     let late = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
-        constants.steering_lag + vehicle.side_lag * state.motion.vx[i],
+        constants.steering_lag + vehicle.side_lag * state.motion.vx[slot],
     );
-    let (s, v) = (state.motion.s[i], state.motion.vx[i]);
+    let (s, v) = (state.motion.s[slot], state.motion.vx[slot]);
     let (here, there) = (s + soon * v, s + (soon + late) * v);
     let last = (table.curvature.len() - 1) as f32;
     let station = |s: F32<S>| {
@@ -234,42 +241,47 @@ pub fn update_road_course<S: Simd, const N: usize>(
     let stretch = |bend: F32<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
     let bend = vehicle.travel_sign * interpolate_course(here, last, |_| &table.curvature);
     let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| &table.curvature);
-    state.road.station_per_metre[i] = stretch(bend);
-    state.road.curvature[i] = bend * state.road.station_per_metre[i];
-    state.road.curvature_ahead[i] = ahead * stretch(ahead);
-    state.road.sin_slope[i] =
+    state.road.station_per_metre[slot] = stretch(bend);
+    state.road.curvature[slot] = bend * state.road.station_per_metre[slot];
+    state.road.curvature_ahead[slot] = ahead * stretch(ahead);
+    state.road.sin_slope[slot] =
         vehicle.travel_sign * interpolate_course(here, last, |_| &table.sine_of_slope);
     let radius = interpolate_course(now, last, |lane| radii[is_oncoming(lane)]);
-    state.road.bend_speed[i] =
+    state.road.bend_speed[slot] =
         (at_most(params.simulations.max_lateral_accel, constants.bend_accel) * radius).sqrt();
     let sight =
         |lane: usize| 2 * usize::from(vehicle.has_truck_tyres[lane] > 0.0) + is_oncoming(lane);
-    state.road.sight_distance[i] = interpolate_course(now, last, |lane| sights[sight(lane)]);
+    state.road.sight_distance[slot] = interpolate_course(now, last, |lane| sights[sight(lane)]);
     let allowed =
         |place: F32<S>| interpolate_course(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
-    let wanted = |limit: F32<S>| min(adapted_speed(params, i, limit), vehicle.desired_speed);
-    state.road.speed_limit[i] = allowed(now);
-    let wish = wanted(state.road.speed_limit[i]);
+    let wanted = |limit: F32<S>| {
+        min(
+            adapted_speed(vehicle, &params.simulations, limit),
+            vehicle.desired_speed,
+        )
+    };
+    state.road.speed_limit[slot] = allowed(now);
+    let wish = wanted(state.road.speed_limit[slot]);
     let soon = wanted(allowed(station(s + constants.decision * v)));
     let change = (soon - wish) / constants.decision;
     let eased = max(change + (wish - v) * constants.per_approach, -vehicle.decel);
-    state.road.accel_limit[i] = select(
+    state.road.accel_limit[slot] = select(
         change.simd_lt(0.0),
         eased,
         splat(params.simd, NO_ACCEL_LIMIT),
     );
-    state.road.passing_speed[i] = min(wish * constants.passing_speed_factor, vehicle.passing_speed);
-    state.road.desired_speed[i] = wish;
+    state.road.passing_speed[slot] =
+        min(wish * constants.passing_speed_factor, vehicle.passing_speed);
+    state.road.desired_speed[slot] = wish;
 }
 
-/// Speed that driver `i` wants under a limit in its weather and light.
+/// Speed that a driver wants under a speed limit in its weather and light [m/s].
 #[inline(always)]
-fn adapted_speed<S: Simd, const N: usize>(
-    params: &Params<S, N>,
-    i: usize,
+fn adapted_speed<S: Simd>(
+    vehicle: &VehicleParams<S>,
+    simulation: &SimulationParams<S>,
     limit: F32<S>,
 ) -> F32<S> {
-    let (vehicle, simulation) = (&params.vehicles[i], &params.simulations);
     let wanted = vehicle.free_speed
         - vehicle.speed_limit_compliance * at_least(vehicle.free_speed - limit, 0.0);
     let excess = at_least(
@@ -329,15 +341,17 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
             ) = (friction, friction);
             continue;
         }
-        let (s, d) = state.road_position(params, i);
+        let (s, d) = state.vehicle(params, i).road_position();
+        let left = state
+            .vehicle(params, i)
+            .in_travel_direction(vehicle.half_track);
+        let right = state
+            .vehicle(params, i)
+            .in_travel_direction(-vehicle.half_track);
         for (offset, friction) in [
-            (vehicle.half_track, &mut state.friction_and_wind.mu_left[i]),
-            (
-                -vehicle.half_track,
-                &mut state.friction_and_wind.mu_right[i],
-            ),
+            (left, &mut state.friction_and_wind.mu_left[i]),
+            (right, &mut state.friction_and_wind.mu_right[i]),
         ] {
-            let offset = in_travel_direction(params, i, offset);
             let wheel_path = floor((d + offset - road.boundaries[0]) / width);
             let depth = puddle_depth_share(params, s, wheel_path);
             *friction = min(
@@ -352,62 +366,58 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
     }
 }
 
-/// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
-#[inline(always)]
-fn wind_shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> F32<S> {
-    let constants = &params.constants;
-    let wind = in_travel_direction(params, i, params.simulations.wind_across);
-    let mut share = splat(params.simd, 1.0);
-    for j in 0..params.num_slots_in_use {
-        if i == j {
-            continue;
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
+    #[inline(always)]
+    fn wind_shelter<const TWO_WAY: bool>(self) -> F32<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let constants = &params.constants;
+        let wind = self.in_travel_direction(params.simulations.wind_across);
+        let mut share = splat(params.simd, 1.0);
+        for j in 0..params.num_slots_in_use {
+            if slot == j {
+                continue;
+            }
+            let other = &params.vehicles[j];
+            let (s, d) = self.position_of::<TWO_WAY>(j);
+            let aside = state.motion.d[slot] - d;
+            let reach = constants.shelter_reach + self.vehicle().half_width + other.half_width;
+            let upwind = (aside * wind).simd_gt(0.0);
+            let beside = other.shelters_wind.simd_gt(0.0)
+                & other.valid.simd_gt(0.0)
+                & upwind
+                & aside.abs().simd_lt(reach);
+            if !beside.any_true() {
+                continue;
+            }
+            let beyond = (state.motion.s[slot] - s).abs() - other.half_length;
+            let u = clamp_to(
+                beyond / (constants.shelter_release * 2.0 * other.half_length),
+                0.0,
+                1.0,
+            );
+            let open_share = constants.shelter_factor
+                + (1.0 - constants.shelter_factor) * (u * u * (3.0 - 2.0 * u));
+            share = select(beside, min(share, open_share), share);
         }
-        let other = &params.vehicles[j];
-        let (s, d) = state.position_of::<TWO_WAY>(params, i, j);
-        let aside = state.motion.d[i] - d;
-        let reach = constants.shelter_reach + params.vehicles[i].half_width + other.half_width;
-        let upwind = (aside * wind).simd_gt(0.0);
-        let beside = other.shelters_wind.simd_gt(0.0)
-            & other.valid.simd_gt(0.0)
-            & upwind
-            & aside.abs().simd_lt(reach);
-        if !beside.any_true() {
-            continue;
-        }
-        let beyond = (state.motion.s[i] - s).abs() - other.half_length;
-        let u = clamp_to(
-            beyond / (constants.shelter_release * 2.0 * other.half_length),
-            0.0,
-            1.0,
-        );
-        let open_share =
-            constants.shelter_factor + (1.0 - constants.shelter_factor) * (u * u * (3.0 - 2.0 * u));
-        share = select(beside, min(share, open_share), share);
+        share
     }
-    share
-}
 
-/// The discrete gusts of bridges and cuttings, 0 to 1.
-#[inline(always)]
-fn discrete_gust<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    i: usize,
-) -> F32<S> {
-    let (s, _) = state.road_position(params, i);
-    let cell = s / params.constants.gust_spacing + params.simulations.gust_phase;
-    let inside =
-        (cell - floor(cell)) * params.constants.gust_spacing / params.simulations.gust_length;
-    let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
-    select(
-        inside.simd_lt(1.0),
-        0.5 - 0.5 * cosine,
-        splat(params.simd, 0.0),
-    )
+    /// The discrete gusts of bridges and cuttings, 0 to 1.
+    #[inline(always)]
+    fn discrete_gust(self) -> F32<S> {
+        let params = self.params;
+        let (s, _) = self.road_position();
+        let cell = s / params.constants.gust_spacing + params.simulations.gust_phase;
+        let inside =
+            (cell - floor(cell)) * params.constants.gust_spacing / params.simulations.gust_length;
+        let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
+        select(
+            inside.simd_lt(1.0),
+            0.5 - 0.5 * cosine,
+            splat(params.simd, 0.0),
+        )
+    }
 }
 
 /// Push sideways for a part of each interval, after drivers answered the wind.
@@ -423,7 +433,10 @@ pub fn apply_study_push<S: Simd, const N: usize>(
         & (cell - floor(cell)).simd_lt(simulation.push_duty_cycle);
     for i in 0..params.num_slots_in_use {
         let force = state.friction_and_wind.wind_force[i]
-            + in_travel_direction(params, i, simulation.push_accel) * params.vehicles[i].mass;
+            + state
+                .vehicle(params, i)
+                .in_travel_direction(simulation.push_accel)
+                * params.vehicles[i].mass;
         state.friction_and_wind.wind_force[i] =
             select(pushed, force, state.friction_and_wind.wind_force[i]);
     }
@@ -438,17 +451,23 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
         let vehicle = &params.vehicles[i];
         let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[i];
         if has_gusts {
-            strength += simulation.gust_gain * discrete_gust(state, params, i);
+            strength += simulation.gust_gain * state.vehicle(params, i).discrete_gust();
         }
         let strength = at_least(strength, 0.0);
         let open = if params.road.directions.has_oncoming_traffic {
-            wind_shelter::<S, N, true>(state, params, i)
+            state.vehicle(params, i).wind_shelter::<true>()
         } else {
-            wind_shelter::<S, N, false>(state, params, i)
+            state.vehicle(params, i).wind_shelter::<false>()
         };
-        let across = in_travel_direction(params, i, simulation.wind_across) * strength * open;
-        state.friction_and_wind.tail_wind[i] =
-            in_travel_direction(params, i, simulation.wind_along) * strength;
+        let across = state
+            .vehicle(params, i)
+            .in_travel_direction(simulation.wind_across)
+            * strength
+            * open;
+        state.friction_and_wind.tail_wind[i] = state
+            .vehicle(params, i)
+            .in_travel_direction(simulation.wind_along)
+            * strength;
         let along = at_least(
             state.motion.vx[i] - state.friction_and_wind.tail_wind[i],
             MIN_AIR_SPEED,

@@ -1,9 +1,8 @@
 //! The state of a block between two steps; see `overtaking.sim.reference.state`.
 
 use fearless_simd::Simd;
-use fearless_simd::prelude::*;
 
-use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, min, select, splat};
+use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, select, splat};
 pub use crate::names::neighbour_role::{
     FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER,
 };
@@ -383,85 +382,5 @@ impl<S: Simd, const N: usize> State<S, N> {
             moment[0] += ahead;
             moment[1] += faster;
         }
-    }
-
-    /// Where vehicle `j` is in the frame of vehicle `i`: that of oncoming vehicles is turned by half a turn.
-    ///
-    /// `TWO_WAY` is for loops over pairs, which roads of one direction go through without a question for each.
-    #[inline(always)]
-    pub fn position_of<const TWO_WAY: bool>(
-        &self,
-        params: &Params<S, N>,
-        i: usize,
-        j: usize,
-    ) -> (F32<S>, F32<S>) {
-        let (s, d) = (self.motion.s[j], self.motion.d[j]);
-        if !TWO_WAY {
-            return (s, d);
-        }
-        let turned = params.vehicles[j]
-            .travel_sign
-            .simd_ne(params.vehicles[i].travel_sign);
-        in_opposite_frame(params, turned, s, d)
-    }
-
-    /// Where vehicle `i` is in the frame of the road.
-    #[inline(always)]
-    pub fn road_position(&self, params: &Params<S, N>, i: usize) -> (F32<S>, F32<S>) {
-        let (s, d) = (self.motion.s[i], self.motion.d[i]);
-        if !params.road.directions.has_oncoming_traffic {
-            return (s, d);
-        }
-        in_opposite_frame(params, params.vehicles[i].travel_sign.simd_lt(0.0), s, d)
-    }
-
-    /// Speed that driver `i` wants where it is.
-    #[inline(always)]
-    pub fn desired_speed(&self, params: &Params<S, N>, i: usize) -> F32<S> {
-        if params.road.varies_along_road() {
-            self.road.desired_speed[i]
-        } else {
-            params.vehicles[i].desired_speed
-        }
-    }
-
-    /// The same while it passes.
-    #[inline(always)]
-    pub fn passing_speed(&self, params: &Params<S, N>, i: usize) -> F32<S> {
-        if params.road.varies_along_road() {
-            self.road.passing_speed[i]
-        } else {
-            params.vehicles[i].passing_speed
-        }
-    }
-
-    /// The limit that driver `i` heeds where it is.
-    #[inline(always)]
-    pub fn speed_limit(&self, params: &Params<S, N>, i: usize) -> F32<S> {
-        if params.road.varies_along_road() {
-            self.road.speed_limit[i]
-        } else {
-            params.vehicles[i].speed_limit
-        }
-    }
-
-    /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
-    #[inline(always)]
-    pub fn limit_accel(&self, params: &Params<S, N>, i: usize, accel: F32<S>) -> F32<S> {
-        if params.road.varies_along_road() {
-            min(accel, self.road.accel_limit[i])
-        } else {
-            accel
-        }
-    }
-
-    /// Velocity of vehicle `i` along and across the road [m/s].
-    #[inline(always)]
-    pub fn road_velocity(&self, i: usize) -> (F32<S>, F32<S>) {
-        let (sine, cosine) = (self.motion.sin_heading[i], self.motion.cos_heading[i]);
-        (
-            self.motion.vx[i] * cosine - self.motion.vy[i] * sine,
-            self.motion.vx[i] * sine + self.motion.vy[i] * cosine,
-        )
     }
 }

@@ -15,11 +15,10 @@ use crate::decision_context::{DecisionContext, DriverContext, RoadPositions};
 use crate::ego_action::EgoAction;
 use crate::lane_change;
 use crate::math::vectors::{F32, min, splat, with_cpu_features};
-use crate::neighbour_search::{VisibleBody, find_neighbours};
+use crate::neighbour_search::VisibleBody;
 use crate::oncoming::observe_oncoming;
 use crate::overtake::{self, EgoDecision};
 use crate::params::{Params, SUBSTEPS, StepLength};
-use crate::pass_continuation::accel_limit_while_passing;
 use crate::recorder::Recorder;
 use crate::road_conditions;
 use crate::state::{EGO_SLOT, State};
@@ -86,16 +85,24 @@ pub fn perceive<S: Simd, const N: usize>(
         // more registers than the CPU has.
         match (needs_adjacent_lanes, two_way) {
             (false, false) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 1, false>(state, params, bodies, i, neighbours);
+                state
+                    .vehicle(params, i)
+                    .find_neighbours::<1, false>(bodies, neighbours);
             }),
             (true, false) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 3, false>(state, params, bodies, i, neighbours);
+                state
+                    .vehicle(params, i)
+                    .find_neighbours::<3, false>(bodies, neighbours);
             }),
             (false, true) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 1, true>(state, params, bodies, i, neighbours);
+                state
+                    .vehicle(params, i)
+                    .find_neighbours::<1, true>(bodies, neighbours);
             }),
             (true, true) => with_cpu_features!(params.simd, {
-                find_neighbours::<S, N, 3, true>(state, params, bodies, i, neighbours);
+                state
+                    .vehicle(params, i)
+                    .find_neighbours::<3, true>(bodies, neighbours);
             }),
         }
         if two_way {
@@ -115,13 +122,9 @@ pub fn perceive<S: Simd, const N: usize>(
     }
     with_cpu_features!(
         params.simd,
-        drivers[EGO_SLOT].gives_way = lane_change::gives_way(
-            state,
-            params,
-            bodies,
-            EGO_SLOT,
-            state.lane_choice.wanted_side[EGO_SLOT]
-        )
+        drivers[EGO_SLOT].gives_way = state
+            .vehicle(params, EGO_SLOT)
+            .gives_way(bodies, state.lane_choice.wanted_side[EGO_SLOT])
     );
 }
 
@@ -142,7 +145,7 @@ fn update_gaze<S: Simd, const N: usize>(
         let exists = params.vehicles[i].valid.simd_gt(0.0);
         perception::draw_shoulder_check(state, params, i, exists, decision);
     }
-    let mut checks_mirrors = perception::checks_mirrors_now(state, params, i, decision);
+    let mut checks_mirrors = state.vehicle(params, i).checks_mirrors_now(decision);
     if params.road.directions.has_oncoming_traffic {
         // A driver in the opposing lane looks at every decision.
         checks_mirrors |= state.lane_choice.lane[i].simd_ge(1.0);
@@ -175,7 +178,7 @@ pub fn drive_others<S: Simd, const N: usize>(
     for i in 1..params.num_slots_in_use {
         accel_limit[i] = with_cpu_features!(
             params.simd,
-            acceleration::accel_behind_leader(state, params, i, &drivers[i])
+            state.vehicle(params, i).accel_behind_leader(&drivers[i])
         );
     }
     if params.road.directions.has_oncoming_traffic {
@@ -187,15 +190,18 @@ pub fn drive_others<S: Simd, const N: usize>(
                 );
                 accel_limit[i] = min(
                     accel_limit[i],
-                    accel_limit_while_passing(state, params, i, &drivers[i]),
+                    state
+                        .vehicle(params, i)
+                        .accel_limit_while_passing(&drivers[i]),
                 );
             });
         }
     }
     for i in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            let requested =
-                acceleration::requested_accel(state, params, i, &drivers[i], accel_limit[i]);
+            let requested = state
+                .vehicle(params, i)
+                .requested_accel(&drivers[i], accel_limit[i]);
             acceleration::apply_pedals(state, params, i, requested);
         });
     }
@@ -252,15 +258,18 @@ pub fn drive_ego<S: Simd, const N: usize>(
         let requested = if let Some(ordered) = orders.and_then(EgoAction::requested_accel) {
             ordered
         } else {
-            let mut accel_limit =
-                acceleration::accel_behind_leader(state, params, EGO_SLOT, driver);
+            let mut accel_limit = state.vehicle(params, EGO_SLOT).accel_behind_leader(driver);
             if let Some(oncoming_limit) = oncoming_limit {
                 accel_limit = min(
                     min(accel_limit, oncoming_limit),
-                    accel_limit_while_passing(state, params, EGO_SLOT, driver),
+                    state
+                        .vehicle(params, EGO_SLOT)
+                        .accel_limit_while_passing(driver),
                 );
             }
-            acceleration::requested_accel(state, params, EGO_SLOT, driver, accel_limit)
+            state
+                .vehicle(params, EGO_SLOT)
+                .requested_accel(driver, accel_limit)
         };
         acceleration::apply_pedals(state, params, EGO_SLOT, requested);
     });
@@ -340,7 +349,7 @@ fn update_surroundings<S: Simd, const N: usize>(
 pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
-            state.controls.slip_reach[i] = steering::slip_reach(state, params, i);
+            state.controls.slip_reach[i] = state.vehicle(params, i).slip_reach();
         }
     });
 }

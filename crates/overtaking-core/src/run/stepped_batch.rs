@@ -16,9 +16,7 @@ use rayon::prelude::*;
 use crate::decision_context::{DecisionContext, DriverContext};
 use crate::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
 use crate::math::vectors::{SIMD_LANES, with_cpu_features};
-use crate::observation_table::{
-    OBSERVATION_SIZE, ObservationSource, ObservationTable, observation_table,
-};
+use crate::observation_table::{OBSERVATION_SIZE, ObservationSource, ObservationTable};
 use crate::params::SUBSTEPS;
 use crate::recorder::output::{Output, Storage};
 use crate::run::block::{Block, merge};
@@ -470,7 +468,9 @@ impl<'a, S: Simd, const N: usize> StepGroup<'a, S, N> {
                 let driver = &context.drivers[EGO_SLOT];
                 let table: ObservationTable<S> = with_cpu_features!(
                     params.simd,
-                    observation_table(state, params, driver, rows.source)
+                    state
+                        .vehicle(params, EGO_SLOT)
+                        .observation_table(driver, rows.source)
                 );
                 for lane in (0..SIMD_LANES).filter(|lane| is_written(*lane)) {
                     let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {

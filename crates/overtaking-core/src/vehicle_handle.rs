@@ -1,0 +1,157 @@
+//! One vehicle of a block with its state and parameters: the argument of all functions that only read.
+
+use fearless_simd::Simd;
+use fearless_simd::prelude::*;
+
+use crate::math::vectors::{F32, Mask, min};
+use crate::names::VehicleParams;
+use crate::params::Params;
+use crate::state::{State, in_opposite_frame, stage};
+
+/// One vehicle slot in every simulation of a block, for reading.
+///
+/// The functions of a module that only read are methods of this handle. `Copy`: the methods take it by value, so that
+/// after inlining nothing of it is left but the two pointers.
+#[derive(Clone, Copy)]
+pub struct VehicleHandle<'a, S: Simd, const N: usize> {
+    pub state: &'a State<S, N>,
+    pub params: &'a Params<S, N>,
+    pub slot: usize,
+}
+
+impl<S: Simd, const N: usize> State<S, N> {
+    /// The vehicle in a slot, for reading.
+    #[inline(always)]
+    pub fn vehicle<'a>(&'a self, params: &'a Params<S, N>, slot: usize) -> VehicleHandle<'a, S, N> {
+        VehicleHandle {
+            state: self,
+            params,
+            slot,
+        }
+    }
+}
+
+impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
+    /// Parameters of the vehicle and its driver.
+    #[inline(always)]
+    pub fn vehicle(self) -> &'a VehicleParams<S> {
+        &self.params.vehicles[self.slot]
+    }
+
+    /// The vehicle in another slot of the same simulations.
+    #[inline(always)]
+    pub fn other(self, slot: usize) -> Self {
+        Self { slot, ..self }
+    }
+
+    /// Station and lateral position of vehicle `other_slot` in this vehicle's direction of travel [m].
+    ///
+    /// `TWO_WAY` is constant, because loops over pairs on one-way roads should not ask for each pair.
+    #[inline(always)]
+    pub fn position_of<const TWO_WAY: bool>(self, other_slot: usize) -> (F32<S>, F32<S>) {
+        let motion = &self.state.motion;
+        let (s, d) = (motion.s[other_slot], motion.d[other_slot]);
+        if !TWO_WAY {
+            return (s, d);
+        }
+        let other = &self.params.vehicles[other_slot];
+        let is_oncoming = other.travel_sign.simd_ne(self.vehicle().travel_sign);
+        in_opposite_frame(self.params, is_oncoming, s, d)
+    }
+
+    /// Station and lateral position in the direction of the road [m].
+    #[inline(always)]
+    pub fn road_position(self) -> (F32<S>, F32<S>) {
+        let motion = &self.state.motion;
+        let (s, d) = (motion.s[self.slot], motion.d[self.slot]);
+        if !self.params.road.directions.has_oncoming_traffic {
+            return (s, d);
+        }
+        in_opposite_frame(self.params, self.vehicle().travel_sign.simd_lt(0.0), s, d)
+    }
+
+    /// Velocity along and across the road [m/s].
+    #[inline(always)]
+    pub fn road_velocity(self) -> (F32<S>, F32<S>) {
+        let (motion, slot) = (&self.state.motion, self.slot);
+        let (sine, cosine) = (motion.sin_heading[slot], motion.cos_heading[slot]);
+        (
+            motion.vx[slot] * cosine - motion.vy[slot] * sine,
+            motion.vx[slot] * sine + motion.vy[slot] * cosine,
+        )
+    }
+
+    /// Speed that the driver desires at this place [m/s].
+    #[inline(always)]
+    pub fn desired_speed(self) -> F32<S> {
+        if self.params.road.varies_along_road() {
+            self.state.road.desired_speed[self.slot]
+        } else {
+            self.vehicle().desired_speed
+        }
+    }
+
+    /// Speed that the driver desires at this place while it overtakes [m/s].
+    #[inline(always)]
+    pub fn desired_passing_speed(self) -> F32<S> {
+        if self.params.road.varies_along_road() {
+            self.state.road.passing_speed[self.slot]
+        } else {
+            self.vehicle().passing_speed
+        }
+    }
+
+    /// Speed limit at this place [m/s].
+    #[inline(always)]
+    pub fn speed_limit(self) -> F32<S> {
+        if self.params.road.varies_along_road() {
+            self.state.road.speed_limit[self.slot]
+        } else {
+            self.vehicle().speed_limit
+        }
+    }
+
+    /// `accel`, limited on the way to a lower speed limit [m/s^2].
+    #[inline(always)]
+    pub fn limit_accel(self, accel: F32<S>) -> F32<S> {
+        if self.params.road.varies_along_road() {
+            min(accel, self.state.road.accel_limit[self.slot])
+        } else {
+            accel
+        }
+    }
+
+    /// Whether the driver is in a stage of an overtake.
+    #[inline(always)]
+    pub fn is_in_stage(self, stage: f32) -> Mask<S> {
+        self.state.overtake.stage[self.slot].simd_eq(stage)
+    }
+
+    /// Whether the driver pulls out or passes, and has not begun to return.
+    #[inline(always)]
+    pub fn is_before_return(self) -> Mask<S> {
+        self.is_in_stage(stage::PULL_OUT) | self.is_in_stage(stage::PASS)
+    }
+
+    /// Whether the driver overtakes, which includes the return, and has not crashed.
+    #[inline(always)]
+    pub fn is_overtaking(self) -> Mask<S> {
+        let stage = self.state.overtake.stage[self.slot];
+        let is_sound = self.state.motion.is_wreck[self.slot].simd_eq(0.0);
+        stage.simd_ne(stage::FOLLOW) & stage.simd_ne(stage::DONE) & is_sound
+    }
+
+    /// Whether a lane change is under way.
+    #[inline(always)]
+    pub fn is_changing_lane(self) -> Mask<S> {
+        let path = &self.state.path;
+        path.elapsed[self.slot].simd_lt(path.duration[self.slot])
+    }
+
+    /// Whether no lane change is under way.
+    #[inline(always)]
+    pub fn has_finished_lane_change(self) -> Mask<S> {
+        let path = &self.state.path;
+        path.elapsed[self.slot].simd_ge(path.duration[self.slot])
+    }
+}
