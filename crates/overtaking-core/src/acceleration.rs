@@ -1,9 +1,9 @@
-//! How hard each driver accelerates or brakes; see `overtaking.sim.reference.acceleration`.
+//! How hard each driver accelerates or brakes; the twin of `overtaking.sim.reference.acceleration`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::car_following::acc_accel;
+use crate::car_following::{Follower, Leader, acc_accel};
 use crate::decision_context::DriverContext;
 use crate::math::vectors::{
     F32, Mask, assign_where, at_least, at_slot, clamp, clamp_to, max, min, select, splat,
@@ -12,296 +12,294 @@ use crate::neighbour_search::lane_borders;
 use crate::oncoming::OncomingTraffic;
 use crate::params::Params;
 use crate::passing::tall_vehicle_gap_factor;
-use crate::state::{EGO_SLOT, LEADER, LEFT_LEADER, RIGHT_LEADER, State, stage};
+use crate::state::{EGO_SLOT, LEADER, LEFT_LEADER, NO_ACCEL_LIMIT, RIGHT_LEADER, State, stage};
 use crate::steering::start_path;
 use crate::vehicle_handle::VehicleHandle;
 
-const NO_ACCEL_LIMIT: f32 = 1e9;
+/// Keeps the braking finite right before vehicles meet [s].
+const MIN_MEETING_TIME: f32 = 0.1;
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    #[inline(always)]
-    fn current_desired_speed(self, context: &DriverContext<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let vehicle = self.vehicle();
-        let mut desired = self.desired_speed();
-        if params.road.directions.has_oncoming_traffic {
-            let is_being_passed = context.oncoming.is_being_passed;
-            desired = select(
-                is_being_passed,
-                desired * vehicle.speed_factor_when_passed,
-                desired,
-            );
-            let passing = self.is_before_return();
-            if passing.any_true() {
-                desired = select(passing, self.current_passing_speed(), desired);
-            }
-        } else if slot == EGO_SLOT {
-            desired = select(
-                self.is_before_return(),
-                self.desired_passing_speed(),
-                desired,
-            );
-        }
-        if params.road.varies_along_road() {
-            return min(desired, state.road.bend_speed[slot]);
-        }
-        desired
-    }
-
-    /// Time gap kept; who is about to pull out accepts a smaller one, and to trucks of two-way roads more room is left.
-    #[inline(always)]
-    fn kept_time_gap(self, context: &DriverContext<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let own = self.vehicle().time_gap;
-        if params.road.can_overtake(slot) {
-            let follows = self.is_in_stage(stage::FOLLOW);
-            let about_to = state.overtake.time_indicating[slot].simd_gt(0.0) & follows;
-            let kept = select(about_to, params.constants.signalling_time_gap * own, own);
-            if params.road.directions.has_oncoming_traffic {
-                select(
-                    follows,
-                    kept * tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER]),
-                    kept,
-                )
-            } else {
-                kept
-            }
-        } else {
-            own
-        }
-    }
-
-    /// Acceleration behind the leader of the lane that is driven in or being entered; somebody may pass the driver.
+    /// Acceleration behind the leader of the lane that is driven in or entered [m/s^2].
     #[inline(always)]
     pub fn accel_behind_leader(self, context: &DriverContext<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let desired = self.current_desired_speed(context);
-        let kept = self.kept_time_gap(context);
-        let believed = &context.beliefs;
-        let (gap, closing) = (believed.gap[LEADER], believed.closing_speed[LEADER]);
-        let wanted = acc_accel(
-            constants,
-            vehicle,
-            state.motion.vx[slot],
-            desired,
-            gap,
-            closing,
-            kept,
-            believed.accel[LEADER],
-        );
-        let eased = self.limit_accel(wanted);
-        if params.road.can_overtake(slot) {
-            let passing = self.is_before_return();
-            let wanted = select(passing, wanted, eased);
-            let eager = passing & wanted.simd_gt(0.0);
-            let usual = splat(params.simd, params.constants.accelerate_gain);
-            let gain = if params.road.directions.has_oncoming_traffic {
-                let hurried = splat(params.simd, params.constants.urgent_accel_factor);
-                select(
-                    state.overtake.must_return_urgently[slot].simd_gt(0.0),
-                    hurried,
-                    usual,
-                )
-            } else {
-                usual
-            };
-            wanted * select(eager, gain, splat(params.simd, 1.0))
-        } else {
-            eased
+        let (params, slot) = (self.params, self.slot);
+        let constants = &params.constants;
+        let follower = Follower {
+            vehicle: self.vehicle(),
+            speed: self.state.motion.vx[slot],
+            desired_speed: self.current_desired_speed(context),
+            time_gap: self.kept_time_gap(context),
+        };
+        let accel = acc_accel(constants, &follower, &context.beliefs.leader(LEADER));
+        let limited_accel = self.limit_accel(accel);
+        if !params.road.can_overtake(slot) {
+            return limited_accel;
         }
+        let is_passing = self.is_before_return();
+        let accel = select(is_passing, accel, limited_accel);
+        // A passing driver uses more of the engine than in everyday driving.
+        let usual_factor = splat(params.simd, constants.accelerate_gain);
+        let factor = if params.road.directions.has_oncoming_traffic {
+            select(
+                self.state.overtake.must_return_urgently[slot].simd_gt(0.0),
+                splat(params.simd, constants.urgent_accel_factor),
+                usual_factor,
+            )
+        } else {
+            usual_factor
+        };
+        let accelerates = is_passing & accel.simd_gt(0.0);
+        accel * select(accelerates, factor, splat(params.simd, 1.0))
     }
 
-    /// Acceleration behind the one whose lane is being left, while the bodies overlap.
+    /// Time gap that the driver keeps: shorter before a pull-out, longer behind a tall leader [s].
+    #[inline(always)]
+    fn kept_time_gap(self, context: &DriverContext<S>) -> F32<S> {
+        let (params, slot) = (self.params, self.slot);
+        let time_gap = self.vehicle().time_gap;
+        if !params.road.can_overtake(slot) {
+            return time_gap;
+        }
+        let follows = self.is_in_stage(stage::FOLLOW);
+        let is_about_to_pull_out = self.state.overtake.time_indicating[slot].simd_gt(0.0) & follows;
+        let kept_time_gap = select(
+            is_about_to_pull_out,
+            params.constants.signalling_time_gap * time_gap,
+            time_gap,
+        );
+        if !params.road.directions.has_oncoming_traffic {
+            return kept_time_gap;
+        }
+        let factor = tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER]);
+        select(follows, kept_time_gap * factor, kept_time_gap)
+    }
+
+    /// Speed that the driver wants now, also while it passes or is passed, and in bends [m/s].
+    #[inline(always)]
+    fn current_desired_speed(self, context: &DriverContext<S>) -> F32<S> {
+        let mut desired_speed = self.desired_speed();
+        if self.params.road.directions.has_oncoming_traffic {
+            desired_speed = select(
+                context.oncoming.is_being_passed,
+                desired_speed * self.vehicle().speed_factor_when_passed,
+                desired_speed,
+            );
+            let is_passing = self.is_before_return();
+            if is_passing.any_true() {
+                desired_speed = select(is_passing, self.current_passing_speed(), desired_speed);
+            }
+        } else if self.slot == EGO_SLOT {
+            desired_speed = select(
+                self.is_before_return(),
+                self.desired_passing_speed(),
+                desired_speed,
+            );
+        }
+        if self.params.road.varies_along_road() {
+            return min(desired_speed, self.state.road.bend_speed[self.slot]);
+        }
+        desired_speed
+    }
+
+    /// Acceleration behind the leader of the lane that is left, until the bodies are clear [m/s^2].
+    ///
+    /// The driver brakes so that the gap lasts until its body has left the lane, with a margin of time, and no harder
+    /// than behind a leader in its own lane.
     #[inline(always)]
     fn accel_behind_old_leader(self, context: &DriverContext<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let (near, believed) = (&context.neighbours, &context.beliefs);
-        let (constants, vehicle, n) = (&params.constants, self.vehicle(), params.num_slots_in_use);
-        let free = splat(params.simd, NO_ACCEL_LIMIT);
-        let changing = self.is_changing_lane();
-        if !changing.any_true() {
-            return free;
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let (neighbours, beliefs) = (&context.neighbours, &context.beliefs);
+        let no_limit = splat(params.simd, NO_ACCEL_LIMIT);
+        let is_changing_lanes = self.is_changing_lane();
+        if !is_changing_lanes.any_true() {
+            return no_limit;
         }
-        let to_fast =
-            (0.5 * (near.lane_right_edge + near.lane_left_edge)).simd_gt(state.motion.d[slot]);
-        let other_slot = select(to_fast, near.slot[RIGHT_LEADER], near.slot[LEFT_LEADER]);
-        let gap = select(
-            to_fast,
-            believed.gap[RIGHT_LEADER],
-            believed.gap[LEFT_LEADER],
+        let lane_centre = 0.5 * (neighbours.lane_right_edge + neighbours.lane_left_edge);
+        let moves_left = lane_centre.simd_gt(state.motion.d[slot]);
+        let (right, left) = (beliefs.leader(RIGHT_LEADER), beliefs.leader(LEFT_LEADER));
+        let leader = Leader {
+            gap: select(moves_left, right.gap, left.gap),
+            closing_speed: select(moves_left, right.closing_speed, left.closing_speed),
+            accel: select(moves_left, right.accel, left.accel),
+        };
+        let leader_slot = select(
+            moves_left,
+            neighbours.slot[RIGHT_LEADER],
+            neighbours.slot[LEFT_LEADER],
         );
-        let closing = select(
-            to_fast,
-            believed.closing_speed[RIGHT_LEADER],
-            believed.closing_speed[LEFT_LEADER],
-        );
-        let accel = select(
-            to_fast,
-            believed.accel[RIGHT_LEADER],
-            believed.accel[LEFT_LEADER],
-        );
-        let aside = select(
-            to_fast,
-            near.lateral_distance[RIGHT_LEADER],
-            near.lateral_distance[LEFT_LEADER],
+        let lateral_distance = select(
+            moves_left,
+            neighbours.lateral_distance[RIGHT_LEADER],
+            neighbours.lateral_distance[LEFT_LEADER],
         )
         .abs();
-        let overlaps = aside.simd_lt(
-            vehicle.half_width
-                + at_slot!(n, other_slot, |j| params.vehicles[j].half_width)
-                + constants.footprint_margin,
-        );
-        let left = at_least(
+        let leader_half_width = at_slot!(params.num_slots_in_use, leader_slot, |j| params.vehicles
+            [j]
+            .half_width);
+        let bodies_overlap = lateral_distance
+            .simd_lt(vehicle.half_width + leader_half_width + constants.footprint_margin);
+        // At 0.6 of its duration the path has moved by more than a car's width. The margin covers misjudged distances:
+        // at night the belief is off by a fifth and more, and the leader was hit.
+        let time_to_clear = at_least(
             constants.lane_cleared_share * state.path.duration[slot] - state.path.elapsed[slot],
             0.0,
         );
-        let needed = braking_until_clear(
+        let needed_decel = braking_until_clear(
             params,
-            gap - vehicle.min_gap,
-            closing,
-            left + constants.lane_clearance_time,
-        ) - accel;
-        let matters = changing & other_slot.simd_ge(0.0) & overlaps & needed.simd_gt(0.0);
-        if !matters.any_true() {
-            return free;
+            leader.gap - vehicle.min_gap,
+            leader.closing_speed,
+            time_to_clear + constants.lane_clearance_time,
+        ) - leader.accel;
+        let must_brake = is_changing_lanes
+            & leader_slot.simd_ge(0.0)
+            & bodies_overlap
+            & needed_decel.simd_gt(0.0);
+        if !must_brake.any_true() {
+            return no_limit;
         }
-        let kept = acc_accel(
-            constants,
+        let follower = Follower {
             vehicle,
-            state.motion.vx[slot],
-            self.current_desired_speed(context),
-            gap,
-            closing,
-            vehicle.time_gap,
-            accel,
-        );
-        select(matters, max(kept, -needed), free)
+            speed: state.motion.vx[slot],
+            desired_speed: self.current_desired_speed(context),
+            time_gap: vehicle.time_gap,
+        };
+        let following_accel = acc_accel(constants, &follower, &leader);
+        select(must_brake, max(following_accel, -needed_decel), no_limit)
+    }
+
+    /// Acceleration that the driver wants, behind its leader and behind the leader of the lane that it leaves [m/s^2].
+    ///
+    /// `leader_accel` is the acceleration behind the leader, with all other limits.
+    #[inline(always)]
+    pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
+        min(leader_accel, self.accel_behind_old_leader(context))
     }
 }
 
+/// Constant deceleration with which a gap lasts for a time; negative if none is needed [m/s^2].
+///
+/// If the closing speed would fall to 0 before that time, it is the deceleration with which the gap is just used up.
 #[inline(always)]
 fn braking_until_clear<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    room: F32<S>,
-    closing: F32<S>,
+    gap: F32<S>,
+    closing_speed: F32<S>,
     time: F32<S>,
 ) -> F32<S> {
-    let room = at_least(room, params.constants.min_effective_gap);
-    let way = closing * time;
+    let gap = at_least(gap, params.constants.min_effective_gap);
+    let distance = closing_speed * time;
     select(
-        way.simd_lt(2.0 * room),
-        2.0 * (way - room) / (time * time),
-        closing * closing / (2.0 * room),
+        distance.simd_lt(2.0 * gap),
+        2.0 * (distance - gap) / (time * time),
+        closing_speed * closing_speed / (2.0 * gap),
     )
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The acceleration that driver `i` wants behind the leader, and behind the one whose lane is being left.
-    #[inline(always)]
-    pub fn requested_accel(
-        self,
-        context: &DriverContext<S>,
-        accel_behind_leader: F32<S>,
-    ) -> F32<S> {
-        min(accel_behind_leader, self.accel_behind_old_leader(context))
-    }
-}
-
-/// Move the pedals of vehicle `slot` towards the wanted acceleration.
+/// Move the requested acceleration of the vehicle in `slot` towards `target_accel`, faster the more urgent it is.
+///
+/// In an emergency drivers request more than the friction that they believe in: anti-lock brakes and the road decide.
 #[inline(always)]
 pub fn apply_pedals<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    wanted: F32<S>,
+    target_accel: F32<S>,
 ) {
-    let constants = &params.constants;
-    let wanted = max(
-        wanted,
-        -(params.vehicles[slot].max_brake_force * params.vehicles[slot].inverse_mass),
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let requested_accel = state.controls.requested_accel[slot];
+    let target_accel = max(
+        target_accel,
+        -(vehicle.max_brake_force * vehicle.inverse_mass),
     );
-    let up = select(
-        state.controls.requested_accel[slot].simd_lt(0.0),
+    let jerk_up = select(
+        requested_accel.simd_lt(0.0),
         splat(params.simd, constants.jerk_release),
         splat(params.simd, constants.jerk_up),
-    ) * constants.decision;
-    let down = at_least(-wanted / constants.brake_ramp, constants.jerk_down) * constants.decision;
-    let changed = state.controls.requested_accel[slot]
-        + clamp(wanted - state.controls.requested_accel[slot], -down, up);
+    );
+    let jerk_down = at_least(-target_accel / constants.brake_ramp, constants.jerk_down);
+    let change = clamp(
+        target_accel - requested_accel,
+        -(jerk_down * constants.decision),
+        jerk_up * constants.decision,
+    );
     state.controls.requested_accel[slot] = select(
         state.motion.is_wreck[slot].simd_gt(0.0),
         splat(params.simd, 0.0),
-        changed,
+        requested_accel + change,
     );
 }
 
-/// Keeps braking finite for who is there already [s].
-const MIN_MEETING_TIME: f32 = 0.1;
-
-/// The acceleration that driver `slot` does not go beyond for who comes in its lane; it may move aside, too.
+/// Largest acceleration of the driver in `slot` with an oncoming vehicle in its own lane [m/s^2].
+///
+/// The driver flashes the headlamps and lifts the accelerator, then brakes so as to stop within its half of the
+/// distance, and moves to the edge of the lane. A driver that is being passed may move to the edge, too. The overtaking
+/// driver's reaction is in `pass_continuation`.
 #[inline(always)]
 pub fn accel_for_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    met: &OncomingTraffic<S>,
+    oncoming: &OncomingTraffic<S>,
 ) -> F32<S> {
     let constants = &params.constants;
     let splat = |value: f32| splat(params.simd, value);
-    let out = state.vehicle(params, slot).is_overtaking();
-    let meets = met.meets_in_own_lane & state.motion.is_wreck[slot].simd_eq(0.0) & !out;
-    let time = met.time_to_meeting;
-    let lifts = meets & time.simd_lt(constants.oncoming_flash_time);
-    let brakes = meets & time.simd_lt(constants.oncoming_brake_time);
+    let is_sound = state.motion.is_wreck[slot].simd_eq(0.0);
+    let overtakes = state.vehicle(params, slot).is_overtaking();
+    let meets = oncoming.meets_in_own_lane & is_sound & !overtakes;
+    let meeting_time = oncoming.time_to_meeting;
+    let lifts = meets & meeting_time.simd_lt(constants.oncoming_flash_time);
+    let brakes = meets & meeting_time.simd_lt(constants.oncoming_brake_time);
     state.controls.flashes_high_beam[slot] = select(lifts, splat(1.0), splat(0.0));
-    let halved = 2.0 * at_least(time, MIN_MEETING_TIME);
-    let braking = clamp_to(
-        state.motion.vx[slot] / halved,
+    // This braking stops the driver within vx t, half of the gap if both vehicles are as fast.
+    let decel = clamp_to(
+        state.motion.vx[slot] / (2.0 * at_least(meeting_time, MIN_MEETING_TIME)),
         constants.oncoming_min_decel,
         constants.oncoming_max_decel,
     );
-    shift_to_edge(state, params, slot, brakes, met.is_being_passed, out);
-    select(
-        brakes,
-        -braking,
-        select(
-            lifts,
-            splat(-constants.oncoming_lift_decel),
-            splat(NO_ACCEL_LIMIT),
-        ),
-    )
+    shift_to_edge(state, params, slot, brakes, oncoming.is_being_passed);
+    let lifting_accel = splat(-constants.oncoming_lift_decel);
+    let accel_limit = select(lifts, lifting_accel, splat(NO_ACCEL_LIMIT));
+    select(brakes, -decel, accel_limit)
 }
 
-/// Move towards the edge of the lane for who comes in it, or passes; and back afterwards. Who is `out` keeps
-/// to the way of that.
+/// Move to the edge of the lane for an oncoming or a passing vehicle, and back afterwards.
 #[inline(always)]
 fn shift_to_edge<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
     brakes: Mask<S>,
-    passed: Mask<S>,
-    out: Mask<S>,
+    is_being_passed: Mask<S>,
 ) {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
     let splat = |value: f32| splat(params.simd, value);
-    let room = select(passed, vehicle.edge_shift_when_passed, splat(0.0));
-    let wanted = select(brakes, splat(constants.edge_shift), room);
-    let arrived = state.path.elapsed[slot].simd_ge(state.path.duration[slot]);
-    let moved = wanted.simd_gt(state.lane_choice.edge_shift[slot])
-        | (arrived & wanted.simd_lt(state.lane_choice.edge_shift[slot]));
-    let moved =
-        moved & state.motion.is_wreck[slot].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !out;
-    if moved.any_true() {
-        let (low, high) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
+    let shift_when_passed = select(is_being_passed, vehicle.edge_shift_when_passed, splat(0.0));
+    let shift = select(brakes, splat(constants.edge_shift), shift_when_passed);
+    let driver = state.vehicle(params, slot);
+    // Drivers move out at once, but back only when they have arrived at the edge.
+    let edge_shift = state.lane_choice.edge_shift[slot];
+    let starts =
+        shift.simd_gt(edge_shift) | (driver.has_finished_lane_change() & shift.simd_lt(edge_shift));
+    // An overtaking driver keeps to the path of its lane change.
+    let overtakes = driver.is_overtaking();
+    let starts =
+        starts & state.motion.is_wreck[slot].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !overtakes;
+    if starts.any_true() {
+        let (right_edge, left_edge) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
         let duration = select(
             brakes,
             splat(constants.edge_shift_duration),
             splat(2.0 * constants.edge_shift_duration),
         );
-        start_path(state, slot, moved, 0.5 * (low + high) - wanted, duration);
-        assign_where(&mut state.lane_choice.edge_shift[slot], moved, wanted);
+        let lateral_position = 0.5 * (right_edge + left_edge) - shift;
+        start_path(state, slot, starts, lateral_position, duration);
+        assign_where(&mut state.lane_choice.edge_shift[slot], starts, shift);
     }
-    assign_where(&mut state.lane_choice.edge_shift[slot], out, splat(0.0));
+    assign_where(
+        &mut state.lane_choice.edge_shift[slot],
+        overtakes,
+        splat(0.0),
+    );
 }

@@ -1,4 +1,4 @@
-//! Car following; see `overtaking.sim.reference.car_following`.
+//! Car following; the twin of `overtaking.sim.reference.car_following`, which names the sources.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -7,145 +7,185 @@ use crate::math::elementary::{exp, log};
 use crate::math::vectors::{F32, at_least, at_most, clamp_to, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 
-/// Keeps the quotient finite behind a standing leader [m^2/s^2].
+/// Keeps the stopping acceleration finite behind a leader at rest [m^2/s^2].
 const MIN_STOPPING_TERM: f32 = 1e-3;
-/// Near the desired speed the free acceleration vanishes [m/s^2] ...
+/// Near the desired speed the free acceleration approaches 0 [m/s^2] ...
 const MIN_FREE_ACCEL: f32 = 1e-3;
-/// ... and the exponent that blends it grows.
+/// ... and the exponent of the blend infinity.
 const MAX_EXPONENT: f32 = 1000.0;
-/// Of the wanted to the actual gap, for its logarithm.
+/// Keeps the logarithm of the ratio of gaps finite.
 const MIN_GAP_RATIO: f32 = 1e-6;
 
+/// A driver behind a leader.
+#[derive(Clone, Copy)]
+pub struct Follower<'a, S: Simd> {
+    /// Parameters of the driver and its vehicle.
+    pub vehicle: &'a VehicleParams<S>,
+    /// Speed [m/s].
+    pub speed: F32<S>,
+    /// Speed on a free road, > 0 [m/s].
+    pub desired_speed: F32<S>,
+    /// Time gap that the driver keeps [s].
+    pub time_gap: F32<S>,
+}
+
+/// The vehicle ahead of a follower, as it is or as the follower believes.
+#[derive(Clone, Copy)]
+pub struct Leader<S: Simd> {
+    /// Gap between the bumpers [m].
+    pub gap: F32<S>,
+    /// Speed of the follower minus the leader's [m/s].
+    pub closing_speed: F32<S>,
+    /// Acceleration of the leader, never positive [m/s^2].
+    pub accel: F32<S>,
+}
+
+impl<S: Simd> Leader<S> {
+    /// A leader that keeps its speed.
+    #[inline(always)]
+    pub fn steady(gap: F32<S>, closing_speed: F32<S>) -> Self {
+        Self {
+            gap,
+            closing_speed,
+            accel: splat(gap.simd, 0.0),
+        }
+    }
+}
+
+/// Desired gap of the intelligent driver model [m].
 #[inline(always)]
 fn desired_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
     speed: F32<S>,
-    closing: F32<S>,
     time_gap: F32<S>,
+    closing_speed: F32<S>,
 ) -> F32<S> {
-    let dynamic = speed * time_gap + speed * closing * vehicle.idm_interaction;
-    vehicle.min_gap + at_least(dynamic, 0.0)
+    let dynamic_part = speed * time_gap + speed * closing_speed * vehicle.idm_interaction;
+    vehicle.min_gap + at_least(dynamic_part, 0.0)
 }
 
-/// Acceleration behind a leader: the IIDM, cooled, and heedful of a leader that brakes [m/s^2].
-#[allow(clippy::too_many_arguments)]
+/// Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
+///
+/// Near a leader that brakes the driver decelerates by `cah_accel`, with a smaller share of it the larger the time gap.
 #[inline(always)]
 pub fn acc_accel<S: Simd>(
     constants: &ModelConstants,
-    vehicle: &VehicleParams<S>,
-    speed: F32<S>,
-    desired: F32<S>,
-    gap: F32<S>,
-    closing: F32<S>,
-    time_gap: F32<S>,
-    leader_accel: F32<S>,
+    follower: &Follower<'_, S>,
+    leader: &Leader<S>,
 ) -> F32<S> {
-    speed.simd.vectorize(
+    follower.speed.simd.vectorize(
         #[inline(always)]
         || {
-            let needed = cah_accel(constants, speed, gap, closing, leader_accel);
-            let wanted = iidm_accel(constants, vehicle, speed, desired, gap, closing, time_gap);
-            let cool = blend_iidm_with_cah(constants, vehicle, wanted, needed);
-            let brakes = leader_accel.simd_lt(-constants.stop_lamp_decel);
-            if !brakes.any_true() {
-                return cool;
+            let cah = cah_accel(constants, follower.speed, leader);
+            let iidm = iidm_accel(constants, follower, leader);
+            let accel = blend_iidm_with_cah(constants, follower.vehicle, iidm, cah);
+            let stop_lamps_are_on = leader.accel.simd_lt(-constants.stop_lamp_decel);
+            if !stop_lamps_are_on.any_true() {
+                return accel;
             }
-            let room =
-                constants.stop_lamp_max_time_gap - gap / at_least(speed, constants.slip_speed);
-            let heed = clamp_to(
-                room / (constants.stop_lamp_max_time_gap - constants.stop_lamp_full_time_gap),
+            let time_gap_below_max = constants.stop_lamp_max_time_gap
+                - leader.gap / at_least(follower.speed, constants.slip_speed);
+            let reaction_share = clamp_to(
+                time_gap_below_max
+                    / (constants.stop_lamp_max_time_gap - constants.stop_lamp_full_time_gap),
                 0.0,
                 1.0,
             );
-            select(brakes, min(cool, heed * needed), cool)
+            select(stop_lamps_are_on, min(accel, reaction_share * cah), accel)
         },
     )
 }
 
-/// Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
+/// Acceleration that just avoids a contact if the leader keeps its acceleration [m/s^2].
 #[inline(always)]
-pub fn cah_accel<S: Simd>(
-    constants: &ModelConstants,
-    speed: F32<S>,
-    gap: F32<S>,
-    closing: F32<S>,
-    leader_accel: F32<S>,
-) -> F32<S> {
-    let room = 2.0 * at_least(gap, constants.min_effective_gap);
-    let leader_speed = at_least(speed - closing, 0.0);
-    let approach = at_least(closing, 0.0);
-    let moving = leader_accel - (approach * approach) / room;
-    let way = leader_speed * leader_speed - room * leader_accel;
-    let stopping = speed * speed * leader_accel / at_least(way, MIN_STOPPING_TERM);
-    let stops_first = (leader_speed * closing).simd_lt(-(room * leader_accel));
-    select(stops_first, stopping, moving)
+pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Leader<S>) -> F32<S> {
+    let double_gap = 2.0 * at_least(leader.gap, constants.min_effective_gap);
+    let leader_speed = at_least(speed - leader.closing_speed, 0.0);
+    let closing_speed = at_least(leader.closing_speed, 0.0);
+    // The leader still moves when the closing speed has become 0 ...
+    let moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap;
+    // ... or it stops first, and the follower stops behind it.
+    let stopping_term = leader_speed * leader_speed - double_gap * leader.accel;
+    let stopping_accel = speed * speed * leader.accel / at_least(stopping_term, MIN_STOPPING_TERM);
+    let leader_stops_first =
+        (leader_speed * leader.closing_speed).simd_lt(-(double_gap * leader.accel));
+    select(leader_stops_first, stopping_accel, moving_accel)
 }
 
-/// A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
+/// Acceleration of the IIDM with its braking at small gaps softened [m/s^2].
+///
+/// `iidm` is the result of `iidm_accel`, and `cah` that of `cah_accel`.
 #[inline(always)]
 fn blend_iidm_with_cah<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
-    wanted: F32<S>,
-    needed: F32<S>,
+    iidm: F32<S>,
+    cah: F32<S>,
 ) -> F32<S> {
-    let enough = wanted.simd_ge(needed);
-    if enough.all_true() {
-        return wanted;
+    let is_mild = iidm.simd_ge(cah);
+    if is_mild.all_true() {
+        return iidm;
     }
-    let excess = at_most(wanted - needed, 0.0);
+    let excess = at_most(iidm - cah, 0.0);
+    // Hyperbolic tangent of the excess over the comfortable deceleration.
     let e = exp(2.0 * excess / vehicle.decel);
-    let softened = needed + vehicle.decel * ((e - 1.0) / (e + 1.0));
-    let alarmed = at_least(wanted, -constants.gravity);
-    let calm = (1.0 - constants.coolness) * alarmed + constants.coolness * softened;
-    select(enough, wanted, calm)
+    let softened = cah + vehicle.decel * ((e - 1.0) / (e + 1.0));
+    // The IIDM has no lower bound at small gaps; no vehicle brakes harder than gravity.
+    let bounded = at_least(iidm, -constants.gravity);
+    let blend = (1.0 - constants.coolness) * bounded + constants.coolness * softened;
+    select(is_mild, iidm, blend)
 }
 
 /// Acceleration of the improved intelligent driver model [m/s^2].
 #[inline(always)]
 fn iidm_accel<S: Simd>(
     constants: &ModelConstants,
-    vehicle: &VehicleParams<S>,
-    speed: F32<S>,
-    desired: F32<S>,
-    gap: F32<S>,
-    closing: F32<S>,
-    time_gap: F32<S>,
+    follower: &Follower<'_, S>,
+    leader: &Leader<S>,
 ) -> F32<S> {
-    let one = splat(speed.simd, 1.0);
-    let z =
-        desired_gap(vehicle, speed, closing, time_gap) / at_least(gap, constants.min_effective_gap);
-    let ratio = speed / desired;
-    let square = ratio * ratio;
-    let free_below = vehicle.accel * (one - square * square);
-    let interacting = vehicle.accel * (one - z * z);
-    let steepness = at_most(
-        2.0 * vehicle.accel / at_least(free_below, MIN_FREE_ACCEL),
+    let (vehicle, one) = (follower.vehicle, splat(follower.speed.simd, 1.0));
+    let z = desired_gap(
+        vehicle,
+        follower.speed,
+        follower.time_gap,
+        leader.closing_speed,
+    ) / at_least(leader.gap, constants.min_effective_gap);
+    let speed_ratio = follower.speed / follower.desired_speed;
+    let square = speed_ratio * speed_ratio;
+    let free_accel_below = vehicle.accel * (one - square * square);
+    let interaction = vehicle.accel * (one - z * z);
+    let exponent = at_most(
+        2.0 * vehicle.accel / at_least(free_accel_below, MIN_FREE_ACCEL),
         MAX_EXPONENT,
     );
-    let blended = free_below * (one - exp(steepness * log(clamp_to(z, MIN_GAP_RATIO, 1.0))));
-    let below = select(z.simd_ge(one), interacting, blended);
-    let within = ratio.simd_le(one);
-    if within.all_true() {
-        return below;
+    let blended = free_accel_below * (one - exp(exponent * log(clamp_to(z, MIN_GAP_RATIO, 1.0))));
+    let accel_below = select(z.simd_ge(one), interaction, blended);
+    let is_below = speed_ratio.simd_le(one);
+    if is_below.all_true() {
+        return accel_below;
     }
-    let over = exp(-vehicle.overspeed_exponent * log(at_least(ratio, 1.0)));
-    let free_above = -vehicle.decel * (one - over);
-    let above = select(z.simd_ge(one), free_above + interacting, free_above);
-    select(within, below, above)
+    let decay = exp(-vehicle.overspeed_exponent * log(at_least(speed_ratio, 1.0)));
+    let free_accel_above = -vehicle.decel * (one - decay);
+    let accel_above = select(
+        z.simd_ge(one),
+        free_accel_above + interaction,
+        free_accel_above,
+    );
+    select(is_below, accel_below, accel_above)
 }
 
-/// Acceleration, never positive, of someone following at the speed that they want [m/s^2].
+/// Acceleration, never positive, that a leader imposes on a follower at its desired speed [m/s^2].
+///
+/// It is not blended with `cah_accel`: a gap is judged by the distance that the driver would like to keep.
 #[inline(always)]
 pub fn imposed_accel<S: Simd>(
     constants: &ModelConstants,
     vehicle: &VehicleParams<S>,
     speed: F32<S>,
-    gap: F32<S>,
-    closing: F32<S>,
     time_gap: F32<S>,
+    leader: &Leader<S>,
 ) -> F32<S> {
-    let z =
-        desired_gap(vehicle, speed, closing, time_gap) / at_least(gap, constants.min_effective_gap);
+    let z = desired_gap(vehicle, speed, time_gap, leader.closing_speed)
+        / at_least(leader.gap, constants.min_effective_gap);
     at_most(vehicle.accel * (1.0 - z * z), 0.0)
 }

@@ -1,10 +1,10 @@
-//! Gap acceptance: what a driver sets out to do, from what it believes of the gaps around it; see
-//! `overtaking.sim.reference.gap_acceptance`.
+//! Gap acceptance: what drivers intend, from the gaps that they believe to be around them; the twin of
+//! `overtaking.sim.reference.gap_acceptance`. The ego decides so, and on two-way roads every driver.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::car_following::{cah_accel, imposed_accel};
+use crate::car_following::{Leader, cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
 use crate::lane_change::anticipated_follower;
 use crate::math::elementary::exp;
@@ -15,39 +15,67 @@ use crate::neighbour_search::Neighbours;
 use crate::params::Params;
 use crate::pass_continuation::PassContinuation;
 use crate::passing::tall_vehicle_gap_factor;
+use crate::perception::Beliefs;
 use crate::state::{
     EGO_SLOT, FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
     stage,
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps what is imposed finite for who demands nothing.
+/// Keeps the imposed braking finite for a driver that asks for no gap.
 const MIN_GAP_FACTOR: f32 = 1e-6;
 
-/// What a driver knows when it decides.
-struct GapAcceptanceInputs<'a, S: Simd> {
-    vehicle: &'a VehicleParams<S>,
-    /// Speed that it wants where it is.
+/// Beliefs and demands of a driver at a decision.
+pub struct GapAcceptanceInputs<'a, S: Simd> {
+    pub vehicle: &'a VehicleParams<S>,
+    /// What the driver believes about its neighbours.
+    pub beliefs: &'a Beliefs<S>,
+    /// Speed that the driver desires at this place [m/s].
     desired_speed: F32<S>,
-    speed: F32<S>,
-    gap: &'a [F32<S>; 6],
-    closing_speed: &'a [F32<S>; 6],
-    is_detected: &'a [Mask<S>; 6],
-    leader_speed: F32<S>,
+    /// Speed [m/s].
+    pub speed: F32<S>,
+    /// Believed speed of the leader [m/s].
+    pub leader_speed: F32<S>,
+    /// Factor on the gaps that the driver asks for now [1].
     gap_factor: F32<S>,
+    /// Largest braking that the driver imposes on others, positive [m/s^2].
     acceptable_imposed_decel: F32<S>,
-    patience_left: F32<S>,
-    /// How much more room it leaves to the leader than to a car.
+    /// Share of its demands that a waiting driver still has, 1 at first [1].
+    pub patience_left: F32<S>,
+    /// Factor on the gap to a leader that blocks the view [1].
     tall_vehicle_gap_factor: F32<S>,
-    /// Is told to change lanes: needs no gap, ignores vehicles beside it and never aborts.
+    /// Whether the ego changes lanes by the script of the study: it then asks for no gap, ignores vehicles beside it,
+    /// and cancels nothing.
     is_scripted: Mask<S>,
-    /// Is told to pull out now: a vehicle in sight ahead is slower.
+    /// Whether the script makes it pull out now: it has detected a slower leader.
     pulls_out_by_script: Mask<S>,
-    /// Decision that is forced on the ego, 0 for none.
+    /// A constant of `forced_decision` in a branch, 0 without one.
     forced_decision: F32<S>,
 }
 
-/// What driver `i` believes, and how much it demands after its wait.
+/// Wishes and actions of a driver at a decision.
+pub struct Intent<S: Simd> {
+    /// Wants to pull out, and indicates it.
+    pub wants_to_pull_out: Mask<S>,
+    /// Wants to return, and indicates it.
+    pub wants_to_return: Mask<S>,
+    /// Starts to pull out now.
+    pub starts_pull_out: Mask<S>,
+    /// Starts to return now.
+    pub starts_return: Mask<S>,
+    /// Gives up pulling out, or passing, and goes back now.
+    pub cancels_pull_out: Mask<S>,
+    /// Gives up returning and goes back to the left now.
+    pub cancels_return: Mask<S>,
+    /// The target's front is visibly behind the own rear.
+    pub has_passed_target: Mask<S>,
+    /// The last lane change is over.
+    pub has_finished_lane_change: Mask<S>,
+}
+
+/// Beliefs of the driver in `slot`, and its demands after the time for which it has waited.
+///
+/// No method of the handle, because the inputs must not borrow the state, which changes while they are used.
 #[inline(always)]
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -55,409 +83,452 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     slot: usize,
     context: &'a DriverContext<S>,
 ) -> GapAcceptanceInputs<'a, S> {
-    let (near, believed, own) = (
-        &context.neighbours,
-        &context.beliefs,
-        &params.vehicles[slot],
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let (neighbours, beliefs) = (&context.neighbours, &context.beliefs);
+    let relative_wait = state.overtake.time_waiting[slot] * vehicle.inverse_patience;
+    let patience_left = at_least(exp(-relative_wait), constants.patience_floor);
+    let gap_factor = vehicle.gap_demand_factor * patience_left;
+    // Waiting lowers the gaps that a driver asks for itself; it does not raise the braking that it may impose on
+    // others (UN R157).
+    let imposed_decel = at_most(
+        vehicle.safe_decel / at_least(gap_factor, MIN_GAP_FACTOR),
+        constants.max_imposed_decel,
     );
-    let impatience = at_least(
-        exp(-(state.overtake.time_waiting[slot] * own.inverse_patience)),
-        params.constants.patience_floor,
-    );
-    let demand = own.gap_demand_factor * impatience;
+    // Only the ego can have a script or a forced decision.
     let never = context.checks_mirrors & !context.checks_mirrors;
-    let (mut told, mut ordered, mut command) = (never, never, splat(params.simd, 0.0));
+    let (mut follows_script, mut pulls_out, mut forced_decision) =
+        (never, never, splat(params.simd, 0.0));
+    let driver = state.vehicle(params, slot);
     if slot == EGO_SLOT {
-        told = is_scripted(params);
-        let faster = state
-            .vehicle(params, slot)
-            .true_closing_speed_to_leader(near);
-        ordered = told & believed.is_detected[LEADER] & faster.simd_gt(own.min_speed_gain);
-        command = params.simulations.forced_decision;
+        follows_script = is_scripted(params);
+        let has_slower_leader = driver
+            .true_closing_speed_to_leader(neighbours)
+            .simd_gt(vehicle.min_speed_gain);
+        pulls_out = follows_script & beliefs.is_detected[LEADER] & has_slower_leader;
+        forced_decision = params.simulations.forced_decision;
     }
-    let bounded = own.safe_decel / at_least(demand, MIN_GAP_FACTOR);
+    let speed = state.motion.vx[slot];
     GapAcceptanceInputs {
-        vehicle: own,
-        desired_speed: state.vehicle(params, slot).desired_speed(),
-        speed: state.motion.vx[slot],
-        gap: &believed.gap,
-        closing_speed: &believed.closing_speed,
-        is_detected: &believed.is_detected,
-        leader_speed: state.motion.vx[slot] - believed.closing_speed[LEADER],
-        gap_factor: demand,
-        acceptable_imposed_decel: min(
-            at_most(bounded, params.constants.max_imposed_decel),
-            own.max_assumed_decel,
-        ),
-        patience_left: impatience,
+        vehicle,
+        beliefs,
+        desired_speed: driver.desired_speed(),
+        speed,
+        leader_speed: speed - beliefs.closing_speed[LEADER],
+        gap_factor,
+        acceptable_imposed_decel: min(imposed_decel, vehicle.max_assumed_decel),
+        patience_left,
         tall_vehicle_gap_factor: if params.road.directions.has_oncoming_traffic {
-            tall_vehicle_gap_factor(params, near.slot[LEADER])
+            tall_vehicle_gap_factor(params, neighbours.slot[LEADER])
         } else {
             splat(params.simd, 1.0)
         },
-        is_scripted: told,
-        pulls_out_by_script: ordered,
-        forced_decision: command,
+        is_scripted: follows_script,
+        pulls_out_by_script: pulls_out,
+        forced_decision,
     }
 }
 
-/// Whether the ego is told to change lanes, as in the study: it demands no gap.
+/// Whether the ego changes lanes by the script of the study: it asks for no gap.
 #[inline(always)]
 pub fn is_scripted<S: Simd, const N: usize>(params: &Params<S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// By how much the ego is in truth faster than its leader, which decides where it is told.
-    #[inline(always)]
-    pub fn true_closing_speed_to_leader(self, near: &Neighbours<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        state.motion.vx[slot]
-            - at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
-                .motion
-                .vx[j])
-    }
-}
-
+/// Acceleration that a leader imposes on a driver, by the time gap it asks for now [m/s^2].
 #[inline(always)]
 fn imposed_accel_on_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
-    gap: F32<S>,
-    closing: F32<S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
+    leader: &Leader<S>,
 ) -> F32<S> {
-    let time_gap = view.vehicle.time_gap * view.gap_factor;
-    imposed_accel(
-        &params.constants,
-        view.vehicle,
-        view.speed,
-        gap,
-        closing,
-        time_gap,
-    )
+    let vehicle = inputs.vehicle;
+    let time_gap = vehicle.time_gap * inputs.gap_factor;
+    imposed_accel(&params.constants, vehicle, inputs.speed, time_gap, leader)
 }
 
+/// Acceleration that a driver imposes on a follower, by the time gap it asks for now [m/s^2].
+///
+/// `closing_speed` is the speed of the follower minus the driver's.
 #[inline(always)]
 fn imposed_accel_by_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
     gap: F32<S>,
-    closing: F32<S>,
+    closing_speed: F32<S>,
 ) -> F32<S> {
-    let time_gap = view.vehicle.time_gap * view.gap_factor;
+    let (vehicle, driver) = (inputs.vehicle, Leader::steady(gap, closing_speed));
+    let time_gap = vehicle.time_gap * inputs.gap_factor;
+    let follower_speed = inputs.speed + closing_speed;
     imposed_accel(
         &params.constants,
-        view.vehicle,
-        view.speed + closing,
-        gap,
-        closing,
+        vehicle,
+        follower_speed,
         time_gap,
+        &driver,
     )
 }
 
+/// Whether the leader is so slow and so near that the driver wants to overtake now.
 #[inline(always)]
 fn wants_to_overtake<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
-    let own = view.vehicle;
-    let slower =
-        (view.desired_speed - view.leader_speed).simd_gt(own.min_speed_gain * view.patience_left);
-    let soon = view.gap[LEADER].simd_lt(own.pull_out_ttc * view.closing_speed[LEADER]);
-    let kept = own.time_gap * view.tall_vehicle_gap_factor;
-    let near = params.constants.close_time_gap * kept * view.speed + own.min_gap;
-    let close = view.gap[LEADER].simd_lt(near);
-    view.is_detected[LEADER] & slower & (soon | close)
+    let (vehicle, leader) = (inputs.vehicle, inputs.beliefs.steady_leader(LEADER));
+    let is_slow = (inputs.desired_speed - inputs.leader_speed)
+        .simd_gt(vehicle.min_speed_gain * inputs.patience_left);
+    let is_reached_soon = leader
+        .gap
+        .simd_lt(vehicle.pull_out_ttc * leader.closing_speed);
+    let kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor;
+    let near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap;
+    let is_near = leader.gap.simd_lt(near_gap);
+    inputs.beliefs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
 }
 
+/// Whether the lane on the left looks free enough and, on one-way roads, faster.
+///
+/// On two-way roads that is the opposing lane: a vehicle ahead in it overtakes as well, and the driver waits for it.
+/// `accepts_oncoming_gap` judges oncoming vehicles.
 #[inline(always)]
 fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
-    let (constants, own) = (&params.constants, view.vehicle);
-    let front = imposed_accel_on_driver(
-        params,
-        view,
-        view.gap[LEFT_LEADER],
-        view.closing_speed[LEFT_LEADER],
-    )
-    .simd_ge(-own.decel);
-    let (gap, closing) = (view.gap[LEFT_FOLLOWER], view.closing_speed[LEFT_FOLLOWER]);
-    let (later, faster) = anticipated_follower(params, gap, closing);
-    let now = imposed_accel_by_driver(params, view, gap, closing);
-    let imposed = min(now, imposed_accel_by_driver(params, view, later, faster));
-    let rear = imposed.simd_ge(-view.acceptable_imposed_decel);
-    let rear = rear & gap.simd_gt(constants.min_rear_gap * view.gap_factor);
-    // The lane of oncoming traffic is free while the driver sees no other vehicle overtake there.
+    let (constants, vehicle, beliefs) = (&params.constants, inputs.vehicle, inputs.beliefs);
+    let leader = beliefs.steady_leader(LEFT_LEADER);
+    let is_free_ahead = imposed_accel_on_driver(params, inputs, &leader).simd_ge(-vehicle.decel);
+    let gap = beliefs.gap[LEFT_FOLLOWER];
+    let closing_speed = beliefs.closing_speed[LEFT_FOLLOWER];
+    let (later_gap, later_closing_speed) = anticipated_follower(params, gap, closing_speed);
+    let follower_accel = min(
+        imposed_accel_by_driver(params, inputs, gap, closing_speed),
+        imposed_accel_by_driver(params, inputs, later_gap, later_closing_speed),
+    );
+    let is_free_behind = follower_accel.simd_ge(-inputs.acceptable_imposed_decel)
+        & gap.simd_gt(constants.min_rear_gap * inputs.gap_factor);
+    let has_no_leader = !beliefs.is_detected[LEFT_LEADER];
     if params.road.directions.has_oncoming_traffic {
-        return rear & !view.is_detected[LEFT_LEADER];
+        return is_free_behind & has_no_leader;
     }
-    let gain = ((view.speed - view.closing_speed[LEFT_LEADER]) - view.leader_speed)
-        .simd_gt(own.min_speed_gain * view.patience_left);
-    let far =
-        view.gap[LEFT_LEADER].simd_gt(view.gap[LEADER] + constants.waiting_time_gap * view.speed);
-    front & rear & (gain | far | !view.is_detected[LEFT_LEADER])
+    let is_faster = ((inputs.speed - leader.closing_speed) - inputs.leader_speed)
+        .simd_gt(vehicle.min_speed_gain * inputs.patience_left);
+    let extra_gap = constants.waiting_time_gap * inputs.speed;
+    let is_far = leader.gap.simd_gt(beliefs.gap[LEADER] + extra_gap);
+    is_free_ahead & is_free_behind & (is_faster | is_far | has_no_leader)
 }
 
-/// Whether the slower lane has room; `room_left` is how much more is left behind than to a car.
+/// Whether the lane on the right has space for the return.
+///
+/// The gap behind is judged for when the line is crossed, the gap ahead for the end of the return. `gap_factor` is the
+/// factor on the gap that is left to the overtaken vehicle, 1 for a car.
 #[inline(always)]
 fn accepts_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
-    room_left: F32<S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
+    gap_factor: F32<S>,
 ) -> Mask<S> {
-    let own = view.vehicle;
-    let (closing, ahead) = (
-        view.closing_speed[RIGHT_FOLLOWER],
-        view.closing_speed[RIGHT_LEADER],
-    );
-    let crossing = 0.5 * own.lane_change_duration;
-    let gap = view.gap[RIGHT_FOLLOWER] - crossing * at_most(closing, 0.0);
-    let wanted = own.return_time_gap * (view.speed + closing) * view.patience_left;
-    let left = gap.simd_ge(wanted * room_left);
-    let rear = left
-        & imposed_accel_by_driver(params, view, gap, closing)
-            .simd_ge(-view.acceptable_imposed_decel);
-    let room = view.gap[RIGHT_LEADER] - own.lane_change_duration * at_least(ahead, 0.0);
-    let front = imposed_accel_on_driver(params, view, room, ahead).simd_ge(-own.decel);
-    let worth = view.gap[RIGHT_LEADER]
-        .simd_gt(params.constants.stay_time * view.closing_speed[RIGHT_LEADER]);
-    // On a two-way road one returns even if one will soon catch up with the next vehicle.
+    let (constants, vehicle, beliefs) = (&params.constants, inputs.vehicle, inputs.beliefs);
+    let leader = beliefs.steady_leader(RIGHT_LEADER);
+    let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
+    let time_to_line = 0.5 * vehicle.lane_change_duration;
+    // A growing gap counts, a shrinking one does not: the imposed braking covers it.
+    let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_most(closing_speed, 0.0);
+    let follower_speed = inputs.speed + closing_speed;
+    let min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * gap_factor;
+    let follower_accel = imposed_accel_by_driver(params, inputs, follower_gap, closing_speed);
+    let is_free_behind =
+        follower_gap.simd_ge(min_gap) & follower_accel.simd_ge(-inputs.acceptable_imposed_decel);
+    let leader_then = Leader {
+        gap: leader.gap - vehicle.lane_change_duration * at_least(leader.closing_speed, 0.0),
+        ..leader
+    };
+    let is_free_ahead =
+        imposed_accel_on_driver(params, inputs, &leader_then).simd_ge(-vehicle.decel);
+    // On a two-way road drivers return even if they soon reach the next vehicle.
     if params.road.directions.has_oncoming_traffic {
-        return rear & front & view.gap[RIGHT_LEADER].simd_gt(params.constants.min_return_gap);
+        return is_free_behind & is_free_ahead & leader.gap.simd_gt(constants.min_return_gap);
     }
-    rear & front & worth
+    let stays_free = leader
+        .gap
+        .simd_gt(constants.stay_time * leader.closing_speed);
+    is_free_behind & is_free_ahead & stays_free
 }
 
+/// Whether the lane that is entered has become dangerous, and the old one still has space.
+///
+/// `old_leader_role` is the role of the leader in the old lane; its follower has the next number.
 #[inline(always)]
 fn lane_change_is_dangerous<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
-    lead: usize,
-    rear: usize,
+    inputs: &GapAcceptanceInputs<'_, S>,
+    old_leader_role: usize,
 ) -> Mask<S> {
-    let (constants, own) = (&params.constants, view.vehicle);
-    let imposed = imposed_accel_by_driver(
+    let (constants, vehicle, beliefs) = (&params.constants, inputs.vehicle, inputs.beliefs);
+    let follower_accel = imposed_accel_by_driver(
         params,
-        view,
-        view.gap[FOLLOWER],
-        view.closing_speed[FOLLOWER],
+        inputs,
+        beliefs.gap[FOLLOWER],
+        beliefs.closing_speed[FOLLOWER],
     );
-    let braking =
-        imposed_accel_on_driver(params, view, view.gap[LEADER], view.closing_speed[LEADER]);
-    let bad = imposed.simd_lt(-(constants.abort_imposed_factor * view.acceptable_imposed_decel))
-        | braking.simd_lt(-(constants.abort_factor * own.decel));
-    let steady = splat(params.simd, 0.0);
-    let back = cah_accel(
-        constants,
-        view.speed,
-        view.gap[lead],
-        view.closing_speed[lead],
-        steady,
-    );
-    bad & back.simd_ge(-own.max_assumed_decel) & view.gap[rear].simd_gt(constants.min_rear_gap)
+    let accel = imposed_accel_on_driver(params, inputs, &beliefs.steady_leader(LEADER));
+    let max_imposed_decel = constants.abort_imposed_factor * inputs.acceptable_imposed_decel;
+    let is_dangerous = follower_accel.simd_lt(-max_imposed_decel)
+        | accel.simd_lt(-(constants.abort_factor * vehicle.decel));
+    let old_leader = beliefs.steady_leader(old_leader_role);
+    let can_brake =
+        cah_accel(constants, inputs.speed, &old_leader).simd_ge(-vehicle.max_assumed_decel);
+    let has_space_behind = beliefs.gap[old_leader_role + 1].simd_gt(constants.min_rear_gap);
+    is_dangerous & can_brake & has_space_behind
 }
 
-/// Whether the lane beside has room enough for a driver in a hurry when the line is crossed.
+/// Whether the lane on the right has the least space for an urgent return.
+///
+/// The gaps are judged for when the line is crossed. The driver may brake behind the leader while it moves over: behind
+/// a slow vehicle it would be too late to wait for a gap without braking.
 #[inline(always)]
 fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    view: &GapAcceptanceInputs<'_, S>,
+    inputs: &GapAcceptanceInputs<'_, S>,
 ) -> Mask<S> {
-    let (constants, closing) = (&params.constants, view.closing_speed[RIGHT_LEADER]);
-    let crossing = 0.5 * params.simulations.urgent_change_duration;
-    let front = view.gap[RIGHT_LEADER] - crossing * closing;
-    let rear =
-        view.gap[RIGHT_FOLLOWER] - crossing * at_least(view.closing_speed[RIGHT_FOLLOWER], 0.0);
-    let squeezed = min(rear, front).simd_gt(constants.min_return_gap);
-    // It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
-    let steady = splat(params.simd, 0.0);
-    let ahead = cah_accel(
-        constants,
-        view.speed,
-        view.gap[RIGHT_LEADER],
-        closing,
-        steady,
-    );
-    squeezed & ahead.simd_ge(-(constants.abort_factor * view.vehicle.decel))
+    let (constants, beliefs) = (&params.constants, inputs.beliefs);
+    let leader = beliefs.steady_leader(RIGHT_LEADER);
+    let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
+    let time_to_line = 0.5 * params.simulations.urgent_change_duration;
+    let leader_gap = leader.gap - time_to_line * leader.closing_speed;
+    let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_least(closing_speed, 0.0);
+    let has_space = min(follower_gap, leader_gap).simd_gt(constants.min_return_gap);
+    let accel = cah_accel(constants, inputs.speed, &leader);
+    has_space & accel.simd_ge(-(constants.abort_factor * inputs.vehicle.decel))
 }
 
-/// What driver `slot` wants, and what of it is done now that it has signalled long enough.
+/// Wishes of the driver in `slot`, and which of them it carries out after indicating for long enough.
+///
+/// `continuation` is how its pass goes on; `None` on one-way roads.
 #[inline(always)]
 pub fn form_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
     context: &DriverContext<S>,
-    plight: Option<&PassContinuation<S>>,
+    continuation: Option<&PassContinuation<S>>,
 ) -> Intent<S> {
-    let view = &gap_acceptance_inputs(state, params, slot, context);
-    let (constants, looks, told, command) = (
-        &params.constants,
-        context.checks_mirrors,
-        view.is_scripted,
-        view.forced_decision,
-    );
-    let heeds = looks & !told;
-    let arrived = state.vehicle(params, slot).has_finished_lane_change();
-    let free = state.vehicle(params, slot).is_in_stage(stage::FOLLOW)
-        & arrived
-        & state.lane_choice.time_since_lane_change[slot].simd_ge(constants.abort_cooldown)
-        & state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32);
-    let held = state.lane_choice.wanted_side[slot];
-    let mut seen = wants_to_overtake(params, view) & accepts_pull_out_gaps(params, view);
-    if plight.is_some() {
-        let (coming, leader) = (
-            &context.oncoming.nearest,
-            (view.gap[LEADER], view.leader_speed),
-        );
-        seen &= state.vehicle(params, slot).accepts_oncoming_gap(
-            &context.neighbours,
-            coming,
-            leader,
-            view.patience_left,
-        );
-        seen &= !context.oncoming.leader_pulls_out;
-    }
-    let seen = select_mask(told, view.pulls_out_by_script, seen);
-    let wanted =
-        select_mask(looks | told, seen, held.simd_gt(0.0)) & command.simd_ne(forced_decision::STAY);
-    let forced = command.simd_eq(forced_decision::PULL_OUT) & state.has_attempted.simd_eq(0.0);
-    let start = free & (wanted | forced);
-
-    let slower_lane = state.vehicle(params, slot).is_in_stage(stage::PASS)
-        & state.lane_choice.lane[slot].simd_ge(1.0);
-    let passed = state.vehicle(params, slot).has_passed_target();
-    let stuck = state.overtake.time_in_stage[slot].simd_gt(constants.give_up_after)
-        & state.vehicle(params, slot).is_behind_target();
-    let mut rested =
-        state.lane_choice.time_since_lane_change[slot].simd_ge(constants.abort_cooldown);
-    let mut room = splat(params.simd, 1.0);
-    if plight.is_some() {
-        room = tall_vehicle_gap_factor(params, state.overtake.target_slot[slot]);
-    }
-    let mut may = accepts_return_gaps(params, view, room) & (passed | stuck);
-    if let Some(plight) = plight {
-        let hurried = plight.accepts_small_gap & accepts_urgent_return_gaps(params, view) & passed;
-        may |= hurried;
-        rested |= hurried;
-    }
-    let seen = select_mask(told, passed, may) & rested;
-    let wanted = select_mask(looks | told, seen, held.simd_lt(0.0));
-    let back = slower_lane & (wanted | command.simd_eq(forced_decision::RETURN));
-    update_indicator(state, params, slot, start, back);
-    let ready = state.overtake.time_indicating[slot].simd_gt(view.vehicle.indicator_lead_time);
-    let danger = heeds & lane_change_is_dangerous(params, view, RIGHT_LEADER, RIGHT_FOLLOWER);
-    let mut abort = state.vehicle(params, slot).can_cancel_pull_out()
-        & (danger | command.simd_eq(forced_decision::CANCEL));
-    let danger = heeds
-        & lane_change_is_dangerous(params, view, LEFT_LEADER, LEFT_FOLLOWER)
-        & command.simd_ne(forced_decision::RETURN);
-    let sure = (looks & !context.gives_way) | told;
-    let mut remain = state.vehicle(params, slot).can_cancel_return() & danger;
-    let mut back_now = ready;
-    if let Some(plight) = plight {
-        let behind = view.gap[RIGHT_FOLLOWER].simd_gt(constants.min_rear_gap);
-        let falls_in = plight.must_abort & plight.fits_into_lane & behind;
-        back_now = (back_now | plight.must_return_urgently) & !falls_in;
-        abort |= falls_in;
-        // The other lane is no place to stay.
-        remain &= !remain;
+    let inputs = &gap_acceptance_inputs(state, params, slot, context);
+    let forced_decision = inputs.forced_decision;
+    let driver = state.vehicle(params, slot);
+    let wants_to_pull_out = driver.wants_to_pull_out(context, inputs);
+    let wants_to_return = driver.wants_to_return(context, inputs, continuation);
+    update_indicator(state, params, slot, wants_to_pull_out, wants_to_return);
+    let driver = state.vehicle(params, slot);
+    let has_indicated =
+        state.overtake.time_indicating[slot].simd_gt(inputs.vehicle.indicator_lead_time);
+    let decides_now = (context.checks_mirrors & !context.gives_way) | inputs.is_scripted;
+    let mut cancels_pull_out = driver.cancels_pull_out(context, inputs);
+    let mut cancels_return = driver.cancels_return(context, inputs);
+    let mut may_return = has_indicated;
+    if let Some(continuation) = continuation {
+        let has_gap_behind =
+            inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
+        let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
+        may_return = (may_return | continuation.must_return_urgently) & !falls_back;
+        cancels_pull_out |= falls_back;
+        // In the opposing lane no driver can stay.
+        cancels_return &= !cancels_return;
     }
     Intent {
-        wants_to_pull_out: start,
-        wants_to_return: back,
-        starts_pull_out: start & ready & (sure | command.simd_eq(forced_decision::PULL_OUT)),
-        starts_return: back & back_now & (sure | command.simd_eq(forced_decision::RETURN)),
-        cancels_pull_out: abort,
-        cancels_return: remain,
-        has_passed_target: passed,
-        has_finished_lane_change: arrived,
+        wants_to_pull_out,
+        wants_to_return,
+        starts_pull_out: wants_to_pull_out
+            & has_indicated
+            & (decides_now | forced_decision.simd_eq(forced_decision::PULL_OUT)),
+        starts_return: wants_to_return
+            & may_return
+            & (decides_now | forced_decision.simd_eq(forced_decision::RETURN)),
+        cancels_pull_out,
+        cancels_return,
+        has_passed_target: driver.has_passed_target(),
+        has_finished_lane_change: driver.has_finished_lane_change(),
     }
-}
-
-/// One mask where another holds, and a third elsewhere.
-#[inline(always)]
-fn select_mask<S: Simd>(mask: Mask<S>, there: Mask<S>, elsewhere: Mask<S>) -> Mask<S> {
-    (mask & there) | (!mask & elsewhere)
-}
-
-/// What a driver sets out to do at a decision.
-pub struct Intent<S: Simd> {
-    /// Wants to pull out, or to change back, and shows it.
-    pub wants_to_pull_out: Mask<S>,
-    pub wants_to_return: Mask<S>,
-    /// Does it now.
-    pub starts_pull_out: Mask<S>,
-    pub starts_return: Mask<S>,
-    pub cancels_pull_out: Mask<S>,
-    /// Gives up changing back now.
-    pub cancels_return: Mask<S>,
-    /// The target is behind.
-    pub has_passed_target: Mask<S>,
-    /// The last lane change is over.
-    pub has_finished_lane_change: Mask<S>,
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether the front of the target of driver `i` is visibly behind the own rear.
+    /// True speed of this vehicle minus its leader's, by which the script decides [m/s].
+    #[inline(always)]
+    pub fn true_closing_speed_to_leader(self, neighbours: &Neighbours<S>) -> F32<S> {
+        let vx = &self.state.motion.vx;
+        vx[self.slot]
+            - at_slot!(self.params.num_slots_in_use, neighbours.slot[LEADER], |j| {
+                vx[j]
+            })
+    }
+
+    /// Whether the driver wants to overtake and accepts the gaps, or a branch forces it to.
+    #[inline(always)]
+    fn wants_to_pull_out(
+        self,
+        context: &DriverContext<S>,
+        inputs: &GapAcceptanceInputs<'_, S>,
+    ) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let can_pull_out = self.is_in_stage(stage::FOLLOW)
+            & self.has_finished_lane_change()
+            & self.has_paused()
+            & state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32);
+        let mut wants_now =
+            wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs);
+        if params.road.directions.has_oncoming_traffic {
+            wants_now &= self.accepts_oncoming_gap(context, inputs);
+            wants_now &= !context.oncoming.leader_pulls_out;
+        }
+        let wants_now = select_mask(inputs.is_scripted, inputs.pulls_out_by_script, wants_now);
+        // Between two checks of the mirrors drivers keep their intention.
+        let decides = context.checks_mirrors | inputs.is_scripted;
+        let wanted_before = state.lane_choice.wanted_side[slot].simd_gt(0.0);
+        let wants = select_mask(decides, wants_now, wanted_before)
+            & inputs.forced_decision.simd_ne(forced_decision::STAY);
+        // A branch forces the first attempt only; later ones are the driver's own.
+        let is_forced = inputs.forced_decision.simd_eq(forced_decision::PULL_OUT)
+            & state.has_attempted.simd_eq(0.0);
+        can_pull_out & (wants | is_forced)
+    }
+
+    /// Whether the driver wants to return: past the target, stuck beside it, or forced by a branch.
+    #[inline(always)]
+    fn wants_to_return(
+        self,
+        context: &DriverContext<S>,
+        inputs: &GapAcceptanceInputs<'_, S>,
+        continuation: Option<&PassContinuation<S>>,
+    ) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let has_lane = state.lane_choice.lane[slot].simd_ge(1.0);
+        let can_return = self.is_in_stage(stage::PASS) & has_lane;
+        let has_passed = self.has_passed_target();
+        let is_late = state.overtake.time_in_stage[slot].simd_gt(params.constants.give_up_after);
+        let is_stuck = is_late & self.is_behind_target();
+        let mut has_paused = self.has_paused();
+        let gap_factor = if continuation.is_some() {
+            tall_vehicle_gap_factor(params, state.overtake.target_slot[slot])
+        } else {
+            splat(params.simd, 1.0)
+        };
+        let mut accepts_gaps =
+            accepts_return_gaps(params, inputs, gap_factor) & (has_passed | is_stuck);
+        if let Some(continuation) = continuation {
+            let accepts_small_gaps = continuation.accepts_small_gap
+                & accepts_urgent_return_gaps(params, inputs)
+                & has_passed;
+            accepts_gaps |= accepts_small_gaps;
+            // An urgent return waits for no pause after the pull-out.
+            has_paused |= accepts_small_gaps;
+        }
+        let wants_now = select_mask(inputs.is_scripted, has_passed, accepts_gaps) & has_paused;
+        let decides = context.checks_mirrors | inputs.is_scripted;
+        let wanted_before = state.lane_choice.wanted_side[slot].simd_lt(0.0);
+        let wants = select_mask(decides, wants_now, wanted_before);
+        can_return & (wants | inputs.forced_decision.simd_eq(forced_decision::RETURN))
+    }
+
+    /// Whether the driver goes back while it pulls out: in danger, or forced by a branch.
+    #[inline(always)]
+    fn cancels_pull_out(
+        self,
+        context: &DriverContext<S>,
+        inputs: &GapAcceptanceInputs<'_, S>,
+    ) -> Mask<S> {
+        let is_dangerous = context.checks_mirrors
+            & !inputs.is_scripted
+            & lane_change_is_dangerous(self.params, inputs, RIGHT_LEADER);
+        let is_forced = inputs.forced_decision.simd_eq(forced_decision::CANCEL);
+        self.can_cancel_pull_out() & (is_dangerous | is_forced)
+    }
+
+    /// Whether the driver gives up its return in danger, unless a branch forces the return.
+    #[inline(always)]
+    fn cancels_return(
+        self,
+        context: &DriverContext<S>,
+        inputs: &GapAcceptanceInputs<'_, S>,
+    ) -> Mask<S> {
+        let is_dangerous = context.checks_mirrors
+            & !inputs.is_scripted
+            & lane_change_is_dangerous(self.params, inputs, LEFT_LEADER);
+        let is_forced = inputs.forced_decision.simd_eq(forced_decision::RETURN);
+        self.can_cancel_return() & is_dangerous & !is_forced
+    }
+
+    /// Whether the pause after the last lane change is over.
+    #[inline(always)]
+    fn has_paused(self) -> Mask<S> {
+        self.state.lane_choice.time_since_lane_change[self.slot]
+            .simd_ge(self.params.constants.abort_cooldown)
+    }
+
+    /// Whether the target's front is visibly behind this vehicle's rear.
     #[inline(always)]
     pub fn has_passed_target(self) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let target = state.overtake.target_slot[slot];
-        let target_s = at_slot!(params.num_slots_in_use, target, |j| state.motion.s[j]);
-        let bodies = self.vehicle().half_length
-            + at_slot!(params.num_slots_in_use, target, |j| params.vehicles[j]
-                .half_length);
-        (state.motion.s[slot] - target_s).simd_gt(bodies + params.constants.return_clearance)
+        let (s, params) = (&self.state.motion.s, self.params);
+        let target_slot = self.state.overtake.target_slot[self.slot];
+        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| s[j]);
+        let target_half_length = at_slot!(params.num_slots_in_use, target_slot, |j| params
+            .vehicles[j]
+            .half_length);
+        let half_lengths = self.vehicle().half_length + target_half_length;
+        (s[self.slot] - target_s).simd_gt(half_lengths + params.constants.return_clearance)
     }
 
-    /// Whether the target of driver `i` is ahead.
+    /// Whether the target's centre is ahead.
     #[inline(always)]
     pub fn is_behind_target(self) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let target_slot = state.overtake.target_slot[slot];
-        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
-        state.motion.s[slot].simd_lt(target_s)
+        let s = &self.state.motion.s;
+        let target_slot = self.state.overtake.target_slot[self.slot];
+        s[self.slot].simd_lt(at_slot!(self.params.num_slots_in_use, target_slot, |j| s[j]))
     }
 
-    /// Whether going back is shorter than going on.
+    /// Whether it is quicker to turn back than to finish the lane change.
     #[inline(always)]
     fn is_quicker_to_turn_back(self) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        state.path.elapsed[slot].simd_lt(params.constants.abort_until * state.path.duration[slot])
+        let (path, slot) = (&self.state.path, self.slot);
+        path.elapsed[slot].simd_lt(self.params.constants.abort_until * path.duration[slot])
     }
 
-    /// Whether driver `i` pulls out, and going back is shorter than going on.
+    /// Whether the driver pulls out, and it is quicker to turn back than to finish.
     #[inline(always)]
     pub fn can_cancel_pull_out(self) -> Mask<S> {
         self.is_in_stage(stage::PULL_OUT) & self.is_quicker_to_turn_back()
     }
 
-    /// Whether driver `i` changes back by a whole lane, and going back is shorter than going on.
+    /// Whether the driver returns by a whole lane, and it is quicker to turn back than to finish.
     #[inline(always)]
     pub fn can_cancel_return(self) -> Mask<S> {
-        let comes_back = self.is_in_stage(stage::RETURN) | self.is_in_stage(stage::ABORT);
-        comes_back & self.is_quicker_to_turn_back() & self.lane_change_direction().1
+        (self.is_in_stage(stage::RETURN) | self.is_in_stage(stage::ABORT))
+            & self.is_quicker_to_turn_back()
+            & self.lane_change_direction().is_whole_lane
     }
 }
 
-/// Remember the side that is wanted, and for how long it has been shown.
+/// `a` where `mask` holds, else `b`.
+#[inline(always)]
+fn select_mask<S: Simd>(mask: Mask<S>, a: Mask<S>, b: Mask<S>) -> Mask<S> {
+    (mask & a) | (!mask & b)
+}
+
+/// Store the side that the driver in `slot` wants, and for how long it has indicated it.
 #[inline(always)]
 pub fn update_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    start: Mask<S>,
-    back: Mask<S>,
+    wants_to_pull_out: Mask<S>,
+    wants_to_return: Mask<S>,
 ) {
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    state.lane_choice.wanted_side[slot] = select(start, one, select(back, -one, zero));
-    let longer = state.overtake.time_indicating[slot] + params.constants.decision;
-    let fading = at_least(
-        state.overtake.time_indicating[slot] - params.constants.decision,
-        0.0,
-    );
-    state.overtake.time_indicating[slot] = select(start | back, longer, fading);
+    state.lane_choice.wanted_side[slot] =
+        select(wants_to_pull_out, one, select(wants_to_return, -one, zero));
+    let time_indicating = state.overtake.time_indicating[slot];
+    let longer = time_indicating + params.constants.decision;
+    // Doubts while waiting do not switch the indicator off at once.
+    let fading = at_least(time_indicating - params.constants.decision, 0.0);
+    state.overtake.time_indicating[slot] =
+        select(wants_to_pull_out | wants_to_return, longer, fading);
 }

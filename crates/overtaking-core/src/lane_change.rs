@@ -1,340 +1,378 @@
-//! Lane changes of everybody but the ego; see `overtaking.sim.reference.lane_change`.
+//! Lane changes by MOBIL of all drivers but the ego; the twin of `overtaking.sim.reference.lane_change`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::car_following::{acc_accel, cah_accel, imposed_accel};
+use crate::car_following::{Follower, Leader, acc_accel, cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
 use crate::math::vectors::{F32, Mask, assign_where, at_least, min, select, splat};
 use crate::neighbour_search::{VisibleBody, lane_borders, nearest_image};
 use crate::params::Params;
 use crate::perception::{Beliefs, draw_shoulder_check};
 use crate::state::{
-    FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
+    FOLLOWER, LEADER, LEFT_FOLLOWER, LEFT_LEADER, NUM_ROLES, RIGHT_FOLLOWER, RIGHT_LEADER, State,
 };
 use crate::steering::start_path;
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the time until a gap is closed finite [m/s].
-const MIN_SPEED: f32 = 0.1;
+/// Keeps the time until the driver reaches its leader finite [m/s].
+const MIN_CLOSING_SPEED: f32 = 0.1;
+
+/// MOBIL's incentives to change lanes [m/s^2].
+struct MobilIncentives<S: Simd> {
+    to_left: F32<S>,
+    to_right: F32<S>,
+}
+
+/// A lane change that is under way, or the last one.
+pub struct LaneChangeDirection<S: Simd> {
+    pub is_to_left: Mask<S>,
+    /// Whether it moves by a whole lane. A cancelled lane change moves by less.
+    pub is_whole_lane: Mask<S>,
+}
+
+/// Lane changes that start at a decision.
+pub struct LaneMoves<S: Simd> {
+    pub to_left: Mask<S>,
+    pub to_right: Mask<S>,
+    /// Whether the move cancels a lane change, and so is shorter.
+    pub is_cancelled: Mask<S>,
+    /// Duration of an urgent lane change, 0 for one of the usual duration; `None` if no change is urgent [s].
+    pub urgent_duration: Option<F32<S>>,
+}
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Acceleration that this driver would impose on a follower, by its own time gap [m/s^2].
+    ///
+    /// `speed` is that of the driver, and `closing_speed` the follower's minus the driver's.
     #[inline(always)]
-    fn imposed_accel_on_follower(self, speed: F32<S>, gap: F32<S>, closing: F32<S>) -> F32<S> {
-        let params = self.params;
+    fn imposed_accel_on_follower(
+        self,
+        speed: F32<S>,
+        gap: F32<S>,
+        closing_speed: F32<S>,
+    ) -> F32<S> {
+        let vehicle = self.vehicle();
         imposed_accel(
-            &params.constants,
-            self.vehicle(),
-            speed + closing,
-            gap,
-            closing,
-            self.vehicle().time_gap,
+            &self.params.constants,
+            vehicle,
+            speed + closing_speed,
+            vehicle.time_gap,
+            &Leader::steady(gap, closing_speed),
         )
     }
 
+    /// MOBIL's incentives. `accel` is the acceleration behind the present leader [m/s^2].
+    ///
+    /// European rule: for a change to the left only the new follower counts, for a change to the right only the old
+    /// one. Above 60 km/h no driver expects to be faster than the traffic on its left.
     #[inline(always)]
-    fn mobil_incentives(self, believed: &Beliefs<S>, own: F32<S>) -> (F32<S>, F32<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle, v) = (&params.constants, self.vehicle(), state.motion.vx[slot]);
-        let (gap, closing) = (&believed.gap, &believed.closing_speed);
-        let steady = splat(params.simd, 0.0);
-        let desired = self.desired_speed();
-        let fast = acc_accel(
-            constants,
+    fn mobil_incentives(self, beliefs: &Beliefs<S>, accel: F32<S>) -> MobilIncentives<S> {
+        let (constants, vehicle) = (&self.params.constants, self.vehicle());
+        let speed = self.state.motion.vx[self.slot];
+        let (gap, closing_speed) = (&beliefs.gap, &beliefs.closing_speed);
+        let driver = Follower {
             vehicle,
-            v,
-            desired,
-            gap[LEFT_LEADER],
-            closing[LEFT_LEADER],
-            vehicle.time_gap,
-            steady,
+            speed,
+            desired_speed: self.desired_speed(),
+            time_gap: vehicle.time_gap,
+        };
+        let accel_left = acc_accel(constants, &driver, &beliefs.steady_leader(LEFT_LEADER));
+        let accel_right = acc_accel(constants, &driver, &beliefs.steady_leader(RIGHT_LEADER));
+        let accel_left = self.limit_accel(accel_left);
+        let accel_right = self.limit_accel(accel_right);
+        let keeps_behind_left = speed.simd_gt(constants.no_passing_right_speed);
+        let reference_accel = select(keeps_behind_left, min(accel, accel_left), accel);
+        let accel_right = select(keeps_behind_left, min(accel_right, accel), accel_right);
+        let length = 2.0 * vehicle.half_length;
+        // The new follower, with the driver ahead of it and without.
+        let (follower_gap, follower_closing) = (gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]);
+        let new_follower_accel =
+            self.imposed_accel_on_follower(speed, follower_gap, follower_closing);
+        let new_follower_accel_without = self.imposed_accel_on_follower(
+            speed - closing_speed[LEFT_LEADER],
+            follower_gap + gap[LEFT_LEADER] + length,
+            follower_closing + closing_speed[LEFT_LEADER],
         );
-        let slow = acc_accel(
-            constants,
-            vehicle,
-            v,
-            desired,
-            gap[RIGHT_LEADER],
-            closing[RIGHT_LEADER],
-            vehicle.time_gap,
-            steady,
+        // The old follower, with the driver ahead of it and without.
+        let old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length;
+        let old_follower_accel =
+            self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
+        let old_follower_accel_without = self.imposed_accel_on_follower(
+            speed - closing_speed[LEADER],
+            old_follower_gap,
+            closing_speed[FOLLOWER] + closing_speed[LEADER],
         );
-        let (fast, slow) = (self.limit_accel(fast), self.limit_accel(slow));
-        let no_passing = v.simd_gt(constants.no_passing_right_speed);
-        let here = select(no_passing, min(own, fast), own);
-        let there = select(no_passing, min(slow, own), slow);
-        let body = 2.0 * vehicle.half_length;
-        let after = self.imposed_accel_on_follower(v, gap[LEFT_FOLLOWER], closing[LEFT_FOLLOWER]);
-        let open_gap = gap[LEFT_FOLLOWER] + gap[LEFT_LEADER] + body;
-        let before = self.imposed_accel_on_follower(
-            v - closing[LEFT_LEADER],
-            open_gap,
-            closing[LEFT_FOLLOWER] + closing[LEFT_LEADER],
-        );
-        let relieved_gap = gap[FOLLOWER] + gap[LEADER] + body;
-        let now = self.imposed_accel_on_follower(v, gap[FOLLOWER], closing[FOLLOWER]);
-        let relieved = self.imposed_accel_on_follower(
-            v - closing[LEADER],
-            relieved_gap,
-            closing[FOLLOWER] + closing[LEADER],
-        );
-        let to_fast = fast - here + vehicle.politeness * (after - before) - vehicle.keep_right_bias;
-        let to_slow = there - own + vehicle.politeness * (relieved - now) + vehicle.keep_right_bias;
-        (to_fast, to_slow)
+        let new_follower_change = new_follower_accel - new_follower_accel_without;
+        let old_follower_change = old_follower_accel_without - old_follower_accel;
+        let to_left = accel_left - reference_accel + vehicle.politeness * new_follower_change;
+        let to_right = accel_right - accel + vehicle.politeness * old_follower_change;
+        MobilIncentives {
+            to_left: to_left - vehicle.keep_right_bias,
+            to_right: to_right + vehicle.keep_right_bias,
+        }
     }
 
+    /// Whether a lane change endangers neither the driver nor the new follower, now and soon.
+    ///
+    /// `leader_role` is the role of the leader in the new lane; its follower has the next number.
     #[inline(always)]
-    fn is_safe_lane_change(self, believed: &Beliefs<S>, front: usize, rear: usize) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle, v) = (&params.constants, self.vehicle(), state.motion.vx[slot]);
-        let (gap, closing) = (&believed.gap, &believed.closing_speed);
-        let (later, faster) = anticipated_follower(params, gap[rear], closing[rear]);
-        let braking = min(
-            self.imposed_accel_on_follower(v, gap[rear], closing[rear]),
-            self.imposed_accel_on_follower(v, later, faster),
+    fn is_safe_lane_change(self, beliefs: &Beliefs<S>, leader_role: usize) -> Mask<S> {
+        let (constants, vehicle) = (&self.params.constants, self.vehicle());
+        let speed = self.state.motion.vx[self.slot];
+        let leader = beliefs.steady_leader(leader_role);
+        let rear_gap = beliefs.gap[leader_role + 1];
+        let rear_closing_speed = beliefs.closing_speed[leader_role + 1];
+        let (later_gap, later_closing_speed) =
+            anticipated_follower(self.params, rear_gap, rear_closing_speed);
+        let rear_accel = min(
+            self.imposed_accel_on_follower(speed, rear_gap, rear_closing_speed),
+            self.imposed_accel_on_follower(speed, later_gap, later_closing_speed),
         );
-        let own = imposed_accel(
-            constants,
-            vehicle,
-            v,
-            gap[front],
-            closing[front],
-            vehicle.time_gap,
-        );
-        let room =
-            gap[rear].simd_gt(constants.min_rear_gap) & gap[front].simd_gt(constants.min_rear_gap);
-        room & braking.simd_ge(-vehicle.safe_decel) & own.simd_ge(-vehicle.safe_decel)
+        let accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, &leader);
+        let has_space =
+            rear_gap.simd_gt(constants.min_rear_gap) & leader.gap.simd_gt(constants.min_rear_gap);
+        has_space & rear_accel.simd_ge(-vehicle.safe_decel) & accel.simd_ge(-vehicle.safe_decel)
     }
 }
 
-/// Gap to a follower, and how fast it closes, if it speeds up for some seconds.
+/// Gap [m] and closing speed [m/s] of a follower that accelerates for some seconds.
 #[inline(always)]
 pub fn anticipated_follower<S: Simd, const N: usize>(
     params: &Params<S, N>,
     gap: F32<S>,
-    closing: F32<S>,
+    closing_speed: F32<S>,
 ) -> (F32<S>, F32<S>) {
     let constants = &params.constants;
-    let faster = constants.foresight_accel * constants.foresight;
+    let speed_gain = constants.foresight_accel * constants.foresight;
     (
-        gap - constants.foresight * (closing + 0.5 * faster),
-        closing + faster,
+        gap - constants.foresight * (closing_speed + 0.5 * speed_gain),
+        closing_speed + speed_gain,
     )
 }
 
-/// Let vehicle `slot`, not the ego, change lanes where it pays and is safe, or back in danger.
+/// Let the driver in `slot`, not the ego, change lanes where it pays and is safe, or cancel in danger.
+///
+/// `accel` is the acceleration behind the present leader [m/s^2].
 #[inline(always)]
 pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    bodies: &[VisibleBody<S>; N],
-    context: &DriverContext<S>,
-    own: F32<S>,
+    (bodies, context): (&[VisibleBody<S>; N], &DriverContext<S>),
+    accel: F32<S>,
 ) {
-    let (believed, looks) = (&context.beliefs, context.checks_mirrors);
-    let (constants, vehicle, v) = (
-        &params.constants,
-        &params.vehicles[slot],
-        state.motion.vx[slot],
-    );
-    let (to_fast, to_slow) = state.vehicle(params, slot).mobil_incentives(believed, own);
-    let ready = looks
-        & state.path.elapsed[slot].simd_ge(state.path.duration[slot])
-        & state.lane_choice.time_since_lane_change[slot].simd_ge(constants.cooldown)
-        & state.motion.is_wreck[slot].simd_eq(0.0)
-        & vehicle.valid.simd_gt(0.0);
-    let exists_fast = state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32);
-    let exists_slow = state.lane_choice.lane[slot].simd_ge(1.0);
-    let fast = ready
-        & exists_fast
-        & to_fast.simd_gt(vehicle.lane_change_threshold)
-        & state
-            .vehicle(params, slot)
-            .is_safe_lane_change(believed, LEFT_LEADER, LEFT_FOLLOWER);
-    let slow = ready
-        & exists_slow
-        & to_slow.simd_gt(vehicle.lane_change_threshold)
-        & state
-            .vehicle(params, slot)
-            .is_safe_lane_change(believed, RIGHT_LEADER, RIGHT_FOLLOWER)
-        & believed.gap[RIGHT_LEADER].simd_gt(constants.free_ahead_time * v)
-        & !fast;
-    let wanted = signed_side(params, fast, slow);
-    let shows = looks & state.path.elapsed[slot].simd_ge(state.path.duration[slot]);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let (beliefs, checks_mirrors) = (&context.beliefs, context.checks_mirrors);
+    let driver = state.vehicle(params, slot);
+    let incentives = driver.mobil_incentives(beliefs, accel);
+    let can_change = checks_mirrors & driver.is_ready_for_lane_change();
+    let has_left_lane = state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32);
+    let has_right_lane = state.lane_choice.lane[slot].simd_ge(1.0);
+    let to_left = can_change
+        & has_left_lane
+        & incentives.to_left.simd_gt(vehicle.lane_change_threshold)
+        & driver.is_safe_lane_change(beliefs, LEFT_LEADER);
+    // A driver that would soon have to pull out again stays, whatever the speeds: it cannot tell the speed of a distant
+    // vehicle.
+    let is_free_ahead =
+        beliefs.gap[RIGHT_LEADER].simd_gt(constants.free_ahead_time * state.motion.vx[slot]);
+    let to_right = can_change
+        & has_right_lane
+        & incentives.to_right.simd_gt(vehicle.lane_change_threshold)
+        & driver.is_safe_lane_change(beliefs, RIGHT_LEADER)
+        & is_free_ahead
+        & !to_left;
+    let side = signed_side(params, to_left, to_right);
+    let sets_indicator = checks_mirrors & driver.has_finished_lane_change();
     assign_where(
         &mut state.controls.indicator[slot],
-        shows,
-        wanted * vehicle.uses_indicator,
+        sets_indicator,
+        side * vehicle.uses_indicator,
     );
-    let decided = update_wanted_side(state, params, slot, wanted, looks);
-    let (mut fast, mut slow) = (fast & decided, slow & decided);
-    if (fast | slow).any_true() {
-        let first = !state.vehicle(params, slot).gives_way(bodies, wanted);
-        (fast, slow) = (fast & first, slow & first);
+    let mut starts = update_wanted_side(state, params, slot, side, checks_mirrors);
+    if ((to_left | to_right) & starts).any_true() {
+        starts &= !state.vehicle(params, slot).gives_way(bodies, side);
     }
-    let (back, to_fast) = state.vehicle(params, slot).cancels_lane_change(believed);
-    let back = back & looks;
-    let (fast, slow) = (fast | (back & !to_fast), slow | (back & to_fast));
-    start_lane_changes(
-        state,
-        params,
-        slot,
-        (fast, slow, back),
-        believed,
-        None,
-        context.decision_index,
-    );
+    let driver = state.vehicle(params, slot);
+    let direction = driver.lane_change_direction();
+    let cancels = checks_mirrors & driver.cancels_lane_change(beliefs, &direction);
+    let moves = LaneMoves {
+        to_left: (to_left & starts) | (cancels & !direction.is_to_left),
+        to_right: (to_right & starts) | (cancels & direction.is_to_left),
+        is_cancelled: cancels,
+        urgent_duration: None,
+    };
+    start_lane_changes(state, params, slot, context, &moves);
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether vehicle `i` lets somebody first who signals for the same place from the other side of it.
+    /// Whether another driver that indicates for the same gap from its other side goes first.
+    ///
+    /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left. `side` is where
+    /// this driver wants to go, as `Controls::indicator`.
     #[inline(always)]
-    pub fn gives_way(self, bodies: &[VisibleBody<S>; N], signed_side: F32<S>) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let reach = params.constants.claim_time * state.motion.vx[slot];
-        let mut waits = signed_side.simd_ne(signed_side);
-        for j in 0..params.num_slots_in_use {
+    pub fn gives_way(self, bodies: &[VisibleBody<S>; N], side: F32<S>) -> Mask<S> {
+        let (motion, slot) = (&self.state.motion, self.slot);
+        let max_distance = self.params.constants.claim_time * motion.vx[slot];
+        let mut gives_way = side.simd_ne(side);
+        for j in 0..self.params.num_slots_in_use {
             let other = &bodies[j];
-            let ahead = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
-            let same = other.claimed_side.simd_eq(-signed_side)
-                & other.lane.simd_eq(bodies[slot].lane + 2.0 * signed_side)
-                & signed_side.simd_ne(0.0);
-            let close = ahead.abs().simd_lt(reach);
-            let first = ahead.simd_gt(0.0) | (ahead.simd_eq(0.0) & signed_side.simd_lt(0.0));
-            waits |= same & close & first;
+            let lead = nearest_image(self.params, motion.s[j] - motion.s[slot]);
+            let claims_same_lane = other.claimed_side.simd_eq(-side)
+                & other.lane.simd_eq(bodies[slot].lane + 2.0 * side)
+                & side.simd_ne(0.0);
+            let is_close = lead.abs().simd_lt(max_distance);
+            let goes_first = lead.simd_gt(0.0) | (lead.simd_eq(0.0) & side.simd_lt(0.0));
+            gives_way |= claims_same_lane & is_close & goes_first;
         }
-        waits
+        gives_way
     }
 
-    /// Whether the lane change of vehicle `i` is to the fast side, and a whole one: a retreat has less far to
-    /// go.
+    /// Direction of the lane change that is under way, or of the last one.
     #[inline(always)]
-    pub fn lane_change_direction(self) -> (Mask<S>, Mask<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (low, high) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
-        let way = 0.5 * (low + high) - state.path.coefficients[slot][0];
-        (way.simd_gt(0.0), way.abs().simd_gt(0.5 * (high - low)))
+    pub fn lane_change_direction(self) -> LaneChangeDirection<S> {
+        let (state, slot) = (self.state, self.slot);
+        let (right_edge, left_edge) = lane_borders(self.params, state.lane_choice.lane[slot], 0.0);
+        let distance = 0.5 * (right_edge + left_edge) - state.path.coefficients[slot][0];
+        LaneChangeDirection {
+            is_to_left: distance.simd_gt(0.0),
+            is_whole_lane: distance.abs().simd_gt(0.5 * (left_edge - right_edge)),
+        }
     }
 
-    /// Whether vehicle `i` gives up a lane change, as it has turned dangerous; and whether it is to the fast
-    /// side.
+    /// Whether the driver may change lanes by MOBIL: no wreck, and a pause after the last lane change.
     #[inline(always)]
-    fn cancels_lane_change(self, believed: &Beliefs<S>) -> (Mask<S>, Mask<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle, v) = (&params.constants, self.vehicle(), state.motion.vx[slot]);
-        let (gap, closing) = (&believed.gap, &believed.closing_speed);
-        let early = state.path.elapsed[slot]
+    fn is_ready_for_lane_change(self) -> Mask<S> {
+        let (state, slot) = (self.state, self.slot);
+        let time_since_lane_change = state.lane_choice.time_since_lane_change[slot];
+        self.has_finished_lane_change()
+            & time_since_lane_change.simd_ge(self.params.constants.cooldown)
+            & state.motion.is_wreck[slot].simd_eq(0.0)
+            & self.vehicle().valid.simd_gt(0.0)
+    }
+
+    /// Whether the driver cancels a lane change that has become dangerous.
+    ///
+    /// A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth until they left the
+    /// road.
+    #[inline(always)]
+    fn cancels_lane_change(
+        self,
+        beliefs: &Beliefs<S>,
+        direction: &LaneChangeDirection<S>,
+    ) -> Mask<S> {
+        let (state, slot) = (self.state, self.slot);
+        let (constants, vehicle) = (&self.params.constants, self.vehicle());
+        let (gap, closing_speed) = (&beliefs.gap, &beliefs.closing_speed);
+        let is_early = state.path.elapsed[slot]
             .simd_lt(constants.abort_until * state.path.duration[slot])
             & state.motion.is_wreck[slot].simd_eq(0.0)
             & vehicle.valid.simd_gt(0.0);
-        if !early.any_true() {
-            return (early, early);
+        if !is_early.any_true() {
+            return is_early;
         }
-        let (to_fast, whole) = self.lane_change_direction();
-        let old = |values: &[F32<S>; 6], slow: usize, fast: usize| {
-            select(to_fast, values[slow], values[fast])
+        let speed = state.motion.vx[slot];
+        // After a change to the left, the old lane is the one on the right.
+        let in_old_lane = |values: &[F32<S>; NUM_ROLES], right_role: usize, left_role: usize| {
+            select(direction.is_to_left, values[right_role], values[left_role])
         };
-        let bad_rear = self
-            .imposed_accel_on_follower(v, gap[FOLLOWER], closing[FOLLOWER])
-            .simd_lt(-(constants.abort_imposed_factor * vehicle.safe_decel));
-        let own = imposed_accel(
-            constants,
-            vehicle,
-            v,
-            gap[LEADER],
-            closing[LEADER],
-            vehicle.time_gap,
+        let follower_accel =
+            self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
+        let endangers_follower =
+            follower_accel.simd_lt(-(constants.abort_imposed_factor * vehicle.safe_decel));
+        let leader = beliefs.steady_leader(LEADER);
+        let accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, &leader);
+        let must_brake_hard = accel.simd_lt(-(constants.abort_factor * vehicle.decel));
+        let old_leader = Leader::steady(
+            in_old_lane(gap, RIGHT_LEADER, LEFT_LEADER),
+            in_old_lane(closing_speed, RIGHT_LEADER, LEFT_LEADER),
         );
-        let bad_front = own.simd_lt(-(constants.abort_factor * vehicle.decel));
-        let (ahead, nearing) = (
-            old(gap, RIGHT_LEADER, LEFT_LEADER),
-            old(closing, RIGHT_LEADER, LEFT_LEADER),
-        );
-        let back = cah_accel(constants, v, ahead, nearing, splat(params.simd, 0.0));
-        let room = back.simd_ge(-vehicle.max_assumed_decel)
-            & old(gap, RIGHT_FOLLOWER, LEFT_FOLLOWER).simd_gt(constants.min_rear_gap);
-        ((bad_rear | bad_front) & room & early & whole, to_fast)
+        let can_brake =
+            cah_accel(constants, speed, &old_leader).simd_ge(-vehicle.max_assumed_decel);
+        let old_follower_gap = in_old_lane(gap, RIGHT_FOLLOWER, LEFT_FOLLOWER);
+        let can_go_back = can_brake & old_follower_gap.simd_gt(constants.min_rear_gap);
+        (endangers_follower | must_brake_hard) & can_go_back & is_early & direction.is_whole_lane
     }
 }
 
-/// Whether vehicle `slot` has wanted the same for as long as it signals; remembers what it wants.
+/// Store the wanted side; return whether the driver has wanted it for its indicator lead time.
+///
+/// A driver that does not check its mirrors keeps its side.
 #[inline(always)]
 fn update_wanted_side<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    wanted: F32<S>,
-    looks: Mask<S>,
+    side: F32<S>,
+    checks_mirrors: Mask<S>,
 ) -> Mask<S> {
-    let same = wanted.simd_eq(state.lane_choice.wanted_side[slot]) & wanted.simd_ne(0.0);
+    let choice = &mut state.lane_choice;
+    let is_same = side.simd_eq(choice.wanted_side[slot]) & side.simd_ne(0.0);
     assign_where(
-        &mut state.lane_choice.time_wanted[slot],
-        looks & !same,
+        &mut choice.time_wanted[slot],
+        checks_mirrors & !is_same,
         splat(params.simd, 0.0),
     );
-    assign_where(&mut state.lane_choice.wanted_side[slot], looks, wanted);
-    looks
-        & same
-        & state.lane_choice.time_wanted[slot].simd_ge(params.vehicles[slot].indicator_lead_time)
+    assign_where(&mut choice.wanted_side[slot], checks_mirrors, side);
+    let lead_time = params.vehicles[slot].indicator_lead_time;
+    checks_mirrors & is_same & choice.time_wanted[slot].simd_ge(lead_time)
 }
 
-/// 1 towards the fast side, -1 towards the slow side, 0 for neither.
+/// 1 to the left, -1 to the right, 0 for neither.
 #[inline(always)]
 fn signed_side<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    fast: Mask<S>,
-    slow: Mask<S>,
+    to_left: Mask<S>,
+    to_right: Mask<S>,
 ) -> F32<S> {
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
-    select(fast, one, zero) - select(slow, one, zero)
+    select(to_left, one, zero) - select(to_right, one, zero)
 }
 
-/// Begin a lane change of vehicle `slot` in the masked simulations, to the fast side, to the slow side or back;
-/// in less than its usual time where the leader would be reached before, or in a time for who is in a hurry.
+/// Start lane changes of the vehicle in `slot`, with the indicator if the driver uses it.
+///
+/// A lane change takes the driver's usual time, or less if the vehicle would reach its leader before it has left the
+/// lane.
 #[inline(always)]
 pub fn start_lane_changes<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (fast, slow, back): (Mask<S>, Mask<S>, Mask<S>),
-    believed: &Beliefs<S>,
-    hasty: Option<F32<S>>,
-    decision: u32,
+    context: &DriverContext<S>,
+    moves: &LaneMoves<S>,
 ) {
-    let moved = fast | slow;
-    if !moved.any_true() {
+    let is_moving = moves.to_left | moves.to_right;
+    if !is_moving.any_true() {
         return;
     }
-    let vehicle = &params.vehicles[slot];
-    let step = signed_side(params, fast, slow);
-    state.lane_choice.lane[slot] += step;
-    let (low, high) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
-    let constants = &params.constants;
-    let left = believed.gap[LEADER] / at_least(believed.closing_speed[LEADER], MIN_SPEED);
-    let hurried = at_least(
-        (left - constants.lane_clearance_time) / constants.lane_cleared_share,
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let lane_step = signed_side(params, moves.to_left, moves.to_right);
+    state.lane_choice.lane[slot] += lane_step;
+    let (right_edge, left_edge) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
+    let leader = context.beliefs.steady_leader(LEADER);
+    let time_to_leader = leader.gap / at_least(leader.closing_speed, MIN_CLOSING_SPEED);
+    // The vehicle is to be clear of its leader's lane at this share of the path, with time to spare.
+    let shortened = at_least(
+        (time_to_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
         constants.min_lane_change_duration,
     );
-    let usual = min(vehicle.lane_change_duration, hurried);
-    let duration = select(
-        back,
+    let mut duration = select(
+        moves.is_cancelled,
         constants.abort_duration_share * vehicle.lane_change_duration,
-        usual,
+        min(vehicle.lane_change_duration, shortened),
     );
-    let duration = hasty.map_or(duration, |hasty| {
-        select(hasty.simd_gt(0.0), hasty, duration)
-    });
-    start_path(state, slot, moved, 0.5 * (low + high), duration);
-    state.controls.indicator[slot] = select(
-        moved,
-        step * vehicle.uses_indicator,
-        state.controls.indicator[slot],
-    );
+    if let Some(urgent_duration) = moves.urgent_duration {
+        duration = select(urgent_duration.simd_gt(0.0), urgent_duration, duration);
+    }
+    let lane_centre = 0.5 * (right_edge + left_edge);
+    start_path(state, slot, is_moving, lane_centre, duration);
+    let indicator = lane_step * vehicle.uses_indicator;
+    state.controls.indicator[slot] = select(is_moving, indicator, state.controls.indicator[slot]);
     state.lane_choice.wanted_side[slot] = select(
-        moved,
+        is_moving,
         splat(params.simd, 0.0),
         state.lane_choice.wanted_side[slot],
     );
-    draw_shoulder_check(state, params, slot, moved, decision);
+    draw_shoulder_check(state, params, slot, is_moving, context.decision_index);
 }

@@ -1,4 +1,4 @@
-//! Who drives around each vehicle; see `overtaking.sim.reference.neighbour_search`.
+//! The nearest vehicles around each vehicle; the twin of `overtaking.sim.reference.neighbour_search`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -6,25 +6,28 @@ use fearless_simd::prelude::*;
 use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
 use crate::params::Params;
 use crate::road_conditions::value_of_lane;
-use crate::state::{NO_SLOT, NUM_ROLES, State};
+use crate::state::{FAR, NO_SLOT, NUM_ROLES};
 use crate::vehicle_handle::VehicleHandle;
 
-const FAR: f32 = 1e9;
-/// The own, the faster and the slower lane, from the own.
+/// The own lane, the next one to the left and the next one to the right, from the own [lanes].
 const LANE_OFFSETS: [f32; 3] = [0.0, 1.0, -1.0];
 
-/// Nearest vehicles of one vehicle by role.
+/// Nearest vehicles of the own direction around one vehicle, by role.
 #[derive(Clone, Copy)]
 pub struct Neighbours<S: Simd> {
+    /// Slot of the neighbour, or `NO_SLOT`.
     pub slot: [F32<S>; NUM_ROLES],
+    /// Gap between bumpers, negative when alongside [m].
     pub gap: [F32<S>; NUM_ROLES],
-    /// Distance of the centres along the road [m].
+    /// Distance of the centres along the road, never negative [m].
     pub distance: [F32<S>; NUM_ROLES],
-    /// How far it is towards the fast side [m].
+    /// Lateral position of the neighbour minus the own one, positive to the left [m].
     pub lateral_distance: [F32<S>; NUM_ROLES],
     /// Half of its length [m].
     pub half_length: [F32<S>; NUM_ROLES],
+    /// Right border of the own lane [m].
     pub lane_right_edge: F32<S>,
+    /// Left border of the own lane [m].
     pub lane_left_edge: F32<S>,
 }
 
@@ -44,28 +47,29 @@ impl<S: Simd> Neighbours<S> {
     }
 }
 
-/// What everybody else sees of a vehicle, whoever looks.
+/// What the other drivers see of a vehicle.
 #[derive(Clone, Copy)]
 pub struct VisibleBody<S: Simd> {
-    valid: Mask<S>,
+    exists: Mask<S>,
     right_side: F32<S>,
     left_side: F32<S>,
-    /// Whether it changes lanes and can be seen to.
+    /// Whether it changes lanes and other drivers can see that.
     pub visibly_changes_lane: Mask<S>,
-    /// Its lane, and to which side it signals without moving over yet.
+    /// Lane that it drives in or changes to.
     pub lane: F32<S>,
+    /// Side to which it indicates without moving over yet, as `Controls::indicator`.
     pub claimed_side: F32<S>,
     /// One over the intensity of the lamps that a follower sees: tail lamps, or stop lamps [1/cd].
     pub inverse_rear_lamp: F32<S>,
 }
 
 impl<S: Simd> VisibleBody<S> {
-    /// Nobody.
+    /// No vehicle.
     pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
-            valid: never,
+            exists: never,
             right_side: zero,
             left_side: zero,
             visibly_changes_lane: never,
@@ -75,134 +79,167 @@ impl<S: Simd> VisibleBody<S> {
         }
     }
 
-    /// Vehicle `j`.
+    /// The body of a vehicle.
     #[inline(always)]
-    pub fn new<const N: usize>(state: &State<S, N>, params: &Params<S, N>, j: usize) -> Self {
-        let (constants, vehicle) = (&params.constants, &params.vehicles[j]);
-        let moves =
-            state.path.elapsed[j].simd_gt(constants.visible_fraction * state.path.duration[j]);
-        let (sound, zero) = (
-            state.motion.is_wreck[j].simd_eq(0.0),
-            splat(params.simd, 0.0),
-        );
-        let changing = state.path.elapsed[j].simd_lt(state.path.duration[j]);
-        let waits = sound & !changing;
-        let changing = sound & changing;
-        let braking = state.controls.requested_accel[j].simd_lt(-constants.stop_lamp_decel);
-        let lamp = vehicle.inverse_tail_lamp;
+    pub fn new<const N: usize>(handle: VehicleHandle<'_, S, N>) -> Self {
+        let (state, slot) = (handle.state, handle.slot);
+        let (constants, vehicle) = (&handle.params.constants, handle.vehicle());
+        let (elapsed, duration) = (state.path.elapsed[slot], state.path.duration[slot]);
+        let has_visibly_moved = elapsed.simd_gt(constants.visible_fraction * duration);
+        let is_sound = state.motion.is_wreck[slot].simd_eq(0.0);
+        let is_changing_lane = handle.is_changing_lane();
+        let indicator = state.controls.indicator[slot];
+        let indicates = indicator.simd_ne(0.0);
+        let brakes = state.controls.requested_accel[slot].simd_lt(-constants.stop_lamp_decel);
+        let (d, lamp) = (state.motion.d[slot], vehicle.inverse_tail_lamp);
         Self {
-            valid: vehicle.valid.simd_gt(0.0),
-            right_side: state.motion.d[j] - vehicle.half_width,
-            left_side: state.motion.d[j] + vehicle.half_width,
-            lane: state.lane_choice.lane[j],
-            claimed_side: select(waits, state.controls.indicator[j], zero),
-            visibly_changes_lane: changing & (state.controls.indicator[j].simd_ne(0.0) | moves),
-            inverse_rear_lamp: select(braking, at_most(lamp, constants.inverse_stop_lamp), lamp),
+            exists: vehicle.valid.simd_gt(0.0),
+            right_side: d - vehicle.half_width,
+            left_side: d + vehicle.half_width,
+            lane: state.lane_choice.lane[slot],
+            claimed_side: select(
+                is_sound & !is_changing_lane,
+                indicator,
+                splat(handle.params.simd, 0.0),
+            ),
+            visibly_changes_lane: (is_sound & is_changing_lane) & (indicates | has_visibly_moved),
+            inverse_rear_lamp: select(brakes, at_most(lamp, constants.inverse_stop_lamp), lamp),
         }
     }
 }
 
-/// Borders of the lane `shift` lanes from a vehicle's own [m].
+/// Right and left border of the lane that is `offset` lanes to the left of `lane` [m].
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(
     params: &Params<S, N>,
     lane: F32<S>,
-    shift: f32,
+    offset: f32,
 ) -> (F32<S>, F32<S>) {
     let borders = &params.road.boundaries[..=params.road.num_lanes];
     (
-        value_of_lane(borders, lane + shift),
-        value_of_lane(borders, lane + (shift + 1.0)),
+        value_of_lane(borders, lane + offset),
+        value_of_lane(borders, lane + (offset + 1.0)),
     )
 }
 
-/// A distance along the road; on a ring that to the nearest image [m].
+/// A distance along the road; on a ring the one to the nearest image [m].
 #[inline(always)]
 pub fn nearest_image<S: Simd, const N: usize>(params: &Params<S, N>, distance: F32<S>) -> F32<S> {
     if !params.is_ring {
         return distance;
     }
-    distance
-        - params.simulations.ring_length
-            * (distance * params.simulations.inverse_ring_length).round_ties_even()
+    let simulation = &params.simulations;
+    let rounds = (distance * simulation.inverse_ring_length).round_ties_even();
+    distance - simulation.ring_length * rounds
+}
+
+/// The nearest vehicle on one side of a vehicle in one lane.
+struct NearestVehicle<S: Simd> {
+    /// Its slot, or `NO_SLOT`.
+    slot: F32<S>,
+    /// Distance of the centres along the road, never negative [m].
+    distance: F32<S>,
+}
+
+impl<S: Simd> NearestVehicle<S> {
+    /// Take over the vehicle in `slot` where it `is_candidate` and nearer.
+    #[inline(always)]
+    fn consider(&mut self, slot: F32<S>, distance: F32<S>, is_candidate: Mask<S>) {
+        let is_nearer = is_candidate & distance.simd_lt(self.distance);
+        self.slot = select(is_nearer, slot, self.slot);
+        self.distance = select(is_nearer, distance, self.distance);
+    }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
-    /// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
+    /// Find the nearest vehicle ahead and behind, in the own lane and in the lanes beside it.
+    ///
+    /// If `NUM_LANES_SEARCHED` is 1, only the leader in the own lane is found: the driver looks at no other neighbour.
     #[inline(always)]
-    pub fn find_neighbours<const WATCHED: usize, const TWO_WAY: bool>(
+    pub fn find_neighbours<const NUM_LANES_SEARCHED: usize, const TWO_WAY: bool>(
         self,
         bodies: &[VisibleBody<S>; N],
-        near: &mut Neighbours<S>,
+        neighbours: &mut Neighbours<S>,
     ) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let lane = state.lane_choice.lane[slot];
-        let (low, high) = lane_borders(params, lane, 0.0);
-        let (slower, _) = lane_borders(params, lane, -1.0);
-        let (_, faster) = lane_borders(params, lane, 1.0);
-        let bands = [(low, high), (high, faster), (slower, low)];
-        near.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
-        for k in 0..WATCHED {
-            let ends = self.nearest_in_lane::<WATCHED, TWO_WAY>(bodies, bands[k], LANE_OFFSETS[k]);
-            for (end, (other_slot, distance)) in ends.into_iter().enumerate().take(WATCHED.min(2)) {
-                let role = 2 * k + end;
-                let [half_length, place] =
-                    each_at_slot!(params.num_slots_in_use, other_slot, |j| [
-                        params.vehicles[j].half_length,
-                        state.motion.d[j]
-                    ]);
+        let (motion, params) = (&self.state.motion, self.params);
+        let lane = self.state.lane_choice.lane[self.slot];
+        let (right_edge, left_edge) = lane_borders(params, lane, 0.0);
+        let (right_edge_beside, _) = lane_borders(params, lane, -1.0);
+        let (_, left_edge_beside) = lane_borders(params, lane, 1.0);
+        let edges = [
+            (right_edge, left_edge),
+            (left_edge, left_edge_beside),
+            (right_edge_beside, right_edge),
+        ];
+        neighbours.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
+        for index in 0..NUM_LANES_SEARCHED {
+            let nearest = self.nearest_in_lane::<NUM_LANES_SEARCHED, TWO_WAY>(
+                bodies,
+                edges[index],
+                LANE_OFFSETS[index],
+            );
+            for (end, vehicle) in nearest
+                .into_iter()
+                .enumerate()
+                .take(NUM_LANES_SEARCHED.min(2))
+            {
+                let role = 2 * index + end;
+                let NearestVehicle { slot, distance } = vehicle;
+                let [half_length, d] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+                    params.vehicles[j].half_length,
+                    motion.d[j]
+                ]);
                 let zero = splat(params.simd, 0.0);
-                near.slot[role] = other_slot;
-                near.gap[role] = distance - (half_length + self.vehicle().half_length);
-                near.distance[role] = distance;
-                near.lateral_distance[role] =
-                    select(other_slot.simd_ge(0.0), place - state.motion.d[slot], zero);
-                near.half_length[role] = half_length;
+                let lateral_distance = d - motion.d[self.slot];
+                neighbours.slot[role] = slot;
+                neighbours.gap[role] = distance - (half_length + self.vehicle().half_length);
+                neighbours.distance[role] = distance;
+                neighbours.lateral_distance[role] =
+                    select(slot.simd_ge(0.0), lateral_distance, zero);
+                neighbours.half_length[role] = half_length;
             }
         }
-        (near.lane_right_edge, near.lane_left_edge) = (low, high);
+        (neighbours.lane_right_edge, neighbours.lane_left_edge) = (right_edge, left_edge);
     }
 
-    /// Slot and distance of the nearest vehicle ahead and behind of vehicle `i` in one lane, between these borders and
-    /// `shift` lanes from its own; only ahead if `WATCHED` is 1.
+    /// The nearest vehicle ahead and behind in the lane between these edges, `offset` lanes to the left of the own one;
+    /// only the one ahead if `NUM_LANES_SEARCHED` is 1.
     ///
     /// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
     #[inline(always)]
-    fn nearest_in_lane<const WATCHED: usize, const TWO_WAY: bool>(
+    fn nearest_in_lane<const NUM_LANES_SEARCHED: usize, const TWO_WAY: bool>(
         self,
         bodies: &[VisibleBody<S>; N],
-        (low, high): (F32<S>, F32<S>),
-        shift: f32,
-    ) -> [(F32<S>, F32<S>); 2] {
+        (right_edge, left_edge): (F32<S>, F32<S>),
+        offset: f32,
+    ) -> [NearestVehicle<S>; 2] {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let (low, high) = (
-            low + params.constants.corridor_margin,
-            high - params.constants.corridor_margin,
-        );
-        let lane = state.lane_choice.lane[slot] + shift;
-        let (nobody, far) = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
-        let [mut ahead, mut behind] = [(nobody, far); 2];
+        let right_edge = right_edge + params.constants.corridor_margin;
+        let left_edge = left_edge - params.constants.corridor_margin;
+        let lane = state.lane_choice.lane[slot] + offset;
+        let none = || NearestVehicle {
+            slot: splat(params.simd, NO_SLOT),
+            distance: splat(params.simd, FAR),
+        };
+        let [mut ahead, mut behind] = [none(), none()];
         for j in 0..params.num_slots_in_use {
-            if slot == j {
+            if j == slot {
                 continue;
             }
-            let (other, number) = (&bodies[j], splat(params.simd, j as i32 as f32));
-            let way = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
-            let overlaps = other.left_side.simd_gt(low) & other.right_side.simd_lt(high);
-            let shows = other.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
-            let mut inside = other.valid & (overlaps | shows);
+            let (body, other_slot) = (&bodies[j], splat(params.simd, j as i32 as f32));
+            let distance = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
+            let overlaps = body.left_side.simd_gt(right_edge) & body.right_side.simd_lt(left_edge);
+            let changes_to_lane =
+                body.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
+            let mut is_in_lane = body.exists & (overlaps | changes_to_lane);
             if TWO_WAY {
-                inside &= params.vehicles[j]
-                    .travel_sign
-                    .simd_eq(self.vehicle().travel_sign);
+                let travel_sign = params.vehicles[j].travel_sign;
+                is_in_lane &= travel_sign.simd_eq(self.vehicle().travel_sign);
             }
-            let is_ahead = way.simd_ge(0.0);
-            let front = inside & is_ahead & way.simd_lt(ahead.1);
-            ahead = (select(front, number, ahead.0), select(front, way, ahead.1));
-            if WATCHED > 1 {
-                let back = inside & !is_ahead & (-way).simd_lt(behind.1);
-                behind = (select(back, number, behind.0), select(back, -way, behind.1));
+            let is_ahead = distance.simd_ge(0.0);
+            ahead.consider(other_slot, distance, is_in_lane & is_ahead);
+            if NUM_LANES_SEARCHED > 1 {
+                behind.consider(other_slot, -distance, is_in_lane & !is_ahead);
             }
         }
         [ahead, behind]

@@ -1,4 +1,5 @@
-//! Who comes the other way, and what drivers believe of it; see `overtaking.sim.reference.oncoming`.
+//! Vehicles of the other direction, and what drivers believe about them; the twin of
+//! `overtaking.sim.reference.oncoming`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -10,49 +11,55 @@ use crate::math::vectors::{
 };
 use crate::neighbour_search::{Neighbours, VisibleBody, lane_borders};
 use crate::params::{MAX_STATIONS, Params, station_indices};
-use crate::perception::{MIN_SIGHT_LINE, recall_motion, sight_range_ratio};
-use crate::state::{LEADER, NEVER_LOOKED, NO_SLOT, State};
+use crate::perception::{
+    Conspicuity, MIN_SIGHT_LINE, detection_time, extrapolate_motion, sight_range_ratio,
+};
+use crate::state::{FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-const FAR: f32 = 1e9;
 /// Keeps the time until vehicles meet finite [m/s].
-const MIN_SPEED: f32 = 0.1;
+const MIN_CLOSING_SPEED: f32 = 0.1;
 
 /// Where drivers look for oncoming vehicles, in `Attention::oncoming_slot`: in any lane, and in their own.
 const IN_ANY_LANE: usize = 0;
 const IN_OWN_LANE: usize = 1;
 
-/// The nearest vehicle of the other direction ahead, and what the driver believes of it.
+/// The nearest oncoming vehicle of a driver, and what the driver believes about it.
 #[derive(Clone, Copy)]
 pub struct OncomingVehicle<S: Simd> {
+    /// Slot of the vehicle, or `NO_SLOT`.
     pub slot: F32<S>,
+    /// Gap between the front bumpers [m].
     pub gap: F32<S>,
+    /// Whether the driver has detected it.
     pub is_detected: Mask<S>,
-    /// Whether the driver has looked for long enough to know who comes, if anybody.
+    /// Whether the driver has looked long enough to know if a vehicle is coming.
     pub is_certain: Mask<S>,
+    /// Believed gap, `oncoming_range` without a detected vehicle [m].
     pub believed_gap: F32<S>,
+    /// Believed closing speed, the expected one without a detected vehicle [m/s].
     pub closing_speed: F32<S>,
-    /// How far the driver sees the other lane, and what comes there [m].
+    /// How far the driver sees along the opposing lane [m].
     pub sight_distance: F32<S>,
 }
 
-/// Whom a driver meets on a two-way road.
+/// Traffic of the other direction on a two-way road, for one driver.
 #[derive(Clone, Copy)]
 pub struct OncomingTraffic<S: Simd> {
-    /// Who comes in any lane: that is who limits a pass.
+    /// The nearest oncoming vehicle in any lane, which limits a pass.
     pub nearest: OncomingVehicle<S>,
-    /// Whether somebody is seen to come in the driver's lane.
+    /// Whether the driver has detected an oncoming vehicle in its own lane.
     pub meets_in_own_lane: Mask<S>,
-    /// When that one is believed to be met [s].
+    /// Time until the driver meets that vehicle, as it believes [s].
     pub time_to_meeting: F32<S>,
-    /// Whether somebody is passing the driver, as far as that is noticed.
+    /// Whether another vehicle passes the driver and the driver notices it.
     pub is_being_passed: Mask<S>,
-    /// Whether the leader signals that it will pull out itself.
+    /// Whether the leader indicates that it will pull out itself.
     pub leader_pulls_out: Mask<S>,
 }
 
 impl<S: Simd> OncomingVehicle<S> {
-    /// An empty road.
+    /// No vehicle.
     pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -83,7 +90,7 @@ impl<S: Simd> OncomingTraffic<S> {
     }
 }
 
-/// Update what driver `slot` believes about oncoming vehicles, and for how long it has seen them.
+/// Update what the driver in `slot` believes about oncoming vehicles, and how long it has seen them.
 ///
 /// Without `needs_beliefs`, the beliefs about the nearest vehicle in any lane and about the leader stay as they were,
 /// because nothing is decided by them.
@@ -93,270 +100,292 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
     params: &Params<S, N>,
     slot: usize,
     (bodies, search): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
-    needs_beliefs: bool,
-    context: &mut DriverContext<S>,
+    (context, needs_beliefs): (&mut DriverContext<S>, bool),
 ) {
-    let (near, decision) = (&context.neighbours, context.decision_index);
+    let (neighbours, decision_index) = (&context.neighbours, context.decision_index);
     let oncoming = &mut context.oncoming;
-    let [nearest, in_own_lane] = search.nearest_oncoming(state, params, bodies, slot);
-    let sight = state.vehicle(params, slot).sight_distance(near);
-    let view = state.vehicle(params, slot).sighting(near, nearest, sight);
-    let certain = is_certain(state, params, slot, IN_ANY_LANE, nearest.0, &view);
+    let driver = state.vehicle(params, slot);
+    let [nearest, nearest_in_own_lane] = search.nearest_oncoming(driver, bodies);
+    let sight_distance = driver.sight_distance(neighbours);
+    let sighting = driver.sighting(neighbours, nearest, sight_distance);
+    let certain = is_certain(state, params, slot, IN_ANY_LANE, &sighting);
     if needs_beliefs {
         oncoming.nearest = state
             .vehicle(params, slot)
-            .believe(nearest.0, sight, &view, certain, decision);
-        let leader = near.slot[LEADER];
-        let side = at_slot!(params.num_slots_in_use, leader, |j| state
+            .believe(&sighting, certain, decision_index);
+        let leader_slot = neighbours.slot[LEADER];
+        let indicator = at_slot!(params.num_slots_in_use, leader_slot, |j| state
             .controls
             .indicator[j]);
-        oncoming.leader_pulls_out = leader.simd_ge(0.0) & side.simd_gt(0.0);
+        oncoming.leader_pulls_out = leader_slot.simd_ge(0.0) & indicator.simd_gt(0.0);
     }
-    if in_own_lane.0.simd_ge(0.0).any_true() {
-        let range = state.road.sight_distance[slot];
-        let view = state
+    if nearest_in_own_lane.slot.simd_ge(0.0).any_true() {
+        // Along its own lane only the road limits the driver's sight.
+        let sight_distance = state.road.sight_distance[slot];
+        let sighting =
+            state
+                .vehicle(params, slot)
+                .sighting(neighbours, nearest_in_own_lane, sight_distance);
+        let certain = is_certain(state, params, slot, IN_OWN_LANE, &sighting);
+        let in_own_lane = state
             .vehicle(params, slot)
-            .sighting(near, in_own_lane, range);
-        let certain = is_certain(state, params, slot, IN_OWN_LANE, in_own_lane.0, &view);
-        let other_slot = in_own_lane.0;
-        let believed = state
-            .vehicle(params, slot)
-            .believe(other_slot, range, &view, certain, decision);
-        oncoming.meets_in_own_lane = believed.is_detected;
+            .believe(&sighting, certain, decision_index);
+        oncoming.meets_in_own_lane = in_own_lane.is_detected;
         oncoming.time_to_meeting =
-            believed.believed_gap / at_least(believed.closing_speed, MIN_SPEED);
+            in_own_lane.believed_gap / at_least(in_own_lane.closing_speed, MIN_CLOSING_SPEED);
     } else {
-        update_time_in_view(state, params, slot, IN_OWN_LANE, in_own_lane.0);
+        update_time_in_view(state, params, slot, IN_OWN_LANE, nearest_in_own_lane.slot);
         oncoming.meets_in_own_lane = certain & !certain;
     }
-    oncoming.is_being_passed = search.is_being_passed(state, params, slot);
+    oncoming.is_being_passed = search.is_being_passed(state.vehicle(params, slot));
 }
 
-/// Whether driver `slot` has looked for long enough to know who comes in some lanes; advances the time in view.
+/// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
+///
+/// Without a visible vehicle it needs the shortest time of detection.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
     lanes: usize,
-    other_slot: F32<S>,
-    view: &Sighting<S>,
+    sighting: &Sighting<S>,
 ) -> Mask<S> {
-    let (constants, simulation, effort) = (
-        &params.constants,
-        &params.simulations,
-        view.sight_range_ratio,
+    let no_slot = splat(params.simd, NO_SLOT);
+    let needed_time = select(
+        sighting.is_visible,
+        detection_time(params, sighting.sight_range_ratio),
+        params.simulations.detection_time,
     );
-    let needed =
-        simulation.detection_time * (1.0 + constants.detection_growth * (effort * effort * effort));
-    let needed = select(view.is_visible, needed, simulation.detection_time);
-    let seen = select(view.is_visible, other_slot, splat(params.simd, NO_SLOT));
-    update_time_in_view(state, params, slot, lanes, seen);
-    state.attention.oncoming_time_in_view[slot][lanes].simd_ge(needed)
+    let slot_in_view = select(sighting.is_visible, sighting.slot, no_slot);
+    update_time_in_view(state, params, slot, lanes, slot_in_view);
+    state.attention.oncoming_time_in_view[slot][lanes].simd_ge(needed_time)
 }
 
-/// Count for how long driver `slot` has seen whom it sees now in some lanes.
+/// Count how long the driver in `slot` has seen the vehicle that it sees now.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
     lanes: usize,
-    seen: F32<S>,
+    slot_in_view: F32<S>,
 ) {
-    let before = state.attention.oncoming_slot[slot][lanes];
-    let time = state.attention.oncoming_time_in_view[slot][lanes] + params.constants.decision;
-    let longer = select(seen.simd_eq(before), time, splat(params.simd, 0.0));
-    let first = before.simd_eq(NEVER_LOOKED);
-    state.attention.oncoming_time_in_view[slot][lanes] = select(
-        first,
-        splat(params.simd, params.constants.initial_time_in_view),
-        longer,
+    let constants = &params.constants;
+    let known_slot = &mut state.attention.oncoming_slot[slot][lanes];
+    let time_in_view = &mut state.attention.oncoming_time_in_view[slot][lanes];
+    let is_known = slot_in_view.simd_eq(*known_slot);
+    let longer = select(
+        is_known,
+        *time_in_view + constants.decision,
+        splat(params.simd, 0.0),
     );
-    state.attention.oncoming_slot[slot][lanes] = seen;
+    let is_first_look = known_slot.simd_eq(NEVER_LOOKED);
+    let initial_time = splat(params.simd, constants.initial_time_in_view);
+    *time_in_view = select(is_first_look, initial_time, longer);
+    *known_slot = slot_in_view;
+}
+
+/// Visibility of one oncoming vehicle for a driver.
+struct Sighting<S: Simd> {
+    /// Slot of the vehicle, or `NO_SLOT`.
+    slot: F32<S>,
+    /// Half of the lengths of both vehicles [m].
+    half_lengths: F32<S>,
+    /// Gap between the front bumpers [m].
+    gap: F32<S>,
+    /// Distance over the range at which it can be seen [1].
+    sight_range_ratio: F32<S>,
+    is_visible: Mask<S>,
+    /// How far the driver sees there [m].
+    sight_distance: F32<S>,
+}
+
+/// The nearest vehicle of the other direction.
+#[derive(Clone, Copy)]
+pub struct NearestOncoming<S: Simd> {
+    /// Slot of the vehicle, or `NO_SLOT`.
+    slot: F32<S>,
+    /// Distance of the centres [m].
+    distance: F32<S>,
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Second oncoming vehicle of the ego, and what the driver of the model would believe about it.
     ///
-    /// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together with
-    /// the nearest one, wherever it is visible.
+    /// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together
+    /// with the nearest one, wherever it is visible.
     #[inline(always)]
     pub fn observe_second_oncoming(self, context: &DriverContext<S>) -> OncomingVehicle<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let first = &context.oncoming.nearest;
-        let sight = first.sight_distance;
-        let met = OncomingSearch::nearest_except(state, params, slot, first.slot);
-        let view = self.sighting(&context.neighbours, met, sight);
-        self.believe(
-            met.0,
-            sight,
-            &view,
-            first.is_detected,
-            context.decision_index,
-        )
+        let nearest = &context.oncoming.nearest;
+        let second = OncomingSearch::nearest_except(self, nearest.slot);
+        let sighting = self.sighting(&context.neighbours, second, nearest.sight_distance);
+        self.believe(&sighting, nearest.is_detected, context.decision_index)
     }
-}
 
-/// Whether an oncomer can be seen.
-struct Sighting<S: Simd> {
-    /// Half of the lengths of both [m].
-    reach: F32<S>,
-    gap: F32<S>,
-    sight_range_ratio: F32<S>,
-    is_visible: Mask<S>,
-}
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// What there is to see of an oncomer, as far as a range.
+    /// Visibility of an oncoming vehicle, where the driver sees as far as `sight_distance`.
     #[inline(always)]
     fn sighting(
         self,
-        near: &Neighbours<S>,
-        (other_slot, distance): (F32<S>, F32<S>),
-        range: F32<S>,
+        neighbours: &Neighbours<S>,
+        oncoming: NearestOncoming<S>,
+        sight_distance: F32<S>,
     ) -> Sighting<S> {
-        let (state, params) = (self.state, self.params);
-        let [half, contrast, lamp] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
-            params.vehicles[j].half_length,
-            params.vehicles[j].log_contrast,
-            params.vehicles[j].inverse_head_lamp
-        ]);
-        let reach = half + self.vehicle().half_length;
-        let gap = distance - reach;
-        let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
-            .motion
-            .vx[j]);
-        let depths = self.extinction_ahead(near, leader_speed);
-        let effort = sight_range_ratio(params, gap, true, [contrast, lamp], depths);
-        let range = at_most(range, params.constants.oncoming_range);
+        let (vx, params) = (&self.state.motion.vx, self.params);
+        let [half_length, log_contrast, inverse_lamp_intensity] =
+            each_at_slot!(params.num_slots_in_use, oncoming.slot, |j| [
+                params.vehicles[j].half_length,
+                params.vehicles[j].log_contrast,
+                params.vehicles[j].inverse_head_lamp
+            ]);
+        let half_lengths = half_length + self.vehicle().half_length;
+        let gap = oncoming.distance - half_lengths;
+        let leader_slot = neighbours.slot[LEADER];
+        let leader_speed = at_slot!(params.num_slots_in_use, leader_slot, |j| vx[j]);
+        let extinction = self.extinction_ahead(neighbours, leader_speed);
+        let conspicuity = Conspicuity {
+            log_contrast,
+            inverse_lamp_intensity,
+        };
+        let ratio = sight_range_ratio(params, gap, true, &conspicuity, extinction);
+        let range = at_most(sight_distance, params.constants.oncoming_range);
         Sighting {
-            reach,
+            slot: oncoming.slot,
+            half_lengths,
             gap,
-            sight_range_ratio: effort,
-            is_visible: other_slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(range),
+            sight_range_ratio: ratio,
+            is_visible: oncoming.slot.simd_ge(0.0) & ratio.simd_le(1.0) & gap.simd_lt(range),
+            sight_distance,
         }
     }
 
-    /// Speed of approach that driver `i` expects of who comes.
+    /// Closing speed that the driver expects of an oncoming vehicle [m/s].
     #[inline(always)]
     pub fn expected_closing_speed(self) -> F32<S> {
-        let params = self.params;
-        self.road_velocity().0 + params.simulations.expected_oncoming_speed
+        self.road_velocity().0 + self.params.simulations.expected_oncoming_speed
     }
 
-    /// What driver `i` believes of an oncomer that it sees, and is `sure` of.
+    /// What the driver believes about the oncoming vehicle, or assumes if it sees none.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
     fn believe(
         self,
-        other_slot: F32<S>,
-        sight: F32<S>,
-        view: &Sighting<S>,
-        sure: Mask<S>,
-        decision: u32,
+        sighting: &Sighting<S>,
+        is_certain: Mask<S>,
+        decision_index: u32,
     ) -> OncomingVehicle<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, simulation, vehicle) =
-            (&params.constants, &params.simulations, self.vehicle());
-        let [width, two_wheeler, their_vx] =
-            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let [width, two_wheeler, oncoming_vx] =
+            each_at_slot!(params.num_slots_in_use, sighting.slot, |j| [
                 params.vehicles[j].looming_width,
                 params.vehicles[j].two_wheeler,
                 state.motion.vx[j]
             ]);
-        let detected = view.is_visible & sure;
-        let (own_speed, _) = self.road_velocity();
-        let urgent = view
+        let is_detected = sighting.is_visible & is_certain;
+        let (speed, _) = self.road_velocity();
+        let is_imminent = sighting
             .gap
-            .simd_lt(constants.urgent_time * (own_speed + their_vx));
-        let ticks = select(
-            urgent,
+            .simd_lt(constants.urgent_time * (speed + oncoming_vx));
+        let delay = select(
+            is_imminent,
             vehicle.urgent_reaction_delay,
             vehicle.reaction_delay,
         );
-        let at = splat(params.simd, decision as f32);
-        let then = at_least(at - ticks, 0.0);
-        let (place, speed) = recall_motion(state, params.simd, then, other_slot);
-        let place = place + speed * ((at - then) * constants.decision);
-        let gap = (params.road.directions.length - place) - state.motion.s[slot] - view.reach;
-        let closing = own_speed + speed;
-        let (_, clear, share, sensed) = self.sense_looming(gap, closing, width);
-        let small = select(
+        let seen_motion = extrapolate_motion(state, params, sighting.slot, delay, decision_index);
+        let distance = (params.road.directions.length - seen_motion.s) - state.motion.s[slot];
+        let gap = distance - sighting.half_lengths;
+        let looming = self.sense_looming(gap, speed + seen_motion.speed, width);
+        // Small vehicles look farther away.
+        let size_factor = select(
             two_wheeler.simd_gt(0.0),
             splat(params.simd, constants.two_wheeler_distance_factor),
             splat(params.simd, 1.0),
         );
-        let judged = exp(simulation.oncoming_error * state.noise.distance_error[slot]) * small;
-        let habit = self.expected_closing_speed();
+        let distance_error = params.simulations.oncoming_error * state.noise.distance_error[slot];
+        let distance_factor = exp(distance_error) * size_factor;
+        let believed_gap = gap + gap * ((distance_factor - 1.0) * looming.error_share);
+        let expected = self.expected_closing_speed();
+        let believed_closing_speed =
+            expected + looming.noticed_share * (looming.closing_speed - expected);
         let range = splat(params.simd, constants.oncoming_range);
         OncomingVehicle {
-            slot: other_slot,
-            gap: view.gap,
-            is_detected: detected,
-            is_certain: sure,
-            believed_gap: select(detected, gap + gap * ((judged - 1.0) * share), range),
-            closing_speed: select(detected, habit + clear * (sensed - habit), habit),
-            sight_distance: sight,
+            slot: sighting.slot,
+            gap: sighting.gap,
+            is_detected,
+            is_certain,
+            believed_gap: select(is_detected, believed_gap, range),
+            closing_speed: select(is_detected, believed_closing_speed, expected),
+            sight_distance: sighting.sight_distance,
         }
     }
 
-    /// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
+    /// How far the driver sees along the opposing lane: by the road, the weather, and past a tall leader [m].
     #[inline(always)]
-    fn sight_distance(self, near: &Neighbours<S>) -> F32<S> {
+    fn sight_distance(self, neighbours: &Neighbours<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, road) = (&params.constants, &params.road);
-        let (place, _) = self.road_position();
-        let turned = self.vehicle().travel_sign.simd_lt(0.0);
+        let (s, _) = self.road_position();
+        let is_oncoming = self.vehicle().travel_sign.simd_lt(0.0);
         let [along, against] = &road.directions.sight;
         let mut by_road = splat(params.simd, 0.0);
-        for (table, there) in [(along, !turned), (against, turned)] {
-            if there.any_true() {
-                by_road = select(there, interpolate_knots(table, place), by_road);
+        for (table, applies) in [(along, !is_oncoming), (against, is_oncoming)] {
+            if applies.any_true() {
+                by_road = select(applies, interpolate_knots(table, s), by_road);
             }
         }
-        let lead = near.slot[LEADER];
-        let [half_width, tall] = each_at_slot!(params.num_slots_in_use, lead, |j| [
+        let leader_slot = neighbours.slot[LEADER];
+        let [half_width, blocks_view] = each_at_slot!(params.num_slots_in_use, leader_slot, |j| [
             params.vehicles[j].half_width,
             params.vehicles[j].blocks_view
         ]);
-        let reach = at_least(
-            near.distance[LEADER] - near.half_length[LEADER],
+        let distance_to_rear = at_least(
+            neighbours.distance[LEADER] - neighbours.half_length[LEADER],
             MIN_SIGHT_LINE,
         );
-        let edge = near.lateral_distance[LEADER] + half_width - constants.eye_offset;
-        let middle = 0.5
+        // The line of sight passes the leader's rear corner on the side of the opposing lane.
+        let corner = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset;
+        let opposing_centre = 0.5
             * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
-        let beside = middle - state.motion.d[slot] - constants.eye_offset;
-        let hides = lead.simd_ge(0.0) & tall.simd_gt(0.0) & edge.simd_gt(0.0) & beside.simd_gt(0.0);
-        let past = select(
-            hides,
-            beside * (reach / at_least(edge, MIN_SIGHT_LINE)),
+        let opposing_offset = opposing_centre - state.motion.d[slot] - constants.eye_offset;
+        let is_hidden = leader_slot.simd_ge(0.0)
+            & blocks_view.simd_gt(0.0)
+            & corner.simd_gt(0.0)
+            & opposing_offset.simd_gt(0.0);
+        let past_leader = select(
+            is_hidden,
+            opposing_offset * (distance_to_rear / at_least(corner, MIN_SIGHT_LINE)),
             splat(params.simd, FAR),
         );
         let by_road = min(by_road, state.road.sight_distance[slot]);
-        min(min(by_road, past), params.simulations.oncoming_sight)
+        min(min(by_road, past_leader), params.simulations.oncoming_sight)
+    }
+
+    /// The oncoming vehicle where this slot has a vehicle, else none.
+    #[inline(always)]
+    fn where_vehicle_exists(self, oncoming: NearestOncoming<S>) -> NearestOncoming<S> {
+        let (simd, exists) = (self.params.simd, self.vehicle().valid.simd_gt(0.0));
+        NearestOncoming {
+            slot: select(exists, oncoming.slot, splat(simd, NO_SLOT)),
+            distance: select(exists, oncoming.distance, splat(simd, FAR)),
+        }
     }
 }
 
-/// What a table of `Ways::sight` says of places [m].
+/// Values of a table of `RoadDirections::sight` at stations [m].
 #[inline(always)]
 fn interpolate_knots<S: Simd>(
     [stations, values, slopes]: &[[f32; MAX_STATIONS]; 3],
-    place: F32<S>,
+    s: F32<S>,
 ) -> F32<S> {
-    let mut found = splat(place.simd, 0.0);
-    for k in station_indices(stations) {
-        let here = values[k] + (place - stations[k]) * slopes[k];
-        found = select(place.simd_ge(stations[k]), here, found);
+    let mut result = splat(s.simd, 0.0);
+    for index in station_indices(stations) {
+        let value = values[index] + (s - stations[index]) * slopes[index];
+        result = select(s.simd_ge(stations[index]), value, result);
     }
-    found
+    result
 }
 
-/// Slot of an oncomer, and the distance of the centres [m].
-type NearestOncoming<S> = (F32<S>, F32<S>);
-
-/// A vehicle as who comes the other way sees it.
+/// A vehicle in the direction of travel of oncoming vehicles.
 #[derive(Clone, Copy)]
 struct OppositeView<S: Simd> {
     s: F32<S>,
@@ -368,23 +397,24 @@ struct OppositeView<S: Simd> {
 }
 
 impl<S: Simd> OppositeView<S> {
-    /// Whether it is in a lane, or on a road, between edges.
+    /// Whether the body lies between the edges of a lane or a road, in part.
     #[inline(always)]
-    fn overlaps(&self, (low, high): (F32<S>, F32<S>)) -> Mask<S> {
-        self.left_side.simd_gt(low) & self.right_side.simd_lt(high)
+    fn overlaps(&self, (right_edge, left_edge): (F32<S>, F32<S>)) -> Mask<S> {
+        self.left_side.simd_gt(right_edge) & self.right_side.simd_lt(left_edge)
     }
 }
 
-/// What everybody on a two-way road looks for in everybody else; sets of slots have a bit for each.
+/// Which vehicles of a two-way road can meet which. A set of slots has one bit for each slot.
 #[derive(Clone, Copy)]
 pub struct OncomingSearch<S: Simd, const N: usize> {
     as_seen_by_oncoming: [OppositeView<S>; N],
-    /// Who drives along the road, and who against it, in any simulation.
+    /// Slots of vehicles that drive along the road, and against it, in any simulation.
     directions: [u32; 2],
-    /// Who may be in the lane that those who come drive in, in any simulation.
+    /// Slots of vehicles that may be in the lane of oncoming vehicles, in any simulation.
     off_lane_slots: u32,
-    /// Who overtakes, in which simulations and in any.
+    /// Whether the vehicle in each slot overtakes.
     pub overtakes: [Mask<S>; N],
+    /// Slots of vehicles that overtake in any simulation.
     overtaking_slots: u32,
 }
 
@@ -393,7 +423,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
-        let turned = OppositeView {
+        let view = OppositeView {
             s: zero,
             right_side: zero,
             left_side: zero,
@@ -401,7 +431,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             on_road: never,
         };
         Self {
-            as_seen_by_oncoming: [turned; N],
+            as_seen_by_oncoming: [view; N],
             directions: [0; 2],
             off_lane_slots: 0,
             overtakes: [never; N],
@@ -409,7 +439,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         }
     }
 
-    /// Look at everybody.
+    /// Update the views and the sets of slots for this decision.
     #[inline(always)]
     pub fn update(
         &mut self,
@@ -418,161 +448,142 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         bodies: &[VisibleBody<S>; N],
     ) {
         let (constants, road) = (&params.constants, &params.road);
-        let low = splat(params.simd, road.boundaries[0] + constants.corridor_margin);
-        let home = (
-            low,
-            splat(params.simd, road.boundaries[1] - constants.corridor_margin),
+        let edge = |lateral_position: f32| splat(params.simd, lateral_position);
+        let right_edge = edge(road.boundaries[0] + constants.corridor_margin);
+        let first_lane = (
+            right_edge,
+            edge(road.boundaries[1] - constants.corridor_margin),
         );
-        let edge = road.boundaries[road.num_lanes] - constants.corridor_margin;
-        let whole = (low, splat(params.simd, edge));
+        let left_edge = edge(road.boundaries[road.num_lanes] - constants.corridor_margin);
+        let whole_road = (right_edge, left_edge);
         (self.directions, self.off_lane_slots, self.overtaking_slots) = ([0; 2], 0, 0);
         for j in 0..params.num_slots_in_use {
             let other = &params.vehicles[j];
             let valid = other.valid.simd_gt(0.0);
             let d = road.directions.edge_sum - state.motion.d[j];
-            let turned = OppositeView {
+            let view = OppositeView {
                 s: road.directions.length - state.motion.s[j],
                 right_side: d - other.half_width,
                 left_side: d + other.half_width,
                 lane: (road.num_lanes - 1) as f32 - state.lane_choice.lane[j],
                 on_road: valid,
             };
-            let strays =
-                turned.overlaps(home) | (bodies[j].visibly_changes_lane & turned.lane.simd_eq(0.0));
-            let along = other.travel_sign.simd_gt(0.0);
-            self.directions[0] |= u32::from((valid & along).any_true()) << j;
-            self.directions[1] |= u32::from((valid & !along).any_true()) << j;
-            self.off_lane_slots |= u32::from((valid & strays).any_true()) << j;
+            let is_off_lane = view.overlaps(first_lane)
+                | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
+            let drives_along = other.travel_sign.simd_gt(0.0);
+            self.directions[0] |= u32::from((valid & drives_along).any_true()) << j;
+            self.directions[1] |= u32::from((valid & !drives_along).any_true()) << j;
+            self.off_lane_slots |= u32::from((valid & is_off_lane).any_true()) << j;
             self.overtakes[j] = state.vehicle(params, j).is_overtaking();
             self.overtaking_slots |= u32::from(self.overtakes[j].any_true()) << j;
             self.as_seen_by_oncoming[j] = OppositeView {
-                on_road: valid & turned.overlaps(whole),
-                ..turned
+                on_road: valid & view.overlaps(whole_road),
+                ..view
             };
         }
     }
 
-    /// The nearest oncomer of vehicle `i` in any lane, and in its own. One that is visibly on its way into the own
-    /// lane is there.
+    /// The nearest oncoming vehicle of a driver in any lane, and the nearest in its own lane.
+    ///
+    /// A vehicle that visibly changes to the driver's lane counts as being there.
     #[inline(always)]
-    pub fn nearest_oncoming(
+    fn nearest_oncoming(
         &self,
-        state: &State<S, N>,
-        params: &Params<S, N>,
+        driver: VehicleHandle<'_, S, N>,
         bodies: &[VisibleBody<S>; N],
-        i: usize,
     ) -> [NearestOncoming<S>; 2] {
-        let nobody = (splat(params.simd, NO_SLOT), splat(params.simd, FAR));
-        let [mut coming, mut facing] = [nobody; 2];
+        let (state, params, slot) = (driver.state, driver.params, driver.slot);
+        let s = state.motion.s[slot];
+        let (lane, travel_sign) = (state.lane_choice.lane[slot], driver.vehicle().travel_sign);
+        let none = NearestOncoming {
+            slot: splat(params.simd, NO_SLOT),
+            distance: splat(params.simd, FAR),
+        };
+        let [mut nearest, mut in_own_lane] = [none; 2];
         let [along, against] = self.directions;
-        let mut opposed = 0;
-        for (own, other) in [(along, against), (against, along)] {
-            if own >> i & 1 == 1 {
-                opposed |= other;
+        let mut oncoming_slots = 0;
+        for (own, opposite) in [(along, against), (against, along)] {
+            if own >> slot & 1 == 1 {
+                oncoming_slots |= opposite;
             }
         }
-        for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
+        for j in (0..params.num_slots_in_use).filter(|j| oncoming_slots >> *j & 1 == 1) {
             let other = &self.as_seen_by_oncoming[j];
-            let ahead = other.s - state.motion.s[i];
-            let there = params.vehicles[j]
-                .travel_sign
-                .simd_ne(params.vehicles[i].travel_sign)
-                & ahead.simd_ge(0.0);
-            let nearer = there & other.on_road & ahead.simd_lt(coming.1);
-            coming.0 = select(nearer, splat(params.simd, j as i32 as f32), coming.0);
-            coming.1 = select(nearer, ahead, coming.1);
+            let distance = other.s - s;
+            let is_oncoming =
+                params.vehicles[j].travel_sign.simd_ne(travel_sign) & distance.simd_ge(0.0);
+            let is_nearer = is_oncoming & other.on_road & distance.simd_lt(nearest.distance);
+            let other_slot = splat(params.simd, j as i32 as f32);
+            nearest.slot = select(is_nearer, other_slot, nearest.slot);
+            nearest.distance = select(is_nearer, distance, nearest.distance);
         }
-        // Who keeps to its lane meets those alone who have left theirs.
-        let at_home = state.lane_choice.lane[i].simd_eq(0.0).all_true();
-        let opposed = if at_home {
-            opposed & self.off_lane_slots
-        } else {
-            opposed
-        };
-        if opposed == 0 {
-            return [
-                state.vehicle(params, i).where_vehicle_exists(coming),
-                facing,
-            ];
+        // A driver that keeps to the first lane meets only vehicles that have left theirs.
+        if lane.simd_eq(0.0).all_true() {
+            oncoming_slots &= self.off_lane_slots;
         }
-        let (low, high) = lane_borders(params, state.lane_choice.lane[i], 0.0);
-        let (low, high) = (
-            low + params.constants.corridor_margin,
-            high - params.constants.corridor_margin,
+        if oncoming_slots == 0 {
+            return [driver.where_vehicle_exists(nearest), in_own_lane];
+        }
+        let (right_edge, left_edge) = lane_borders(params, lane, 0.0);
+        let edges = (
+            right_edge + params.constants.corridor_margin,
+            left_edge - params.constants.corridor_margin,
         );
-        for j in (0..params.num_slots_in_use).filter(|j| opposed >> *j & 1 == 1) {
+        for j in (0..params.num_slots_in_use).filter(|j| oncoming_slots >> *j & 1 == 1) {
             let other = &self.as_seen_by_oncoming[j];
-            let ahead = other.s - state.motion.s[i];
-            let there = params.vehicles[j].valid.simd_gt(0.0)
-                & params.vehicles[j]
-                    .travel_sign
-                    .simd_ne(params.vehicles[i].travel_sign)
-                & ahead.simd_ge(0.0);
-            let comes =
-                bodies[j].visibly_changes_lane & other.lane.simd_eq(state.lane_choice.lane[i]);
-            let nearer = there & (comes | other.overlaps((low, high))) & ahead.simd_lt(facing.1);
-            facing.0 = select(nearer, splat(params.simd, j as i32 as f32), facing.0);
-            facing.1 = select(nearer, ahead, facing.1);
+            let distance = other.s - s;
+            let is_oncoming = params.vehicles[j].valid.simd_gt(0.0)
+                & params.vehicles[j].travel_sign.simd_ne(travel_sign)
+                & distance.simd_ge(0.0);
+            let changes_to_lane = bodies[j].visibly_changes_lane & other.lane.simd_eq(lane);
+            let is_nearer = is_oncoming
+                & (changes_to_lane | other.overlaps(edges))
+                & distance.simd_lt(in_own_lane.distance);
+            let other_slot = splat(params.simd, j as i32 as f32);
+            in_own_lane.slot = select(is_nearer, other_slot, in_own_lane.slot);
+            in_own_lane.distance = select(is_nearer, distance, in_own_lane.distance);
         }
         [
-            state.vehicle(params, i).where_vehicle_exists(coming),
-            state.vehicle(params, i).where_vehicle_exists(facing),
+            driver.where_vehicle_exists(nearest),
+            driver.where_vehicle_exists(in_own_lane),
         ]
     }
 
-    /// The nearest oncomer of vehicle `i` in any lane, but for who is in a slot.
+    /// The nearest oncoming vehicle of a driver in any lane that is not in `except_slot`.
     #[inline(always)]
-    pub fn nearest_except(
-        state: &State<S, N>,
-        params: &Params<S, N>,
-        i: usize,
-        slot: F32<S>,
-    ) -> NearestOncoming<S> {
+    fn nearest_except(driver: VehicleHandle<'_, S, N>, except_slot: F32<S>) -> NearestOncoming<S> {
+        let (state, params) = (driver.state, driver.params);
         let bodies = core::array::from_fn(|j| {
             if j < params.num_slots_in_use {
-                VisibleBody::new(state, params, j)
+                VisibleBody::new(state.vehicle(params, j))
             } else {
                 VisibleBody::none(params.simd)
             }
         });
-        let mut traffic = Self::none(params.simd);
-        traffic.update(state, params, &bodies);
+        let mut search = Self::none(params.simd);
+        search.update(state, params, &bodies);
         for j in 0..params.num_slots_in_use {
-            traffic.as_seen_by_oncoming[j].on_road &= slot.simd_ne(j as i32 as f32);
+            search.as_seen_by_oncoming[j].on_road &= except_slot.simd_ne(j as i32 as f32);
         }
-        let [coming, _] = traffic.nearest_oncoming(state, params, &bodies, i);
-        coming
+        let [nearest, _] = search.nearest_oncoming(driver, &bodies);
+        nearest
     }
 
-    /// Whether somebody is passing vehicle `i`, as its driver notices it.
+    /// Whether another vehicle passes the driver and the driver notices it.
     #[inline(always)]
-    pub fn is_being_passed(&self, state: &State<S, N>, params: &Params<S, N>, i: usize) -> Mask<S> {
-        let vehicle = &params.vehicles[i];
-        let mut passed = self.overtakes[i] & !self.overtakes[i];
+    fn is_being_passed(&self, driver: VehicleHandle<'_, S, N>) -> Mask<S> {
+        let (state, params, slot) = (driver.state, driver.params, driver.slot);
+        let vehicle = driver.vehicle();
+        let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot];
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
             let other = &params.vehicles[j];
-            let apart = (state.motion.s[i] - state.motion.s[j]).abs()
+            let gap = (state.motion.s[slot] - state.motion.s[j]).abs()
                 - (vehicle.half_length + other.half_length);
-            let same = vehicle.travel_sign.simd_eq(other.travel_sign) & self.overtakes[j];
-            let beside = apart.simd_lt(params.constants.passed_awareness_margin) & same;
-            passed |= beside & state.lane_choice.lane[j].simd_gt(state.lane_choice.lane[i]);
+            let overtakes_here = vehicle.travel_sign.simd_eq(other.travel_sign) & self.overtakes[j];
+            let is_near = gap.simd_lt(params.constants.passed_awareness_margin) & overtakes_here;
+            is_being_passed |=
+                is_near & state.lane_choice.lane[j].simd_gt(state.lane_choice.lane[slot]);
         }
-        passed & state.motion.is_wreck[i].simd_eq(0.0)
-    }
-}
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whom vehicle `i` meets, where there is a vehicle `i`.
-    #[inline(always)]
-    fn where_vehicle_exists(
-        self,
-        (other_slot, distance): NearestOncoming<S>,
-    ) -> NearestOncoming<S> {
-        let params = self.params;
-        let valid = self.vehicle().valid.simd_gt(0.0);
-        (
-            select(valid, other_slot, splat(params.simd, NO_SLOT)),
-            select(valid, distance, splat(params.simd, FAR)),
-        )
+        is_being_passed & state.motion.is_wreck[slot].simd_eq(0.0)
     }
 }

@@ -1,4 +1,5 @@
-//! Overtaking as a state machine, of the ego and on two-way roads of everybody; see `overtaking.sim.reference.overtake`.
+//! Overtaking as a state machine, of the ego and on two-way roads of all drivers; the twin of
+//! `overtaking.sim.reference.overtake`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -7,8 +8,8 @@ use crate::decision_context::DriverContext;
 use crate::ego_action::{self, EgoAction};
 use crate::gap_acceptance::Intent;
 use crate::gap_acceptance::form_intent;
-use crate::lane_change::start_lane_changes;
-use crate::math::vectors::{F32, assign_where, at_least, max, min, select, splat};
+use crate::lane_change::{LaneMoves, start_lane_changes};
+use crate::math::vectors::{F32, Mask, assign_where, at_least, max, min, select, splat};
 use crate::neighbour_search::Neighbours;
 use crate::params::Params;
 use crate::pass_continuation::PassContinuation;
@@ -50,8 +51,8 @@ pub fn decide_ego<S: Simd, const N: usize>(
     count_waiting_time(state, params, EGO_SLOT, &context.beliefs);
     recorder.record_manoeuvres(state, params, context, &intent, decision.step);
 
-    // Compute the stage before the ego moves over, and store it last: the calls in between read the old stage.
-    let stage = state
+    // The next stage is stored last: the calls in between read the present one.
+    let next_stage = state
         .vehicle(params, EGO_SLOT)
         .next_stage(&context.neighbours, &intent);
     carry_out_intent(state, params, EGO_SLOT, context, &intent);
@@ -63,11 +64,11 @@ pub fn decide_ego<S: Simd, const N: usize>(
     if let Some(action) = decision.action {
         ego_action::set_requested_indicator(state, action);
     }
-    set_end_step(state, params, &intent, stage, decision.step);
-    set_stage(state, params, EGO_SLOT, stage);
+    set_end_step(state, params, &intent, next_stage, decision.step);
+    set_stage(state, params, EGO_SLOT, next_stage);
 }
 
-/// Let the driver of vehicle `slot`, not the ego, decide on a two-way road. After an overtake it may overtake again.
+/// Let the driver in `slot`, not the ego, decide on a two-way road; it may overtake several times.
 #[inline(always)]
 pub fn decide_other<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -86,21 +87,22 @@ pub fn decide_other<S: Simd, const N: usize>(
     let continuation = update_pass_continuation(state, params, slot, context);
     let intent = form_intent(state, params, slot, context, Some(&continuation));
     count_waiting_time(state, params, slot, &context.beliefs);
-    let next = state
+    let next_stage = state
         .vehicle(params, slot)
         .next_stage(&context.neighbours, &intent);
     carry_out_intent(state, params, slot, context, &intent);
-    let is_done = next.simd_eq(stage::DONE);
+    // After an overtake the driver follows again, and waits anew for the next one.
+    let is_done = next_stage.simd_eq(stage::DONE);
     assign_where(
         &mut state.overtake.time_waiting[slot],
         is_done,
         splat(params.simd, 0.0),
     );
-    let next = select(is_done, splat(params.simd, stage::FOLLOW), next);
-    set_stage(state, params, slot, next);
+    let next_stage = select(is_done, splat(params.simd, stage::FOLLOW), next_stage);
+    set_stage(state, params, slot, next_stage);
 }
 
-/// Decide how driver `slot` goes on with its pass, and remember whether it aborts or returns urgently.
+/// How the driver in `slot` goes on with its pass, also stored in the state.
 #[inline(always)]
 fn update_pass_continuation<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -118,94 +120,102 @@ fn update_pass_continuation<S: Simd, const N: usize>(
     continuation
 }
 
-/// Go on to the next stage, or stay.
+/// Store the stage, and restart its time if it is another one.
 #[inline(always)]
 fn set_stage<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    next: F32<S>,
+    stage: F32<S>,
 ) {
-    let changed = next.simd_ne(state.overtake.stage[slot]);
+    let is_new = stage.simd_ne(state.overtake.stage[slot]);
     assign_where(
         &mut state.overtake.time_in_stage[slot],
-        changed,
+        is_new,
         splat(params.simd, 0.0),
     );
-    state.overtake.stage[slot] = next;
+    state.overtake.stage[slot] = stage;
 }
 
-/// Count the time behind a slower leader.
+/// Count the time that the driver in `slot` spends close behind a leader slower than it wants to be.
 #[inline(always)]
 fn count_waiting_time<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    believed: &Beliefs<S>,
+    beliefs: &Beliefs<S>,
 ) {
-    let speed = state.motion.vx[slot];
-    let queues = believed.gap[LEADER].simd_lt(params.constants.waiting_time_gap * speed);
-    let waits = state.vehicle(params, slot).is_in_stage(stage::FOLLOW)
-        & believed.is_detected[LEADER]
-        & queues
-        & state
-            .vehicle(params, slot)
-            .desired_speed()
-            .simd_gt(speed - believed.closing_speed[LEADER]);
+    let (driver, speed) = (state.vehicle(params, slot), state.motion.vx[slot]);
+    let is_close = beliefs.gap[LEADER].simd_lt(params.constants.waiting_time_gap * speed);
+    let leader_speed = speed - beliefs.closing_speed[LEADER];
+    let waits = driver.is_in_stage(stage::FOLLOW)
+        & beliefs.is_detected[LEADER]
+        & is_close
+        & driver.desired_speed().simd_gt(leader_speed);
     let longer = state.overtake.time_waiting[slot] + params.constants.decision;
     assign_where(&mut state.overtake.time_waiting[slot], waits, longer);
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Stage after this decision; a later rule below overrides an earlier one.
     #[inline(always)]
-    fn next_stage(self, near: &Neighbours<S>, intent: &Intent<S>) -> F32<S> {
+    fn next_stage(self, neighbours: &Neighbours<S>, intent: &Intent<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let centre = 0.5 * (near.lane_right_edge + near.lane_left_edge);
-        let settled = (state.motion.d[slot] - centre)
+        let stage_of = |stage: f32| splat(params.simd, stage);
+        let centre = 0.5 * (neighbours.lane_right_edge + neighbours.lane_left_edge);
+        let is_near_centre = (state.motion.d[slot] - centre)
             .abs()
             .simd_lt(params.constants.settled_offset);
-        let finished = intent.has_finished_lane_change & settled;
-        let [pull_out, pass, back, done, abort, follow] = [
-            stage::PULL_OUT,
-            stage::PASS,
-            stage::RETURN,
-            stage::DONE,
-            stage::ABORT,
-            stage::FOLLOW,
-        ];
-        let next = select(
-            intent.starts_pull_out,
-            splat(params.simd, pull_out),
-            state.overtake.stage[slot],
-        );
-        let next = select(
-            self.is_in_stage(pull_out) & intent.has_finished_lane_change,
-            splat(params.simd, pass),
-            next,
-        );
-        let next = select(intent.cancels_pull_out, splat(params.simd, abort), next);
-        let returning = select(
+        let is_back_in_lane = intent.has_finished_lane_change & is_near_centre;
+        let has_pulled_out = self.is_in_stage(stage::PULL_OUT) & intent.has_finished_lane_change;
+        // A return ahead of the target completes the overtake, a return behind it aborts it.
+        let stage_of_return = select(
             intent.has_passed_target,
-            splat(params.simd, back),
-            splat(params.simd, abort),
+            stage_of(stage::RETURN),
+            stage_of(stage::ABORT),
         );
-        let returns = intent.starts_return & self.is_in_stage(pass);
-        let next = select(returns, returning, next);
-        let next = select(
-            self.is_in_stage(back) & finished,
-            splat(params.simd, done),
-            next,
-        );
-        let next = select(
-            self.is_in_stage(abort) & finished,
-            splat(params.simd, follow),
-            next,
-        );
-        select(intent.cancels_return, splat(params.simd, pass), next)
+        let mut stage = state.overtake.stage[slot];
+        for (applies, next_stage) in [
+            (intent.starts_pull_out, stage_of(stage::PULL_OUT)),
+            (has_pulled_out, stage_of(stage::PASS)),
+            (intent.cancels_pull_out, stage_of(stage::ABORT)),
+            (
+                intent.starts_return & self.is_in_stage(stage::PASS),
+                stage_of_return,
+            ),
+            (
+                self.is_in_stage(stage::RETURN) & is_back_in_lane,
+                stage_of(stage::DONE),
+            ),
+            (
+                self.is_in_stage(stage::ABORT) & is_back_in_lane,
+                stage_of(stage::FOLLOW),
+            ),
+            (intent.cancels_return, stage_of(stage::PASS)),
+        ] {
+            stage = select(applies, next_stage, stage);
+        }
+        stage
+    }
+
+    /// Duration of an urgent lane change, 0 for a driver without urgency [s].
+    ///
+    /// Wheels turn only so far: two arcs of a turning circle of 11 m are 8 m long for a lane of 3.5 m, and drivers take
+    /// twice that. With shorter changes, vehicles that had slowed to 9 km/h swung across their lane and left the road.
+    #[inline(always)]
+    fn urgent_change_duration(self) -> F32<S> {
+        let (overtake, params, slot) = (&self.state.overtake, self.params, self.slot);
+        let constants = &params.constants;
+        let is_urgent = overtake.must_return_urgently[slot].simd_gt(0.0)
+            | overtake.must_abort[slot].simd_gt(0.0);
+        let speed = at_least(self.state.motion.vx[slot], constants.slip_speed);
+        let min_duration = constants.min_change_distance / speed;
+        let duration = max(params.simulations.urgent_change_duration, min_duration);
+        select(is_urgent, duration, splat(params.simd, 0.0))
     }
 }
 
-/// Move over and show it.
+/// Start the intended lane changes of the driver in `slot`, with their indicator, and store the target.
 #[inline(always)]
 fn carry_out_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -214,86 +224,70 @@ fn carry_out_intent<S: Simd, const N: usize>(
     context: &DriverContext<S>,
     intent: &Intent<S>,
 ) {
-    let (constants, zero) = (&params.constants, splat(params.simd, 0.0));
-    let (faster, slower) = (
-        intent.starts_pull_out | intent.cancels_return,
-        intent.starts_return | intent.cancels_pull_out,
-    );
-    assign_where(
-        &mut state.overtake.target_slot[slot],
-        intent.starts_pull_out,
-        context.neighbours.slot[LEADER],
-    );
-    if params.road.directions.has_oncoming_traffic {
-        let beside = state.vehicle(params, slot).overtakes_next_vehicle(context);
-        assign_where(
-            &mut state.overtake.target_slot[slot],
-            beside,
-            context.neighbours.slot[RIGHT_LEADER],
-        );
-    }
-    let broken_off = intent.cancels_pull_out | intent.cancels_return;
-    let sides = (faster, slower, broken_off);
-    let hasty = if params.road.directions.has_oncoming_traffic {
-        let hurried = state.overtake.must_return_urgently[slot].simd_gt(0.0)
-            | state.overtake.must_abort[slot].simd_gt(0.0);
-        let turned =
-            constants.min_change_distance / at_least(state.motion.vx[slot], constants.slip_speed);
-        Some(select(
-            hurried,
-            max(params.simulations.urgent_change_duration, turned),
-            zero,
-        ))
+    let neighbour_slot = &context.neighbours.slot;
+    let target_slot = &mut state.overtake.target_slot[slot];
+    assign_where(target_slot, intent.starts_pull_out, neighbour_slot[LEADER]);
+    // No closure: it would be compiled as a function of its own, without the SIMD features.
+    let urgent_duration = if params.road.directions.has_oncoming_traffic {
+        let passes_next = state.vehicle(params, slot).overtakes_next_vehicle(context);
+        let target_slot = &mut state.overtake.target_slot[slot];
+        assign_where(target_slot, passes_next, neighbour_slot[RIGHT_LEADER]);
+        Some(state.vehicle(params, slot).urgent_change_duration())
     } else {
         None
     };
-    start_lane_changes(
-        state,
-        params,
-        slot,
-        sides,
-        &context.beliefs,
-        hasty,
-        context.decision_index,
-    );
-    let moved = faster | slower;
-    let kept = select(
-        state.overtake.time_indicating[slot].simd_gt(0.0),
-        state.controls.indicator[slot],
-        zero,
-    );
-    let used = params.vehicles[slot].uses_indicator;
-    let shown = select(
-        intent.wants_to_pull_out,
-        used,
-        select(intent.wants_to_return, -used, kept),
-    );
-    assign_where(
-        &mut state.controls.indicator[slot],
-        intent.has_finished_lane_change & !moved,
-        shown,
-    );
-    assign_where(&mut state.overtake.time_indicating[slot], moved, zero);
+    let moves = LaneMoves {
+        to_left: intent.starts_pull_out | intent.cancels_return,
+        to_right: intent.starts_return | intent.cancels_pull_out,
+        is_cancelled: intent.cancels_pull_out | intent.cancels_return,
+        urgent_duration,
+    };
+    start_lane_changes(state, params, slot, context, &moves);
+    set_indicator(state, params, slot, intent, moves.to_left | moves.to_right);
 }
 
-/// End the simulation some time after the overtake, or at the deadline if the ego follows then.
+/// Indicate an intention while it lasts; during a lane change its own indicator stays on.
+#[inline(always)]
+fn set_indicator<S: Simd, const N: usize>(
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
+    slot: usize,
+    intent: &Intent<S>,
+    is_moving: Mask<S>,
+) {
+    let (zero, uses_indicator) = (
+        splat(params.simd, 0.0),
+        params.vehicles[slot].uses_indicator,
+    );
+    let controls = &mut state.controls;
+    // The indicator stays on through a short doubt, until `time_indicating` has run down.
+    let is_on = state.overtake.time_indicating[slot].simd_gt(0.0);
+    let indicator = select(is_on, controls.indicator[slot], zero);
+    let indicator = select(intent.wants_to_return, -uses_indicator, indicator);
+    let indicator = select(intent.wants_to_pull_out, uses_indicator, indicator);
+    let keeps_lane = intent.has_finished_lane_change & !is_moving;
+    assign_where(&mut controls.indicator[slot], keeps_lane, indicator);
+    assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
+}
+
+/// End the simulation some time after the overtake, or at the deadline without an attempt.
 #[inline(always)]
 fn set_end_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     intent: &Intent<S>,
-    next: F32<S>,
+    next_stage: F32<S>,
     step: u32,
 ) {
-    let constants = &params.constants;
-    let now = splat(params.simd, step as f32);
-    let over = next.simd_eq(stage::DONE) & state.overtake.stage[EGO_SLOT].simd_ne(stage::DONE);
-    let after = now + (constants.after_overtake / constants.step).round_ties_even();
-    let sooner = min(state.end_step, after);
-    assign_where(&mut state.end_step, over, sooner);
-    let idle = state.vehicle(params, EGO_SLOT).is_in_stage(stage::FOLLOW)
-        & !intent.wants_to_pull_out
-        & now.simd_ge(params.simulations.deadline_step);
-    let sooner = min(state.end_step, now);
-    assign_where(&mut state.end_step, idle, sooner);
+    let (constants, now) = (&params.constants, splat(params.simd, step as f32));
+    let is_completed =
+        next_stage.simd_eq(stage::DONE) & state.overtake.stage[EGO_SLOT].simd_ne(stage::DONE);
+    let last_step = now + (constants.after_overtake / constants.step).round_ties_even();
+    let end_step = min(state.end_step, last_step);
+    assign_where(&mut state.end_step, is_completed, end_step);
+    let makes_no_attempt =
+        state.vehicle(params, EGO_SLOT).is_in_stage(stage::FOLLOW) & !intent.wants_to_pull_out;
+    let is_over = makes_no_attempt & now.simd_ge(params.simulations.deadline_step);
+    let end_step = min(state.end_step, now);
+    assign_where(&mut state.end_step, is_over, end_step);
 }

@@ -1,216 +1,363 @@
-//! How a driver goes on in the other lane: past, back behind the other, or in haste; see
+//! How a pass that has begun goes on: past the target, back behind it, or urgently back; the twin of
 //! `overtaking.sim.reference.pass_continuation`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::car_following::{acc_accel, cah_accel};
+use crate::car_following::{Follower, acc_accel, cah_accel};
 use crate::decision_context::DriverContext;
 use crate::math::vectors::{F32, Mask, at_least, at_slot, each_at_slot, min, select, splat};
-use crate::passing::{MIN_CLOSING_SPEED, assumed_oncoming_gap, tall_vehicle_gap_factor};
-use crate::state::{RIGHT_FOLLOWER, RIGHT_LEADER, stage};
+use crate::oncoming::OncomingVehicle;
+use crate::passing::{
+    MIN_CLOSING_SPEED, PassingSpeeds, assumed_oncoming_gap, tall_vehicle_gap_factor,
+};
+use crate::state::{FAR, NO_ACCEL_LIMIT, RIGHT_FOLLOWER, RIGHT_LEADER, stage};
 use crate::vehicle_handle::VehicleHandle;
 
-const FAR: f32 = 1e9;
-
-/// How a driver in the other lane stands.
+/// How a driver goes on with a pass against oncoming traffic.
 pub struct PassContinuation<S: Simd> {
-    /// It falls back behind the vehicle that it was to pass.
+    /// It falls back behind its target.
     pub must_abort: Mask<S>,
-    /// It wants to be back soon.
+    /// It returns as soon as it can.
     pub must_return_urgently: Mask<S>,
-    /// It would take a small gap for that.
+    /// It accepts a small gap for the return.
     pub accepts_small_gap: Mask<S>,
-    /// There will be room behind that vehicle, and the next one in its lane, once it is no faster.
+    /// It has gaps behind the target: to it and to the next leader, once the driver has braked to their speed.
     pub fits_into_lane: Mask<S>,
 }
 
+/// How far the target's centre is ahead of the driver's [m].
+struct TargetLead<S: Simd> {
+    now: F32<S>,
+    /// At which the driver fits in behind the target.
+    needed: F32<S>,
+}
+
+/// A passing driver and its target, along the road.
+struct RelativeMotion<S: Simd> {
+    /// Speed of the driver [m/s].
+    speed: F32<S>,
+    /// Speed of the target [m/s].
+    target_speed: F32<S>,
+    /// Speed of the driver minus the target's [m/s].
+    closing_speed: F32<S>,
+    /// How far the target is ahead, now and for an abort.
+    target_lead: TargetLead<S>,
+}
+
+impl<S: Simd> RelativeMotion<S> {
+    /// Distance that the driver still has to gain on its target to return ahead of it [m].
+    #[inline(always)]
+    fn distance_to_clear(&self) -> F32<S> {
+        at_least(self.target_lead.now + self.target_lead.needed, 0.0)
+    }
+}
+
+/// Durations that a passing driver compares [s].
+struct PassTimes<S: Simd> {
+    /// Until it is past the target and back in its lane.
+    complete: F32<S>,
+    /// Until it is back behind the target.
+    abort: F32<S>,
+    /// Until it meets the oncoming vehicle.
+    meet: F32<S>,
+}
+
+/// Space in the right lane beside a passing driver.
+struct ReturnSpace<S: Simd> {
+    /// Gap to the leader plus gap to the follower [m].
+    size: F32<S>,
+    /// Whether it is smaller than the driver would ask for.
+    is_cramped: Mask<S>,
+}
+
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether driver `i` goes on with its pass, and how.
+    /// How the driver goes on with a pass against oncoming traffic.
+    ///
+    /// It compares three durations: to complete the pass, to be back behind the target, and to meet the oncoming
+    /// vehicle.
+    ///
+    /// - While its centre is behind the target's centre, it aborts if it would meet the oncoming vehicle too soon after
+    ///   the pass and aborting is quicker.
+    /// - Past the target and with no time for the next vehicle, it returns between the two. If the space is too small,
+    ///   or aborting is quicker than clearing the target, it aborts.
+    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid lines
+    ///   also returns urgently before one, but keeps its usual gap.
     #[inline(always)]
     pub fn decide_pass_continuation(self, context: &DriverContext<S>) -> PassContinuation<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, own, near, coming) = (
-            &params.constants,
-            self.vehicle(),
-            &context.neighbours,
-            &context.oncoming.nearest,
-        );
-        let out = self.is_before_return();
-        let other = at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[slot],
-            |j| self.other(j).road_velocity().0
-        );
-        let speed = self.road_velocity().0;
-        let (lead, bodies) = self.target_lead();
-        let faster = speed - other;
-        let aside = 0.5 * params.simulations.urgent_change_duration;
-        let onwards = at_least(lead + bodies, 0.0);
-        let rest = self.time_to_pass(onwards, (speed, faster), other) + aside;
-        let brake = constants.abort_decel_share * own.max_assumed_decel;
-        let backwards = at_least(bodies - lead, 0.0);
-        let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
-        let there = select(
-            coming.is_detected,
-            coming.believed_gap / at_least(coming.closing_speed, MIN_CLOSING_SPEED),
-            splat(params.simd, FAR),
-        );
-        let gives_up =
-            lead.simd_gt(0.0) & (rest + constants.abort_margin).simd_gt(there) & back.simd_lt(rest);
-        let no_time = self.must_return_before_next(context);
-        let room = near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER];
-        let left =
-            own.return_time_gap * tall_vehicle_gap_factor(params, state.overtake.target_slot[slot]);
-        let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
-        let too_slow = (onwards / at_least(faster, MIN_CLOSING_SPEED)).simd_gt(back);
-        let trapped = no_time & (room.simd_lt(constants.min_return_space) | too_slow);
-        let yields = (gives_up | trapped | state.overtake.must_abort[slot].simd_gt(0.0)) & out;
-        let beyond = (out | self.is_in_stage(stage::RETURN)) & !yields;
-        let pressed = beyond & ((there - rest).simd_lt(constants.urgent_return_margin) | cramped);
-        let late =
-            self.line_is_solid(at_least(speed, 0.0) * rest) & own.heeds_solid_lines.simd_gt(0.0);
-        // What is still gained on another while the brakes come on, and with them.
-        let gained = |faster: F32<S>| {
-            let faster = at_least(faster, 0.0);
-            faster * (constants.brake_ramp + faster / (2.0 * brake))
+        let motion = self.relative_motion();
+        let times = PassTimes {
+            complete: self.time_to_complete(&motion),
+            abort: self.time_to_abort(&motion),
+            meet: time_to_meet(&context.oncoming.nearest),
         };
-        let (front, closing) = (
-            context.beliefs.gap[RIGHT_LEADER],
-            context.beliefs.closing_speed[RIGHT_LEADER],
-        );
-        let fits = (lead - gained(faster)).simd_gt(bodies)
-            & (front - gained(closing)).simd_gt(constants.min_return_gap);
+        let is_out = self.is_before_return();
+        let must_return_now = self.must_return_before_next(context);
+        let space = self.return_space(context, &motion);
+        // Not taken back while the driver is out.
+        let has_aborted = self.state.overtake.must_abort[self.slot].simd_gt(0.0);
+        let must_abort = (self.aborts_early(&motion, &times)
+            | (must_return_now & self.is_trapped(&motion, &times, &space))
+            | has_aborted)
+            & is_out;
+        let goes_on = (is_out | self.is_in_stage(stage::RETURN)) & !must_abort;
+        let has_little_time =
+            (times.meet - times.complete).simd_lt(self.params.constants.urgent_return_margin);
+        let accepts_small_gap = goes_on & (has_little_time | (must_return_now & space.is_cramped));
+        // Crossing a solid line is no danger in itself: the driver hurries, but accepts no small gap.
+        let hurries_before_line = goes_on & self.would_cross_solid_line(&motion, &times);
         PassContinuation {
-            must_abort: yields,
-            must_return_urgently: pressed | (beyond & late),
-            accepts_small_gap: pressed,
-            fits_into_lane: fits,
+            must_abort,
+            must_return_urgently: accepts_small_gap | hurries_before_line,
+            accepts_small_gap,
+            fits_into_lane: self.fits_after_braking(context, &motion),
         }
     }
 
-    /// Whether driver `i` is past the one that it overtakes, has no time to pass the next one as well, and can still
-    /// brake behind that.
+    /// Speeds of the driver and its target, and how far the target is ahead.
+    #[inline(always)]
+    fn relative_motion(self) -> RelativeMotion<S> {
+        let (speed, target_speed) = (self.road_velocity().0, self.target_speed());
+        RelativeMotion {
+            speed,
+            target_speed,
+            closing_speed: speed - target_speed,
+            target_lead: self.target_lead(),
+        }
+    }
+
+    /// How far the target is ahead, and has to be ahead for an abort.
+    #[inline(always)]
+    fn target_lead(self) -> TargetLead<S> {
+        let (s, params, slot) = (&self.state.motion.s, self.params, self.slot);
+        let target_slot = self.state.overtake.target_slot[slot];
+        let [target_s, half_length] = each_at_slot!(params.num_slots_in_use, target_slot, |j| [
+            s[j],
+            params.vehicles[j].half_length
+        ]);
+        let half_lengths = self.vehicle().half_length + half_length;
+        TargetLead {
+            now: target_s - s[slot],
+            needed: half_lengths + params.constants.min_return_gap,
+        }
+    }
+
+    /// Half of an urgent lane change, which follows once the bodies are clear [s].
+    #[inline(always)]
+    fn time_to_move_over(self) -> F32<S> {
+        0.5 * self.params.simulations.urgent_change_duration
+    }
+
+    /// Braking of an aborting driver, positive [m/s^2].
+    #[inline(always)]
+    fn abort_decel(self) -> F32<S> {
+        self.params.constants.abort_decel_share * self.vehicle().max_assumed_decel
+    }
+
+    /// Time until the driver is past its target and back in its lane [s].
+    #[inline(always)]
+    fn time_to_complete(self, motion: &RelativeMotion<S>) -> F32<S> {
+        let speeds = PassingSpeeds {
+            passer: motion.speed,
+            target: motion.target_speed,
+            closing: motion.closing_speed,
+        };
+        self.time_to_pass(motion.distance_to_clear(), &speeds) + self.time_to_move_over()
+    }
+
+    /// Time t until the braking driver is back behind its target [s].
+    ///
+    /// It solves distance = decel * t^2 / 2 - closing_speed * t.
+    #[inline(always)]
+    fn time_to_abort(self, motion: &RelativeMotion<S>) -> F32<S> {
+        let (decel, closing_speed) = (self.abort_decel(), motion.closing_speed);
+        let distance = at_least(motion.target_lead.needed - motion.target_lead.now, 0.0);
+        let root = (closing_speed * closing_speed + 2.0 * decel * distance).sqrt();
+        (closing_speed + root) / decel + self.time_to_move_over()
+    }
+
+    /// The space between the two vehicles beside the driver, and whether the driver would ask for more.
+    #[inline(always)]
+    fn return_space(
+        self,
+        context: &DriverContext<S>,
+        motion: &RelativeMotion<S>,
+    ) -> ReturnSpace<S> {
+        let (gap, vehicle) = (&context.neighbours.gap, self.vehicle());
+        let size = gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER];
+        // Large vehicles get a longer return gap than cars.
+        let target_slot = self.state.overtake.target_slot[self.slot];
+        let factor = tall_vehicle_gap_factor(self.params, target_slot);
+        let return_time_gap = vehicle.return_time_gap * factor;
+        let usual_size =
+            vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed;
+        ReturnSpace {
+            size,
+            is_cramped: size.simd_lt(usual_size),
+        }
+    }
+
+    /// Whether the target is still ahead, the pass ends too late, and aborting is quicker.
+    #[inline(always)]
+    fn aborts_early(self, motion: &RelativeMotion<S>, times: &PassTimes<S>) -> Mask<S> {
+        let abort_margin = self.params.constants.abort_margin;
+        motion.target_lead.now.simd_gt(0.0)
+            & (times.complete + abort_margin).simd_gt(times.meet)
+            & times.abort.simd_lt(times.complete)
+    }
+
+    /// Whether the space is too small, or aborting is quicker than clearing the target.
+    #[inline(always)]
+    fn is_trapped(
+        self,
+        motion: &RelativeMotion<S>,
+        times: &PassTimes<S>,
+        space: &ReturnSpace<S>,
+    ) -> Mask<S> {
+        let closing_speed = at_least(motion.closing_speed, MIN_CLOSING_SPEED);
+        let clears_target_late = (motion.distance_to_clear() / closing_speed).simd_gt(times.abort);
+        space.size.simd_lt(self.params.constants.min_return_space) | clears_target_late
+    }
+
+    /// Whether a driver that heeds solid lines would return across one.
+    #[inline(always)]
+    fn would_cross_solid_line(self, motion: &RelativeMotion<S>, times: &PassTimes<S>) -> Mask<S> {
+        let distance = at_least(motion.speed, 0.0) * times.complete;
+        self.line_is_solid(distance) & self.vehicle().heeds_solid_lines.simd_gt(0.0)
+    }
+
+    /// Whether an aborting driver has gaps to its target and in its lane once it has braked.
+    ///
+    /// Braking takes effect late, so this tests the gap that is left after it. Without that, drivers touched the vehicle
+    /// ahead of them.
+    #[inline(always)]
+    fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
+        let TargetLead { now, needed } = motion.target_lead;
+        let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
+        // The vehicle ahead in the lane is tested too: the target may have pulled out.
+        let leader = context.beliefs.steady_leader(RIGHT_LEADER);
+        let gap = leader.gap - self.distance_gained_while_braking(leader.closing_speed);
+        lead_after_braking.simd_gt(needed) & gap.simd_gt(self.params.constants.min_return_gap)
+    }
+
+    /// Distance that is still gained on a vehicle until braking has taken the closing speed [m].
+    #[inline(always)]
+    fn distance_gained_while_braking(self, closing_speed: F32<S>) -> F32<S> {
+        let closing_speed = at_least(closing_speed, 0.0);
+        let braking_time = closing_speed / (2.0 * self.abort_decel());
+        closing_speed * (self.params.constants.brake_ramp + braking_time)
+    }
+
+    /// Whether the driver passes and its centre is past the target's.
+    #[inline(always)]
+    fn is_past_target(self) -> Mask<S> {
+        let s = &self.state.motion.s;
+        let target_slot = self.state.overtake.target_slot[self.slot];
+        let target_s = at_slot!(self.params.num_slots_in_use, target_slot, |j| s[j]);
+        self.is_in_stage(stage::PASS) & s[self.slot].simd_gt(target_s)
+    }
+
+    /// Whether the driver is past its target and lacks the time to pass the next vehicle as well.
+    ///
+    /// A driver that can no longer brake behind the next vehicle goes on.
     #[inline(always)]
     fn must_return_before_next(self, context: &DriverContext<S>) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
         let passes = self.is_in_stage(stage::PASS);
         if !passes.any_true() {
             return passes;
         }
-        let (constants, own, coming) =
-            (&params.constants, self.vehicle(), &context.oncoming.nearest);
-        let target_slot = state.overtake.target_slot[slot];
-        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
-        let past = passes & state.motion.s[slot].simd_gt(target_s);
-        let (gap, closing) = (
-            context.beliefs.gap[RIGHT_LEADER],
-            context.beliefs.closing_speed[RIGHT_LEADER],
-        );
-        let next_one = state.motion.vx[slot] - closing;
-        let bodies = 2.0 * (context.neighbours.half_length[RIGHT_LEADER] + own.half_length);
-        let way = gap + bodies + constants.min_return_gap;
-        let longer = self.time_to_pass(way, (state.motion.vx[slot], closing), next_one);
-        let longer = longer
-            + 0.5 * params.simulations.urgent_change_duration
+        let (constants, vehicle) = (&self.params.constants, self.vehicle());
+        let oncoming = &context.oncoming.nearest;
+        let speed = self.state.motion.vx[self.slot];
+        let next_vehicle = context.beliefs.steady_leader(RIGHT_LEADER);
+        let lengths = 2.0 * (context.neighbours.half_length[RIGHT_LEADER] + vehicle.half_length);
+        let distance = next_vehicle.gap + lengths + constants.min_return_gap;
+        let speeds = PassingSpeeds {
+            passer: speed,
+            target: speed - next_vehicle.closing_speed,
+            closing: next_vehicle.closing_speed,
+        };
+        let time = self.time_to_pass(distance, &speeds)
+            + self.time_to_move_over()
             + constants.urgent_return_margin;
-        let late = assumed_oncoming_gap(own, coming).simd_lt(longer * coming.closing_speed);
-        let needed = cah_accel(
-            constants,
-            state.motion.vx[slot],
-            gap,
-            closing,
-            splat(params.simd, 0.0),
-        );
-        past & late & needed.simd_ge(-(constants.abort_decel_share * own.max_assumed_decel))
+        let would_be_late =
+            assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
+        let needed_accel = cah_accel(constants, speed, &next_vehicle);
+        let can_brake = needed_accel.simd_ge(-self.abort_decel());
+        self.is_past_target() & would_be_late & can_brake
     }
 
-    /// Whether driver `i` is past the one that it overtakes and comes beside the next one: it overtakes that now.
+    /// Whether the driver is past its target and comes beside the next vehicle, its new target.
     #[inline(always)]
     pub fn overtakes_next_vehicle(self, context: &DriverContext<S>) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
         let passes = self.is_in_stage(stage::PASS);
         if !passes.any_true() {
             return passes;
         }
-        let near = &context.neighbours;
-        let target_slot = state.overtake.target_slot[slot];
-        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| state.motion.s[j]);
-        let past = passes & state.motion.s[slot].simd_gt(target_s);
-        let beside = near.gap[RIGHT_LEADER].simd_lt(params.constants.min_return_gap);
-        let follows =
-            self.must_return_before_next(context) | state.overtake.must_abort[slot].simd_gt(0.0);
-        past & beside & near.slot[RIGHT_LEADER].simd_ge(0.0) & !follows
+        let neighbours = &context.neighbours;
+        let is_beside = neighbours.gap[RIGHT_LEADER].simd_lt(self.params.constants.min_return_gap);
+        let has_next_vehicle = neighbours.slot[RIGHT_LEADER].simd_ge(0.0);
+        let stays_behind = self.must_return_before_next(context)
+            | self.state.overtake.must_abort[self.slot].simd_gt(0.0);
+        self.is_past_target() & is_beside & has_next_vehicle & !stays_behind
     }
 
-    /// Whether the ego of a two-way road can give up its pass: it is behind who is overtaken.
+    /// Whether a driver that passes on a two-way road is still far enough behind its target.
     #[inline(always)]
     pub fn can_abort_pass(self) -> Mask<S> {
-        let (lead, bodies) = self.target_lead();
-        self.is_before_return() & lead.simd_gt(bodies)
+        let lead = self.target_lead();
+        self.is_before_return() & lead.now.simd_gt(lead.needed)
     }
 
-    /// How far ahead the target is, and has to be for driver `i` to fall in behind it [m].
-    #[inline(always)]
-    fn target_lead(self) -> (F32<S>, F32<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let [place, half_length] = each_at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[slot],
-            |j| [state.motion.s[j], params.vehicles[j].half_length]
-        );
-        let bodies = self.vehicle().half_length + half_length + params.constants.min_return_gap;
-        (place - state.motion.s[slot], bodies)
-    }
-
-    /// The acceleration that driver `i` in the other lane does not go beyond: falling back, or fitting in
-    /// where no time is left to pass the next one, too.
+    /// Largest acceleration of a driver in the opposing lane [m/s^2].
+    ///
+    /// An aborting driver brakes below its target's speed. A driver past its target that lacks the time to pass the next
+    /// vehicle, too, keeps behind that one, as it has to fit in between: with a share of its time gap, or in the middle
+    /// of the space if that is nearer.
     #[inline(always)]
     pub fn accel_limit_while_passing(self, context: &DriverContext<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let free = splat(params.simd, FAR);
-        let yields = state.overtake.must_abort[slot].simd_gt(0.0);
-        if !(yields | self.is_in_stage(stage::PASS)).any_true() {
-            return free;
+        let (params, slot) = (self.params, self.slot);
+        let no_limit = splat(params.simd, NO_ACCEL_LIMIT);
+        let must_abort = self.state.overtake.must_abort[slot].simd_gt(0.0);
+        if !(must_abort | self.is_in_stage(stage::PASS)).any_true() {
+            return no_limit;
         }
-        let (constants, own, near, believed) = (
-            &params.constants,
-            self.vehicle(),
-            &context.neighbours,
-            &context.beliefs,
-        );
-        let (gap, closing) = (
-            believed.gap[RIGHT_LEADER],
-            believed.closing_speed[RIGHT_LEADER],
-        );
-        let other = at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[slot],
-            |j| self.other(j).road_velocity().0
-        );
-        let slow = self
-            .road_velocity()
-            .0
-            .simd_lt(other - constants.abort_speed_difference);
-        let brake = select(
-            slow,
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let speed_after_abort = self.target_speed() - constants.abort_speed_difference;
+        let abort_accel = select(
+            self.road_velocity().0.simd_lt(speed_after_abort),
             splat(params.simd, 0.0),
-            -(constants.abort_decel_share * own.max_assumed_decel),
+            -self.abort_decel(),
         );
-        let middle = 0.5 * (near.gap[RIGHT_LEADER] + near.gap[RIGHT_FOLLOWER]);
-        let nearest = at_least(middle - own.min_gap, 0.0)
-            / at_least(state.motion.vx[slot], constants.slip_speed);
-        let fitting = acc_accel(
-            constants,
-            own,
-            state.motion.vx[slot],
-            self.current_passing_speed(),
-            gap,
-            closing,
-            min(constants.return_time_gap_share * own.time_gap, nearest),
-            believed.accel[RIGHT_LEADER],
-        );
-        let capped = select(self.must_return_before_next(context), fitting, free);
-        select(yields, brake, capped)
+        let gap = &context.neighbours.gap;
+        let gap_in_middle = 0.5 * (gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER]);
+        let speed = self.state.motion.vx[slot];
+        let time_gap_in_middle =
+            at_least(gap_in_middle - vehicle.min_gap, 0.0) / at_least(speed, constants.slip_speed);
+        let follower = Follower {
+            vehicle,
+            speed,
+            desired_speed: self.current_passing_speed(),
+            time_gap: min(
+                constants.return_time_gap_share * vehicle.time_gap,
+                time_gap_in_middle,
+            ),
+        };
+        let next_vehicle = context.beliefs.leader(RIGHT_LEADER);
+        let following_accel = acc_accel(constants, &follower, &next_vehicle);
+        let must_return = self.must_return_before_next(context);
+        let limit = select(must_return, following_accel, no_limit);
+        select(must_abort, abort_accel, limit)
     }
+}
+
+/// Time until the driver meets the oncoming vehicle, as it believes [s].
+#[inline(always)]
+fn time_to_meet<S: Simd>(oncoming: &OncomingVehicle<S>) -> F32<S> {
+    let closing_speed = at_least(oncoming.closing_speed, MIN_CLOSING_SPEED);
+    select(
+        oncoming.is_detected,
+        oncoming.believed_gap / closing_speed,
+        splat(closing_speed.simd, FAR),
+    )
 }

@@ -1,204 +1,239 @@
-//! Whether drivers pass against oncoming traffic, the ego and the others alike; see `overtaking.sim.reference.passing`.
+//! Whether drivers pass against oncoming traffic: distance, time needed, and sight; the twin of
+//! `overtaking.sim.reference.passing`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::decision_context::DriverContext;
+use crate::gap_acceptance::GapAcceptanceInputs;
 use crate::math::vectors::{F32, Mask, at_least, at_slot, each_at_slot, max, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
-use crate::neighbour_search::Neighbours;
 use crate::oncoming::OncomingVehicle;
 use crate::params::{Params, station_indices};
-use crate::state::LEADER;
+use crate::state::{FAR, LEADER};
 use crate::vehicle_handle::VehicleHandle;
 
-const FAR: f32 = 1e9;
-/// Least surplus of speed to be past with, and of approach [m/s].
+/// Keeps the times of passing and of meeting finite [m/s].
 pub const MIN_CLOSING_SPEED: f32 = 0.5;
 /// Keeps the time of accelerating finite [m/s^2].
 const MIN_ACCEL: f32 = 0.1;
 
-/// Time to gain a way on another vehicle, at constant acceleration up to a top speed.
-#[inline(always)]
-fn time_to_gain<S: Simd>(way: F32<S>, faster: F32<S>, top: F32<S>, accel: F32<S>) -> F32<S> {
-    let (a, most) = (at_least(accel, MIN_ACCEL), at_least(top, MIN_CLOSING_SPEED));
-    let v = min(at_least(faster, 0.0), most);
-    let ramp = (most - v) / a;
-    let covered = 0.5 * (v + most) * ramp;
-    let within = ((v * v + 2.0 * a * way).sqrt() - v) / a;
-    select(way.simd_lt(covered), within, ramp + (way - covered) / most)
+/// Speeds of a passing driver and its target [m/s].
+pub struct PassingSpeeds<S: Simd> {
+    pub passer: F32<S>,
+    pub target: F32<S>,
+    /// A believed closing speed differs in its last bits from the difference of the speeds, so it is a field.
+    pub closing: F32<S>,
 }
 
-/// The acceleration that a driver reckons with on the way up to a speed: what it likes to use, and no more
-/// than the engine leaves halfway.
+/// Time to gain a distance on another vehicle, at constant acceleration up to a speed [s].
+///
+/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus that of the other vehicle.
 #[inline(always)]
-fn expected_accel<S: Simd>(
-    constants: &ModelConstants,
-    own: &VehicleParams<S>,
-    speed: F32<S>,
-    top: F32<S>,
+fn time_to_gain<S: Simd>(
+    distance: F32<S>,
+    closing_speed: F32<S>,
+    max_closing_speed: F32<S>,
+    accel: F32<S>,
 ) -> F32<S> {
-    let halfway = 0.5 * (speed + max(top, speed));
-    let engine = min(
-        own.launch_force,
-        own.power / at_least(halfway, constants.slip_speed),
-    );
-    let left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass;
-    min(constants.accelerate_gain * own.accel, left)
-}
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The speed that driver `i` passes at: well above that of the other, if the vehicle can; the limit counts as on a free road.
-    #[inline(always)]
-    fn passing_speed(self, leader: F32<S>) -> F32<S> {
-        let params = self.params;
-        let wanted = max(
-            self.desired_passing_speed(),
-            leader + params.constants.passing_speed_surplus,
-        );
-        let excess = at_least(wanted - self.speed_limit(), 0.0);
-        let heeded = wanted - self.vehicle().speed_limit_compliance * excess;
-        min(heeded, self.vehicle().max_speed)
-    }
-
-    /// The speed that driver `i` wants now, if it passes.
-    #[inline(always)]
-    pub fn current_passing_speed(self) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, own) = (&params.constants, self.vehicle());
-        let other = at_slot!(
-            params.num_slots_in_use,
-            state.overtake.target_slot[slot],
-            |j| self.other(j).road_velocity().0
-        );
-        let top = self.passing_speed(other);
-        let hurried = select(
-            state.overtake.must_return_urgently[slot].simd_gt(0.0),
-            constants.urgent_speed_factor * top,
-            top,
-        );
-        min(hurried, own.max_speed)
-    }
-
-    /// How long driver `i` reckons to take to gain a way on another: from its own speed, and how much faster that is,
-    /// and the speed of the other.
-    #[inline(always)]
-    pub fn time_to_pass(
-        self,
-        way: F32<S>,
-        (speed, faster): (F32<S>, F32<S>),
-        other: F32<S>,
-    ) -> F32<S> {
-        let params = self.params;
-        let top = self.passing_speed(other);
-        let accel = expected_accel(&params.constants, self.vehicle(), speed, top);
-        time_to_gain(way, faster, top - other, accel)
-    }
-}
-
-/// The way up to who comes, or may come from where the road is not seen.
-#[inline(always)]
-pub fn assumed_oncoming_gap<S: Simd>(
-    own: &VehicleParams<S>,
-    coming: &OncomingVehicle<S>,
-) -> F32<S> {
-    min(
-        coming.believed_gap,
-        own.assumed_sight_factor * coming.sight_distance,
+    let a = at_least(accel, MIN_ACCEL);
+    let v_max = at_least(max_closing_speed, MIN_CLOSING_SPEED);
+    let v = min(at_least(closing_speed, 0.0), v_max);
+    let ramp = (v_max - v) / a;
+    let covered = 0.5 * (v + v_max) * ramp;
+    let within = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
+    select(
+        distance.simd_lt(covered),
+        within,
+        ramp + (distance - covered) / v_max,
     )
 }
 
-/// How much more room drivers leave to the vehicle in a slot than to a car.
+/// Acceleration that drivers expect on the way up to their passing speed [m/s^2].
+///
+/// It is the acceleration that they like to use, limited to what the engine can give halfway.
+#[inline(always)]
+fn expected_accel<S: Simd>(
+    constants: &ModelConstants,
+    vehicle: &VehicleParams<S>,
+    speed: F32<S>,
+    passing_speed: F32<S>,
+) -> F32<S> {
+    let halfway = 0.5 * (speed + max(passing_speed, speed));
+    let engine_force = min(
+        vehicle.launch_force,
+        vehicle.power / at_least(halfway, constants.slip_speed),
+    );
+    let surplus = engine_force - (vehicle.drag * halfway * halfway + vehicle.rolling);
+    min(
+        constants.accelerate_gain * vehicle.accel,
+        surplus * vehicle.inverse_mass,
+    )
+}
+
+/// Distance at which a driver assumes an oncoming vehicle, seen or not [m].
+///
+/// Few drivers assume a vehicle at the very end of the visible road: one that does come from there comes into sight
+/// while they pass.
+#[inline(always)]
+pub fn assumed_oncoming_gap<S: Simd>(
+    vehicle: &VehicleParams<S>,
+    oncoming: &OncomingVehicle<S>,
+) -> F32<S> {
+    min(
+        oncoming.believed_gap,
+        vehicle.assumed_sight_factor * oncoming.sight_distance,
+    )
+}
+
+/// Factor on the gap that drivers keep to the vehicle in a slot, 1 for a car [1].
 #[inline(always)]
 pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
     params: &Params<S, N>,
     slot: F32<S>,
 ) -> F32<S> {
-    let tall = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
+    let blocks_view = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
         .blocks_view);
-    let (more, same) = (
+    select(
+        blocks_view.simd_gt(0.0),
         splat(params.simd, params.constants.tall_vehicle_gap_factor),
         splat(params.simd, 1.0),
-    );
-    select(tall.simd_gt(0.0), more, same)
+    )
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether the other lane is believed to be free for long enough by driver `i`, who believes the leader to be
-    /// at a gap, and at a speed.
+    /// Speed at which the driver passes: well above that of the target, if the vehicle can [m/s].
+    ///
+    /// A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
+    #[inline(always)]
+    fn passing_speed(self, target_speed: F32<S>) -> F32<S> {
+        let vehicle = self.vehicle();
+        let unlimited = max(
+            self.desired_passing_speed(),
+            target_speed + self.params.constants.passing_speed_surplus,
+        );
+        let excess = at_least(unlimited - self.speed_limit(), 0.0);
+        let limited = unlimited - vehicle.speed_limit_compliance * excess;
+        min(limited, vehicle.max_speed)
+    }
+
+    /// Speed along the road of the vehicle that the driver overtakes [m/s].
+    #[inline(always)]
+    pub fn target_speed(self) -> F32<S> {
+        let target_slot = self.state.overtake.target_slot[self.slot];
+        at_slot!(self.params.num_slots_in_use, target_slot, |j| self
+            .other(j)
+            .road_velocity()
+            .0)
+    }
+
+    /// Speed that the passing driver wants now [m/s].
+    #[inline(always)]
+    pub fn current_passing_speed(self) -> F32<S> {
+        let usual = self.passing_speed(self.target_speed());
+        let is_urgent = self.state.overtake.must_return_urgently[self.slot].simd_gt(0.0);
+        let urgent = self.params.constants.urgent_speed_factor * usual;
+        min(select(is_urgent, urgent, usual), self.vehicle().max_speed)
+    }
+
+    /// Time that the driver expects to need to gain a distance on its target [s].
+    #[inline(always)]
+    pub fn time_to_pass(self, distance: F32<S>, speeds: &PassingSpeeds<S>) -> F32<S> {
+        let top = self.passing_speed(speeds.target);
+        let accel = expected_accel(&self.params.constants, self.vehicle(), speeds.passer, top);
+        time_to_gain(distance, speeds.closing, top - speeds.target, accel)
+    }
+
+    /// Whether the driver believes that the opposing lane is free for long enough.
+    ///
+    /// It compares the time that passing takes, as it misjudges it and with a reserve, with the time until it meets the
+    /// nearest oncoming vehicle. Where it does not see the road it assumes one. Passing takes half a lane change before
+    /// speed is gained, and half of one at its end. A waiting driver keeps a smaller reserve, but not less than a share
+    /// of its first one.
     #[inline(always)]
     pub fn accepts_oncoming_gap(
         self,
-        near: &Neighbours<S>,
-        coming: &OncomingVehicle<S>,
-        (gap, leader): (F32<S>, F32<S>),
-        impatience: F32<S>,
+        context: &DriverContext<S>,
+        inputs: &GapAcceptanceInputs<'_, S>,
     ) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, own, speed) = (&params.constants, self.vehicle(), state.motion.vx[slot]);
-        let bodies = 2.0 * (near.half_length[LEADER] + own.half_length);
-        let returns = own.return_time_gap
-            * impatience
-            * tall_vehicle_gap_factor(params, near.slot[LEADER])
-            * leader;
-        let way = gap + bodies + returns;
-        let top = self.passing_speed(leader);
-        let gaining = self.time_to_pass(way, (speed, speed - leader), leader);
-        let need = own.passing_time_factor * (gaining + own.lane_change_duration);
-        let closing = coming.closing_speed + 0.5 * at_least(top - speed, 0.0);
-        let spare = own.time_reserve_share * at_least(impatience, constants.min_time_reserve_share);
-        let enough = assumed_oncoming_gap(own, coming).simd_gt(need * (1.0 + spare) * closing);
-        let room = self.gap_ahead_of(near.slot[LEADER]);
-        let least = 2.0 * own.half_length + constants.min_return_gap + returns;
-        let room = room.simd_gt(least + constants.return_time_gap_share * own.time_gap * leader);
-        let solid = self.line_is_solid(splat(params.simd, constants.line_lookahead));
-        enough & coming.is_certain & room & !(solid & own.heeds_solid_lines.simd_gt(0.0))
+        let (params, vehicle) = (self.params, self.vehicle());
+        let constants = &params.constants;
+        let (neighbours, oncoming) = (&context.neighbours, &context.oncoming.nearest);
+        let (leader_slot, leader_speed) = (neighbours.slot[LEADER], inputs.leader_speed);
+        let (speed, patience_left) = (inputs.speed, inputs.patience_left);
+        let lengths = 2.0 * (neighbours.half_length[LEADER] + vehicle.half_length);
+        let return_gap = vehicle.return_time_gap
+            * patience_left
+            * tall_vehicle_gap_factor(params, leader_slot)
+            * leader_speed;
+        let distance = inputs.beliefs.gap[LEADER] + lengths + return_gap;
+        let top = self.passing_speed(leader_speed);
+        let speeds = PassingSpeeds {
+            passer: speed,
+            target: leader_speed,
+            closing: speed - leader_speed,
+        };
+        let gaining_time = self.time_to_pass(distance, &speeds);
+        let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
+        let closing_speed = oncoming.closing_speed + 0.5 * at_least(top - speed, 0.0);
+        let reserve =
+            vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);
+        let has_time =
+            assumed_oncoming_gap(vehicle, oncoming).simd_gt(time * (1.0 + reserve) * closing_speed);
+        let min_gap = 2.0 * vehicle.half_length + constants.min_return_gap + return_gap;
+        let time_gap = constants.return_time_gap_share * vehicle.time_gap;
+        let fits_ahead = self
+            .gap_ahead_of(leader_slot)
+            .simd_gt(min_gap + time_gap * leader_speed);
+        let line_is_solid = self.line_is_solid(splat(params.simd, constants.line_lookahead));
+        let heeds_line = line_is_solid & vehicle.heeds_solid_lines.simd_gt(0.0);
+        has_time & oncoming.is_certain & fits_ahead & !heeds_line
     }
 
-    /// Gap that driver `i` finds between the vehicle in a slot and the one ahead of it.
+    /// Gap between the vehicle in `other_slot` and the next one ahead of it, which is not this driver's [m].
     #[inline(always)]
     pub fn gap_ahead_of(self, other_slot: F32<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let [place, half_length] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
-            state.motion.s[j],
+        let (s, params) = (&self.state.motion.s, self.params);
+        let [centre, half_length] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+            s[j],
             params.vehicles[j].half_length
         ]);
-        let front = place + half_length;
-        let mut room = splat(params.simd, FAR);
-        for j in (0..params.num_slots_in_use).filter(|j| *j != slot) {
+        let front = centre + half_length;
+        let mut gap = splat(params.simd, FAR);
+        for j in (0..params.num_slots_in_use).filter(|j| *j != self.slot) {
             let vehicle = &params.vehicles[j];
-            let beyond = vehicle.valid.simd_gt(0.0)
+            let is_ahead = vehicle.valid.simd_gt(0.0)
                 & vehicle.travel_sign.simd_eq(self.vehicle().travel_sign)
-                & state.motion.s[j].simd_gt(place)
+                & s[j].simd_gt(centre)
                 & other_slot.simd_ne(j as i32 as f32);
-            room = select(
-                beyond,
-                min(room, (state.motion.s[j] - vehicle.half_length) - front),
-                room,
+            gap = select(
+                is_ahead,
+                min(gap, (s[j] - vehicle.half_length) - front),
+                gap,
             );
         }
-        room
+        gap
     }
 
-    /// Whether the line is not to be crossed where driver `i` is, or at a way ahead of it.
+    /// Whether the line between the directions is solid at the driver, or at a distance ahead of it.
     #[inline(always)]
-    pub fn line_is_solid(self, ahead: F32<S>) -> Mask<S> {
-        let params = self.params;
-        let direction = self.vehicle().travel_sign;
-        let ahead = direction * ahead;
+    pub fn line_is_solid(self, distance: F32<S>) -> Mask<S> {
+        let (params, travel_sign) = (self.params, self.vehicle().travel_sign);
         let [stations, along, against] = &params.road.directions.solid_line;
-        let turned = direction.simd_lt(0.0);
-        let (place, _) = self.road_position();
-        let mut solid = [splat(params.simd, 0.0); 2];
+        let is_oncoming = travel_sign.simd_lt(0.0);
+        let (s, _) = self.road_position();
+        let places = [s, s + travel_sign * distance];
+        let mut is_solid = [splat(params.simd, 0.0); 2];
         for k in station_indices(stations) {
             let mark = select(
-                turned,
+                is_oncoming,
                 splat(params.simd, against[k]),
                 splat(params.simd, along[k]),
             );
-            for (solid, place) in solid.iter_mut().zip([place, place + ahead]) {
-                *solid = select(place.simd_ge(stations[k]), mark, *solid);
+            for (is_solid, place) in is_solid.iter_mut().zip(places) {
+                *is_solid = select(place.simd_ge(stations[k]), mark, *is_solid);
             }
         }
-        solid[0].simd_gt(0.0) | solid[1].simd_gt(0.0)
+        is_solid[0].simd_gt(0.0) | is_solid[1].simd_gt(0.0)
     }
 }

@@ -1,8 +1,10 @@
-//! What each driver believes about the neighbours; see `overtaking.sim.reference.perception`.
+//! What each driver believes about its neighbours; the twin of `overtaking.sim.reference.perception`, which names the
+//! sources.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
+use crate::car_following::Leader;
 use crate::decision_context::DriverContext;
 use crate::math::elementary::exp;
 use crate::math::philox::{GLANCES, uniform, words};
@@ -18,31 +20,34 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Who touches is as visible, and looms as much, as at this gap [m].
+/// Gap below which a vehicle is as visible, and looms as much, as at this gap [m].
 const NEAREST_GAP: f32 = 1.0;
-/// Beyond this every limit of sight has been passed [m].
+/// Gap beyond every limit of sight [m].
 const FARTHEST_GAP: f32 = 1e4;
-/// Nothing is seen through e^-40; larger exponents only overflow.
+/// Nothing is visible through e^-40; larger exponents only overflow.
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
-/// What is left of the logarithm of the contrast of something as large as a vehicle near by.
+/// Logarithm at which a contrast cannot be seen any more.
 const MIN_LOG_CONTRAST: f32 = 0.02;
-/// Keeps the growth finite where all looming is seen [rad/s].
+/// Keeps a quotient finite where all looming is seen [rad/s].
 const MIN_LOOMING: f32 = 1e-9;
-/// Keeps sight lines finite alongside [m].
+/// Smallest length of a line of sight, which keeps it finite alongside [m].
 pub const MIN_SIGHT_LINE: f32 = 0.1;
 
-/// What one driver acts on, by role.
+/// What one driver believes about its neighbours, by role.
 #[derive(Clone, Copy)]
 pub struct Beliefs<S: Simd> {
+    /// Whether the driver has detected the neighbour.
     pub is_detected: [Mask<S>; NUM_ROLES],
+    /// Believed gap, `unseen_gap` without a detected neighbour [m].
     pub gap: [F32<S>; NUM_ROLES],
+    /// Believed speed at which the gap shrinks, 0 without a detected neighbour [m/s].
     pub closing_speed: [F32<S>; NUM_ROLES],
-    /// Believed acceleration of those ahead, never positive [m/s^2].
+    /// Believed acceleration of a neighbour ahead, never positive; 0 for one behind [m/s^2].
     pub accel: [F32<S>; NUM_ROLES],
 }
 
 impl<S: Simd> Beliefs<S> {
-    /// Before anyone has looked.
+    /// Beliefs of a driver that has not looked yet.
     #[inline(always)]
     pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
@@ -53,234 +58,287 @@ impl<S: Simd> Beliefs<S> {
             accel: [zero; NUM_ROLES],
         }
     }
+
+    /// The leader in a role, as the driver believes.
+    #[inline(always)]
+    pub fn leader(&self, role: usize) -> Leader<S> {
+        Leader {
+            gap: self.gap[role],
+            closing_speed: self.closing_speed[role],
+            accel: self.accel[role],
+        }
+    }
+
+    /// The leader in a role, as the driver believes, without its braking.
+    #[inline(always)]
+    pub fn steady_leader(&self, role: usize) -> Leader<S> {
+        Leader::steady(self.gap[role], self.closing_speed[role])
+    }
 }
 
-/// Write down where everybody is now.
+/// Extinction coefficients [1/m].
+#[derive(Clone, Copy)]
+pub struct Extinction<S: Simd> {
+    /// Of fog and rain around the driver.
+    pub air: F32<S>,
+    /// Of the spray behind its leader.
+    pub spray: F32<S>,
+}
+
+/// How well a vehicle can be seen.
+pub struct Conspicuity<S: Simd> {
+    /// Logarithm of its contrast.
+    pub log_contrast: F32<S>,
+    /// [1/cd]
+    pub inverse_lamp_intensity: F32<S>,
+}
+
+/// How an approach looms to a driver.
+pub struct Looming<S: Simd> {
+    pub exceeds_threshold: Mask<S>,
+    /// How much of the closing speed is noticed, 0 to 1.
+    pub noticed_share: F32<S>,
+    /// What is left of misjudgements as contact comes near, 0 to 1.
+    pub error_share: F32<S>,
+    /// Closing speed as it is sensed [m/s].
+    pub closing_speed: F32<S>,
+}
+
+/// Motion of a vehicle, extrapolated from when a driver saw it.
+pub struct RecalledMotion<S: Simd> {
+    /// Station now, if the speed has stayed the same [m].
+    pub s: F32<S>,
+    /// Speed along the road [m/s].
+    pub speed: F32<S>,
+    /// Index of the decision at which the driver saw the vehicle.
+    pub observed_at: F32<S>,
+}
+
+/// Remember where all vehicles are now; drivers see it after their reaction delay.
 #[inline(always)]
 pub fn record_history<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    decision: usize,
+    decision_index: u32,
 ) {
-    let row = decision % HISTORY_LENGTH;
-    for i in 0..params.num_slots_in_use {
-        let (along, _) = state.vehicle(params, i).road_velocity();
-        let (low, high) = state.motion.s[i].interleave(along);
+    let row = decision_index as usize % HISTORY_LENGTH;
+    for slot in 0..params.num_slots_in_use {
+        let (along, _) = state.vehicle(params, slot).road_velocity();
+        let (low, high) = state.motion.s[slot].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
-        for (memory, pair) in state.attention.history[i].iter_mut().zip(pairs) {
-            memory[row] = *pair;
+        for (decisions, pair) in state.attention.history[slot].iter_mut().zip(pairs) {
+            decisions[row] = *pair;
         }
     }
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Which simulations' driver `i` looks into the mirrors and at the other lanes now.
-    #[inline(always)]
-    pub fn checks_mirrors_now(self, decision: u32) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let interval = constants.glance_interval as u32;
-        let turn = decision + slot as u32 * constants.glance_stagger as u32;
-        if decision >= interval && turn.is_multiple_of(interval) {
-            return vehicle.valid.simd_eq(vehicle.valid);
-        }
-        let signalled = if params.road.can_overtake(slot) {
-            state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
-        } else {
-            state.lane_choice.time_wanted[slot].simd_ge(vehicle.indicator_lead_time)
-        };
-        let looks = state.lane_choice.wanted_side[slot].simd_ne(0.0) & signalled;
-        if decision.is_multiple_of(constants.glance_moving as u32) {
-            return looks
-                | state.path.elapsed[slot]
-                    .simd_lt(constants.abort_until * state.path.duration[slot]);
-        }
-        looks
-    }
-}
-
-/// Draw whether driver `slot` looks over the shoulder before the next lane change.
+/// Draw whether the driver in `slot` looks over the shoulder before the next lane change.
 #[inline(always)]
 pub fn draw_shoulder_check<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    drawn: Mask<S>,
-    decision: u32,
+    is_drawn: Mask<S>,
+    decision_index: u32,
 ) {
-    let stream = GLANCES + slot as u32;
     let [word, ..] = words(
         params.key,
         &params.scenario_index_low,
         &params.scenario_index_high,
-        stream,
-        decision,
+        GLANCES + slot as u32,
+        decision_index,
     );
-    let word = uniform(params.simd, word);
-    let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
+    let share = params.vehicles[slot].checks_blind_spot;
     let checks = select(
-        word.simd_lt(params.vehicles[slot].checks_blind_spot),
-        one,
-        zero,
+        uniform(params.simd, word).simd_lt(share),
+        splat(params.simd, 1.0),
+        splat(params.simd, 0.0),
     );
-    state.lane_choice.checks_blind_spot[slot] =
-        select(drawn, checks, state.lane_choice.checks_blind_spot[slot]);
+    let checks_blind_spot = &mut state.lane_choice.checks_blind_spot[slot];
+    *checks_blind_spot = select(is_drawn, checks, *checks_blind_spot);
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    #[inline(always)]
-    pub fn extinction_ahead(self, near: &Neighbours<S>, leader_speed: F32<S>) -> (F32<S>, F32<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, simulation) = (&params.constants, &params.simulations);
-        let air = simulation.fog_extinction
-            + simulation.rain_extinction * (1.0 + state.motion.vx[slot] / constants.rain_speed);
-        let path = value_of_lane(
-            &params.road.film_path[..params.road.num_lanes],
-            state.lane_choice.lane[slot],
-        );
-        let water = lane_film(params, path);
-        let zero = splat(params.simd, 0.0);
-        if water.simd_le(0.0).all_true() {
-            return (air, zero);
-        }
-        let speed = leader_speed / constants.spray_speed;
-        let wetness = at_most(water / constants.spray_film, 1.0);
-        let lifted = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| params
-            .vehicles[j]
-            .spray);
-        let spray = constants.spray_coefficient * wetness * (speed * speed) * lifted;
-        let close =
-            near.slot[LEADER].simd_ge(0.0) & near.gap[LEADER].simd_lt(constants.spray_reach);
-        (air, select(close, spray, zero))
-    }
-}
-
-/// What the leader hides.
+/// A leader that may block the view of the driver behind it.
 struct TallLeader<S: Simd> {
-    /// Whether it is there and so high that nobody looks over it.
-    is_tall: Mask<S>,
+    /// Whether there is a leader, and no driver sees over it.
+    blocks_view: Mask<S>,
     half_width: F32<S>,
 }
 
 impl<S: Simd> TallLeader<S> {
     #[inline(always)]
-    fn new<const N: usize>(params: &Params<S, N>, near: &Neighbours<S>) -> Self {
-        let slot = near.slot[LEADER];
-        let [tall, half_width] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+    fn new<const N: usize>(params: &Params<S, N>, neighbours: &Neighbours<S>) -> Self {
+        let leader_slot = neighbours.slot[LEADER];
+        let [blocks_view, half_width] = each_at_slot!(params.num_slots_in_use, leader_slot, |j| [
             params.vehicles[j].blocks_view,
             params.vehicles[j].half_width
         ]);
         Self {
-            is_tall: slot.simd_ge(0.0) & tall.simd_gt(0.0),
+            blocks_view: leader_slot.simd_ge(0.0) & blocks_view.simd_gt(0.0),
             half_width,
         }
     }
 }
 
+/// Whether the leader hides the neighbour in `role`.
 #[inline(always)]
-fn is_occluded<S: Simd>(near: &Neighbours<S>, leader: &TallLeader<S>, role: usize) -> Mask<S> {
-    let (lead, other) = (near.slot[LEADER], near.slot[role]);
-    let reach = at_least(
-        near.distance[LEADER] - near.half_length[LEADER],
+fn is_occluded<S: Simd>(
+    neighbours: &Neighbours<S>,
+    leader: &TallLeader<S>,
+    role: usize,
+) -> Mask<S> {
+    let distance_to_rear = at_least(
+        neighbours.distance[LEADER] - neighbours.half_length[LEADER],
         MIN_SIGHT_LINE,
     );
-    let distance = near.distance[role];
-    let crossing = near.lateral_distance[role] * (reach / at_least(distance, MIN_SIGHT_LINE));
-    let offset = (crossing - near.lateral_distance[LEADER]).abs();
-    let blocked = distance.simd_gt(reach) & offset.simd_lt(leader.half_width) & other.simd_ne(lead);
-    leader.is_tall & blocked
+    let distance = neighbours.distance[role];
+    let crossing =
+        neighbours.lateral_distance[role] * (distance_to_rear / at_least(distance, MIN_SIGHT_LINE));
+    let offset = (crossing - neighbours.lateral_distance[LEADER]).abs();
+    let is_behind_body = distance.simd_gt(distance_to_rear) & offset.simd_lt(leader.half_width);
+    let is_other = neighbours.slot[role].simd_ne(neighbours.slot[LEADER]);
+    leader.blocks_view & is_behind_body & is_other
 }
 
-/// How close to the limit of sight somebody at a gap is, by contrast or by lamps.
+/// Distance of a vehicle over the range at which it can be seen, by contrast or by lamps; below 1 it can be seen [1].
 #[inline(always)]
 pub fn sight_range_ratio<S: Simd, const N: usize>(
     params: &Params<S, N>,
     gap: F32<S>,
-    is_front: bool,
-    [contrast, lamp]: [F32<S>; 2],
-    (air, spray): (F32<S>, F32<S>),
+    is_ahead: bool,
+    conspicuity: &Conspicuity<S>,
+    extinction: Extinction<S>,
 ) -> F32<S> {
     let (constants, simulation) = (&params.constants, &params.simulations);
     let distance = clamp_to(gap, NEAREST_GAP, FARTHEST_GAP);
-    let mut depth = air * distance;
+    let mut depth = extinction.air * distance;
     let mut sensitivity = simulation.log_contrast_sensitivity_behind;
-    if is_front {
-        depth += spray * at_most(distance, constants.spray_reach);
+    if is_ahead {
+        depth += extinction.spray * at_most(distance, constants.spray_reach);
         sensitivity = simulation.log_contrast_sensitivity_ahead;
     }
-    let by_contrast = depth / at_least(contrast + sensitivity, MIN_LOG_CONTRAST);
-    let by_contrast = max(by_contrast, distance * simulation.inverse_lit_range);
-    let by_lamp = (distance
+    let log_contrast = at_least(conspicuity.log_contrast + sensitivity, MIN_LOG_CONTRAST);
+    let ratio_by_contrast = max(
+        depth / log_contrast,
+        distance * simulation.inverse_lit_range,
+    );
+    let ratio_by_lamp = (distance
         * distance
-        * (simulation.lamp_threshold * lamp)
+        * (simulation.lamp_threshold * conspicuity.inverse_lamp_intensity)
         * exp(at_most(depth, MAX_OPTICAL_DEPTH)))
     .sqrt();
-    min(by_contrast, by_lamp)
+    min(ratio_by_contrast, ratio_by_lamp)
 }
 
-#[allow(clippy::too_many_arguments)]
+/// Time in view that a driver needs to detect a vehicle; it grows with `sight_range_ratio` [s].
+#[inline(always)]
+pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32<S>) -> F32<S> {
+    params.simulations.detection_time
+        * (1.0 + params.constants.detection_growth * (ratio * ratio * ratio))
+}
+
+/// One driver's look at its neighbour in one role.
+struct Gaze<'a, S: Simd> {
+    role: usize,
+    neighbours: &'a Neighbours<S>,
+    /// The leader, unless it is looked at itself.
+    tall_leader: Option<&'a TallLeader<S>>,
+    sight_range_ratio: F32<S>,
+    /// Whether the driver keeps an eye on this role all the time.
+    watches: Mask<S>,
+    /// Whether the driver looks there at this decision.
+    looks: Mask<S>,
+    /// Vehicle in each role at the last look.
+    known_slots: &'a [F32<S>; NUM_ROLES],
+    /// How long that vehicle had been in view [s].
+    known_times: &'a [F32<S>; NUM_ROLES],
+}
+
+/// Whether the driver in `slot` has detected the neighbour that it looks at; updates the time in view.
 #[inline(always)]
 fn detect<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    near: &Neighbours<S>,
     slot: usize,
-    role: usize,
-    effort: F32<S>,
-    leader: Option<&TallLeader<S>>,
-    before: &([F32<S>; NUM_ROLES], [F32<S>; NUM_ROLES]),
-    (steadily, now): (Mask<S>, Mask<S>),
+    gaze: &Gaze<'_, S>,
 ) -> Mask<S> {
-    let constants = &params.constants;
-    let zero = splat(params.simd, 0.0);
-    let (other_slot, gap) = (near.slot[role], near.gap[role]);
-    let is_front = role.is_multiple_of(2);
-    let reach = if is_front {
-        params.vehicles[slot].attention_range
-    } else {
-        splat(params.simd, constants.mirror_range)
-    };
-    let mut visible = other_slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(reach);
-    if let Some(leader) = leader.filter(|leader| is_front && leader.is_tall.any_true()) {
-        visible &= !is_occluded(near, leader, role);
-    }
-    let hides = gap.simd_lt(if is_front { 0.0 } else { constants.blind_spot })
-        & state.lane_choice.checks_blind_spot[slot].simd_eq(0.0);
-    if hides.any_true() {
-        let width = at_slot!(params.num_slots_in_use, other_slot, |j| params.vehicles[j]
-            .half_width);
-        let aside = near.lateral_distance[role].abs() - (params.vehicles[slot].half_width + width);
-        visible &= !(hides & aside.simd_gt(constants.alongside));
-    }
-    let more = select(
-        steadily,
+    let (constants, role) = (&params.constants, gaze.role);
+    let neighbour_slot = gaze.neighbours.slot[role];
+    let is_visible = is_visible(state.vehicle(params, slot), gaze);
+    let time_step = select(
+        gaze.watches,
         splat(params.simd, constants.decision),
         splat(params.simd, constants.glance_time),
     );
-    let mut longer = zero;
-    for (known, time) in before.0.into_iter().zip(before.1) {
-        longer = select(other_slot.simd_eq(known), max(longer, time), longer);
+    // A neighbour that was in view in another role has changed lanes and stays known.
+    let zero = splat(params.simd, 0.0);
+    let mut known_time = zero;
+    for (known_slot, time) in gaze.known_slots.iter().zip(gaze.known_times) {
+        let is_known = neighbour_slot.simd_eq(*known_slot);
+        known_time = select(is_known, max(known_time, *time), known_time);
     }
-    let first = before.0[role].simd_eq(NEVER_LOOKED);
-    let longer = select(
-        first,
+    let is_first_look = gaze.known_slots[role].simd_eq(NEVER_LOOKED);
+    let time_in_view = select(
+        is_first_look,
         splat(params.simd, constants.initial_time_in_view),
-        longer + more,
+        known_time + time_step,
     );
-    let longer = select(visible, longer, zero);
-    assign_where(&mut state.attention.time_in_view[slot][role], now, longer);
+    let time_in_view = select(is_visible, time_in_view, zero);
+    let attention = &mut state.attention;
     assign_where(
-        &mut state.attention.slot_in_view[slot][role],
-        now,
-        other_slot,
+        &mut attention.time_in_view[slot][role],
+        gaze.looks,
+        time_in_view,
     );
-    let needed = params.simulations.detection_time
-        * (1.0 + constants.detection_growth * (effort * effort * effort));
-    now & visible & state.attention.time_in_view[slot][role].simd_ge(needed)
+    assign_where(
+        &mut attention.slot_in_view[slot][role],
+        gaze.looks,
+        neighbour_slot,
+    );
+    let needed_time = detection_time(params, gaze.sight_range_ratio);
+    gaze.looks & is_visible & attention.time_in_view[slot][role].simd_ge(needed_time)
 }
 
-/// 0, 1, 2 ... 15.
+/// Whether the driver can see the neighbour that it looks at.
+#[inline(always)]
+fn is_visible<S: Simd, const N: usize>(
+    driver: VehicleHandle<'_, S, N>,
+    gaze: &Gaze<'_, S>,
+) -> Mask<S> {
+    let (params, role, neighbours) = (driver.params, gaze.role, gaze.neighbours);
+    let (constants, vehicle) = (&params.constants, driver.vehicle());
+    let (neighbour_slot, gap) = (neighbours.slot[role], neighbours.gap[role]);
+    let is_ahead = role.is_multiple_of(2);
+    let range = if is_ahead {
+        vehicle.attention_range
+    } else {
+        splat(params.simd, constants.mirror_range)
+    };
+    let mut is_visible =
+        neighbour_slot.simd_ge(0.0) & gaze.sight_range_ratio.simd_le(1.0) & gap.simd_lt(range);
+    if let Some(leader) = gaze
+        .tall_leader
+        .filter(|leader| is_ahead && leader.blocks_view.any_true())
+    {
+        is_visible &= !is_occluded(neighbours, leader, role);
+    }
+    // The blind spot reaches from the rear bumper backwards; a leader is in it only alongside. A body that comes very
+    // near sideways is seen from the corner of the eye.
+    let is_beside = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
+        & driver.state.lane_choice.checks_blind_spot[driver.slot].simd_eq(0.0);
+    if is_beside.any_true() {
+        let half_width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
+            [j]
+            .half_width);
+        let lateral_gap =
+            neighbours.lateral_distance[role].abs() - (vehicle.half_width + half_width);
+        is_visible &= !(is_beside & lateral_gap.simd_gt(constants.alongside));
+    }
+    is_visible
+}
+
+/// The numbers of the lanes.
 #[inline(always)]
 fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
     let number: [f32; SIMD_LANES] = [
@@ -289,20 +347,20 @@ fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
     F32::simd_from(simd, number)
 }
 
-/// Where and how fast the vehicles in `slot` were at decision `then`.
+/// Station [m] and speed along the road [m/s] of the vehicles in `slot` at past decisions.
 #[inline(always)]
-pub fn recall_motion<S: Simd, const N: usize>(
+fn recall_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
     simd: S,
-    then: F32<S>,
+    decision_index: F32<S>,
     slot: F32<S>,
 ) -> (F32<S>, F32<S>) {
-    let row = then - HISTORY_LENGTH as f32 * floor(then * (1.0 / HISTORY_LENGTH as f32));
-    let who = at_least(slot, 0.0);
-    let place: i32x16<S> =
-        (row + (who * SIMD_LANES as f32 + lane_numbers(simd)) * HISTORY_STRIDE as f32).to_int();
-    let place = place.to_array();
-    let moments = state.attention.history.as_flattened().as_flattened();
+    let periods = floor(decision_index * (1.0 / HISTORY_LENGTH as f32));
+    let row = decision_index - HISTORY_LENGTH as f32 * periods;
+    let slot_and_lane = at_least(slot, 0.0) * SIMD_LANES as f32 + lane_numbers(simd);
+    let index: i32x16<S> = (row + slot_and_lane * HISTORY_STRIDE as f32).to_int();
+    let index = index.to_array();
+    let history = state.attention.history.as_flattened().as_flattened();
     let (mut low, mut high) = ([0.0; SIMD_LANES], [0.0; SIMD_LANES]);
     for (lane, pair) in low
         .as_chunks_mut::<2>()
@@ -311,39 +369,125 @@ pub fn recall_motion<S: Simd, const N: usize>(
         .chain(high.as_chunks_mut::<2>().0)
         .enumerate()
     {
-        // The limit does nothing but spare the check of the bounds.
-        *pair = moments
-            [(place[lane] as u32).min((N * SIMD_LANES * HISTORY_STRIDE - 1) as u32) as usize];
+        // No index exceeds the limit; with it the compiler drops the check of the bounds.
+        let last = (N * SIMD_LANES * HISTORY_STRIDE - 1) as u32;
+        *pair = history[(index[lane] as u32).min(last) as usize];
     }
     F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// How an approach looms to driver `i`: whether it does at all, how much of it is noticed, what is left of
-    /// misjudgements as contact comes near, and the speed of approach that is sensed.
-    #[inline(always)]
-    pub fn sense_looming(
-        self,
-        gap: F32<S>,
-        closing: F32<S>,
-        width: F32<S>,
-    ) -> (Mask<S>, F32<S>, F32<S>, F32<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let constants = &params.constants;
-        let distance = at_least(gap, NEAREST_GAP);
-        let expansion = width * closing.abs() / (distance * distance);
-        let excess = expansion - constants.looming_threshold;
-        let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
-        let clear = clamp_to(excess / span, 0.0, 1.0);
-        let fading = at_least(closing * constants.error_fade_time, NEAREST_GAP);
-        let share = at_most(distance / fading, 1.0);
-        let sensed = closing
-            * (1.0 + share * (params.simulations.speed_error * state.noise.speed_error[slot]));
-        (excess.simd_gt(0.0), clear, share, sensed)
+/// Where drivers expect vehicles that they saw a reaction delay ago, at constant speed.
+///
+/// `slot` has the slots of the vehicles, and `delay` the reaction delay in decisions.
+#[inline(always)]
+pub fn extrapolate_motion<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    slot: F32<S>,
+    delay: F32<S>,
+    decision_index: u32,
+) -> RecalledMotion<S> {
+    let now = splat(params.simd, decision_index as f32);
+    let observed_at = at_least(now - delay, 0.0);
+    let (s, speed) = recall_motion(state, params.simd, observed_at, slot);
+    let elapsed = (now - observed_at) * params.constants.decision;
+    RecalledMotion {
+        s: s + speed * elapsed,
+        speed,
+        observed_at,
     }
 }
 
-/// Update what driver `slot` believes about its six neighbours.
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Whether the driver checks mirrors and adjacent lanes now.
+    ///
+    /// Drivers do so at an interval, but not all at once at the start; once more when they have indicated for long
+    /// enough, before they move over; and more often while they move over.
+    #[inline(always)]
+    pub fn checks_mirrors_now(self, decision_index: u32) -> Mask<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let interval = constants.glance_interval as u32;
+        // Slots look one after the other. Looks drawn for each driver would save nothing: in a block of sixteen
+        // simulations some driver looks at every decision.
+        let staggered_index = decision_index + slot as u32 * constants.glance_stagger as u32;
+        if decision_index >= interval && staggered_index.is_multiple_of(interval) {
+            return vehicle.valid.simd_eq(vehicle.valid);
+        }
+        let has_indicated = if params.road.can_overtake(slot) {
+            state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
+        } else {
+            state.lane_choice.time_wanted[slot].simd_ge(vehicle.indicator_lead_time)
+        };
+        let moves_over_soon = state.lane_choice.wanted_side[slot].simd_ne(0.0) & has_indicated;
+        if !decision_index.is_multiple_of(constants.glance_moving as u32) {
+            return moves_over_soon;
+        }
+        let (elapsed, duration) = (state.path.elapsed[slot], state.path.duration[slot]);
+        moves_over_soon | elapsed.simd_lt(constants.abort_until * duration)
+    }
+
+    /// Extinction around the driver, and of the spray behind its leader.
+    #[inline(always)]
+    pub fn extinction_ahead(
+        self,
+        neighbours: &Neighbours<S>,
+        leader_speed: F32<S>,
+    ) -> Extinction<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, simulation) = (&params.constants, &params.simulations);
+        let air = simulation.fog_extinction
+            + simulation.rain_extinction * (1.0 + state.motion.vx[slot] / constants.rain_speed);
+        let film_path = value_of_lane(
+            &params.road.film_path[..params.road.num_lanes],
+            state.lane_choice.lane[slot],
+        );
+        let film = lane_film(params, film_path);
+        let zero = splat(params.simd, 0.0);
+        if film.simd_le(0.0).all_true() {
+            return Extinction { air, spray: zero };
+        }
+        let relative_speed = leader_speed / constants.spray_speed;
+        let wetness = at_most(film / constants.spray_film, 1.0);
+        let leader_slot = neighbours.slot[LEADER];
+        let leader_spray = at_slot!(params.num_slots_in_use, leader_slot, |j| params.vehicles[j]
+            .spray);
+        let spray = constants.spray_coefficient
+            * wetness
+            * (relative_speed * relative_speed)
+            * leader_spray;
+        let is_in_spray =
+            leader_slot.simd_ge(0.0) & neighbours.gap[LEADER].simd_lt(constants.spray_reach);
+        Extinction {
+            air,
+            spray: select(is_in_spray, spray, zero),
+        }
+    }
+
+    /// How an approach looms to the driver. `width` is that of the vehicle as it looms [m].
+    #[inline(always)]
+    pub fn sense_looming(self, gap: F32<S>, closing_speed: F32<S>, width: F32<S>) -> Looming<S> {
+        let (constants, simulation) = (&self.params.constants, &self.params.simulations);
+        let distance = at_least(gap, NEAREST_GAP);
+        let expansion = width * closing_speed.abs() / (distance * distance);
+        let excess = expansion - constants.looming_threshold;
+        let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
+        let fading_distance = at_least(closing_speed * constants.error_fade_time, NEAREST_GAP);
+        let error_share = at_most(distance / fading_distance, 1.0);
+        let speed_error = simulation.speed_error * self.state.noise.speed_error[self.slot];
+        Looming {
+            exceeds_threshold: excess.simd_gt(0.0),
+            noticed_share: clamp_to(excess / span, 0.0, 1.0),
+            error_share,
+            closing_speed: closing_speed * (1.0 + error_share * speed_error),
+        }
+    }
+}
+
+/// Update what the driver in `slot` believes about its six neighbours.
+///
+/// Drivers watch the leader, and while they change lanes also the vehicles ahead on either side. They see the other
+/// neighbours only when they check mirrors and adjacent lanes.
 #[inline(always)]
 pub fn form_beliefs<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -352,138 +496,162 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     bodies: &[VisibleBody<S>; N],
     context: &mut DriverContext<S>,
 ) {
-    let (near, believed) = (&context.neighbours, &mut context.beliefs);
-    let (looks, decision) = (context.checks_mirrors, context.decision_index);
+    let (neighbours, beliefs) = (&context.neighbours, &mut context.beliefs);
+    let checks_mirrors = context.checks_mirrors;
     let (constants, simulation, vehicle) = (
         &params.constants,
         &params.simulations,
         &params.vehicles[slot],
     );
     let zero = splat(params.simd, 0.0);
-    let leader_speed = at_slot!(params.num_slots_in_use, near.slot[LEADER], |j| state
+    let unseen_gap = splat(params.simd, constants.unseen_gap);
+    let leader_speed = at_slot!(params.num_slots_in_use, neighbours.slot[LEADER], |j| state
         .motion
         .vx[j]);
-    let depths = state
-        .vehicle(params, slot)
-        .extinction_ahead(near, leader_speed);
-    let everybody = vehicle.valid.simd_eq(vehicle.valid);
-    let changing = state.path.elapsed[slot].simd_lt(state.path.duration[slot]);
+    let driver = state.vehicle(params, slot);
+    let extinction = driver.extinction_ahead(neighbours, leader_speed);
+    let always = vehicle.valid.simd_eq(vehicle.valid);
+    let is_changing_lane = driver.is_changing_lane();
     // Beliefs about roles that no driver of the block looks at are not computed.
-    let watched = |role: usize| {
-        role == LEADER || looks.any_true() || (role.is_multiple_of(2) && changing.any_true())
+    let is_needed = |role: usize| {
+        role == LEADER
+            || checks_mirrors.any_true()
+            || (role.is_multiple_of(2) && is_changing_lane.any_true())
     };
-    let at = splat(params.simd, decision as f32);
-    let urgent =
-        near.gap[LEADER].simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
-    let (own_speed, _) = state.vehicle(params, slot).road_velocity();
-    let judged = exp(simulation.distance_error * state.noise.distance_error[slot]);
-    *believed = Beliefs::none(params.simd);
-    let leader = watched(LEFT_LEADER).then(|| TallLeader::new(params, near));
-    let before = (
-        state.attention.slot_in_view[slot],
-        state.attention.time_in_view[slot],
-    );
-    // A short pass: the exponential and the root of one role take the time of those of several.
-    let mut efforts = [zero; NUM_ROLES];
-    for role in (0..NUM_ROLES).filter(|role| watched(*role)) {
-        let (other_slot, is_front) = (near.slot[role], role.is_multiple_of(2));
-        let shines = if is_front {
-            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+    // Contact with the leader, the only vehicle watched all the time, is near.
+    let is_imminent = neighbours.gap[LEADER]
+        .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
+    let (own_speed, _) = driver.road_velocity();
+    let distance_factor = exp(simulation.distance_error * state.noise.distance_error[slot]);
+    *beliefs = Beliefs::none(params.simd);
+    let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
+    let known_slots = state.attention.slot_in_view[slot];
+    let known_times = state.attention.time_in_view[slot];
+    // A loop of its own: the CPU works on the exponentials and roots of several roles at once.
+    let mut sight_range_ratios = [zero; NUM_ROLES];
+    for role in (0..NUM_ROLES).filter(|role| is_needed(*role)) {
+        let (neighbour_slot, is_ahead) = (neighbours.slot[role], role.is_multiple_of(2));
+        // Ahead the rear lamps count, behind the headlamps.
+        let [log_contrast, inverse_lamp_intensity] = if is_ahead {
+            each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
                 params.vehicles[j].log_contrast,
                 bodies[j].inverse_rear_lamp
             ])
         } else {
-            each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+            each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
                 params.vehicles[j].log_contrast,
                 params.vehicles[j].inverse_head_lamp
             ])
         };
-        efforts[role] = sight_range_ratio(params, near.gap[role], is_front, shines, depths);
+        let conspicuity = Conspicuity {
+            log_contrast,
+            inverse_lamp_intensity,
+        };
+        let gap = neighbours.gap[role];
+        sight_range_ratios[role] =
+            sight_range_ratio(params, gap, is_ahead, &conspicuity, extinction);
     }
     for role in 0..NUM_ROLES {
-        let other_slot = near.slot[role];
-        let is_front = role.is_multiple_of(2);
-        believed.gap[role] = splat(params.simd, constants.unseen_gap);
-        if !watched(role) {
+        let (neighbour_slot, is_ahead) = (neighbours.slot[role], role.is_multiple_of(2));
+        beliefs.gap[role] = unseen_gap;
+        if !is_needed(role) {
             continue;
         }
-        let steadily = match role {
-            LEADER => everybody,
-            _ if is_front => changing,
-            _ => !everybody,
+        let watches = match role {
+            LEADER => always,
+            _ if is_ahead => is_changing_lane,
+            _ => !always,
         };
-        let now = looks | steadily;
-        if other_slot.simd_lt(0.0).all_true() {
+        let looks = checks_mirrors | watches;
+        if neighbour_slot.simd_lt(0.0).all_true() {
+            let attention = &mut state.attention;
             assign_where(
-                &mut state.attention.slot_in_view[slot][role],
-                now,
-                other_slot,
+                &mut attention.slot_in_view[slot][role],
+                looks,
+                neighbour_slot,
             );
-            assign_where(&mut state.attention.time_in_view[slot][role], now, zero);
+            assign_where(&mut attention.time_in_view[slot][role], looks, zero);
             continue;
         }
-        let noticed = params.simd.vectorize(
+        let is_detected = params.simd.vectorize(
             #[inline(always)]
             || {
-                detect(
-                    state,
-                    params,
-                    near,
-                    slot,
+                let gaze = Gaze {
                     role,
-                    efforts[role],
-                    leader.as_ref().filter(|_| role != LEADER),
-                    &before,
-                    (steadily, now),
-                )
+                    neighbours,
+                    tall_leader: tall_leader.as_ref().filter(|_| role != LEADER),
+                    sight_range_ratio: sight_range_ratios[role],
+                    watches,
+                    looks,
+                    known_slots: &known_slots,
+                    known_times: &known_times,
+                };
+                detect(state, params, slot, &gaze)
             },
         );
-        let ticks = match role {
+        let delay = match role {
             LEADER => select(
-                urgent,
+                is_imminent,
                 vehicle.urgent_reaction_delay,
                 vehicle.reaction_delay,
             ),
             _ => vehicle.reaction_delay,
         };
-        let then = at_least(at - ticks, 0.0);
-        let (place, speed) = recall_motion(state, params.simd, then, other_slot);
-        let place = place + speed * ((at - then) * constants.decision);
-        let ahead = if is_front {
-            place - state.motion.s[slot]
+        let seen_motion =
+            extrapolate_motion(state, params, neighbour_slot, delay, context.decision_index);
+        let (distance, closing_speed) = if is_ahead {
+            (
+                seen_motion.s - state.motion.s[slot],
+                own_speed - seen_motion.speed,
+            )
         } else {
-            state.motion.s[slot] - place
+            (
+                state.motion.s[slot] - seen_motion.s,
+                seen_motion.speed - own_speed,
+            )
         };
-        let ahead = nearest_image(params, ahead);
-        let gap = ahead - (near.half_length[role] + vehicle.half_length);
-        let closing = if is_front {
-            own_speed - speed
-        } else {
-            speed - own_speed
-        };
-        let width = at_slot!(params.num_slots_in_use, other_slot, |j| params.vehicles[j]
+        let half_lengths = neighbours.half_length[role] + vehicle.half_length;
+        let gap = nearest_image(params, distance) - half_lengths;
+        let width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
+            [j]
             .looming_width);
-        let (looms, clear, share, sensed) = state
+        let looming = state
             .vehicle(params, slot)
-            .sense_looming(gap, closing, width);
-        let error = (judged - 1.0) * share;
-        if is_front {
-            let before = at_least(then - constants.brake_memory, 0.0);
-            let (_, early) = recall_motion(state, params.simd, before, other_slot);
-            let change = at_most(
-                (speed - early) / (constants.brake_memory * constants.decision),
-                0.0,
-            );
-            let lamps = change.simd_lt(-constants.stop_lamp_decel) & !looms;
-            let seen = select(lamps, at_most(change, -constants.lamp_decel), change);
-            believed.accel[role] = select(noticed, seen, zero);
+            .sense_looming(gap, closing_speed, width);
+        if is_ahead {
+            let accel = believed_braking(state, params, neighbour_slot, &seen_motion, &looming);
+            beliefs.accel[role] = select(is_detected, accel, zero);
         }
-        believed.is_detected[role] = noticed;
-        believed.gap[role] = select(
-            noticed,
-            gap + gap * error,
-            splat(params.simd, constants.unseen_gap),
-        );
-        believed.closing_speed[role] = select(noticed, clear * sensed, zero);
+        let gap_error = (distance_factor - 1.0) * looming.error_share;
+        let noticed_closing_speed = looming.noticed_share * looming.closing_speed;
+        beliefs.is_detected[role] = is_detected;
+        beliefs.gap[role] = select(is_detected, gap + gap * gap_error, unseen_gap);
+        beliefs.closing_speed[role] = select(is_detected, noticed_closing_speed, zero);
     }
+}
+
+/// Acceleration of a vehicle ahead as it seemed a reaction delay ago, never positive [m/s^2].
+///
+/// Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms.
+#[inline(always)]
+fn believed_braking<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    slot: F32<S>,
+    seen_motion: &RecalledMotion<S>,
+    looming: &Looming<S>,
+) -> F32<S> {
+    let constants = &params.constants;
+    let earlier = at_least(seen_motion.observed_at - constants.brake_memory, 0.0);
+    let (_, earlier_speed) = recall_motion(state, params.simd, earlier, slot);
+    let accel = at_most(
+        (seen_motion.speed - earlier_speed) / (constants.brake_memory * constants.decision),
+        0.0,
+    );
+    let shows_lamps_only = accel.simd_lt(-constants.stop_lamp_decel) & !looming.exceeds_threshold;
+    select(
+        shows_lamps_only,
+        at_most(accel, -constants.lamp_decel),
+        accel,
+    )
 }

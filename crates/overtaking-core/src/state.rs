@@ -23,6 +23,8 @@ pub const NEVER_LOOKED: f32 = -2.0;
 /// At the first frame, before the road has been looked at.
 const ANY_SPEED: f32 = 1e9;
 const ANY_SIGHT: f32 = 1e9;
+/// A distance [m] or time [s] without a vehicle.
+pub const FAR: f32 = 1e9;
 /// An acceleration that limits nothing [m/s^2].
 pub const NO_ACCEL_LIMIT: f32 = 1e9;
 

@@ -67,7 +67,7 @@ pub fn perceive<S: Simd, const N: usize>(
     let two_way = params.road.directions.has_oncoming_traffic;
     with_cpu_features!(params.simd, {
         for i in 0..params.num_slots_in_use {
-            bodies[i] = VisibleBody::new(state, params, i);
+            bodies[i] = VisibleBody::new(state.vehicle(params, i));
         }
         if two_way {
             oncoming_search.update(state, params, bodies);
@@ -111,7 +111,7 @@ pub fn perceive<S: Simd, const N: usize>(
                 let needs_beliefs = i == EGO_SLOT
                     || (driver.checks_mirrors | oncoming_search.overtakes[i]).any_true();
                 let traffic = (&*bodies, &*oncoming_search);
-                observe_oncoming(state, params, i, traffic, needs_beliefs, driver);
+                observe_oncoming(state, params, i, traffic, (driver, needs_beliefs));
             });
         }
         // The function writes the beliefs in place: a value that is returned from a function with other CPU features
@@ -220,8 +220,7 @@ pub fn drive_others<S: Simd, const N: usize>(
                 state,
                 params,
                 i,
-                bodies,
-                &drivers[i],
+                (bodies, &drivers[i]),
                 accel_limit[i],
             );
         });
@@ -309,7 +308,7 @@ fn update_surroundings<S: Simd, const N: usize>(
     });
     with_cpu_features!(
         params.simd,
-        perception::record_history(state, params, decision as usize)
+        perception::record_history(state, params, decision)
     );
     with_cpu_features!(
         params.simd,
