@@ -76,10 +76,10 @@ driver wants may start faster than its leader. The difference is limited, so tha
 brings the vehicle to its leader's speed while the gap shrinks to the desired one. So no driver has
 to brake because of the start."""
 
-PASSING_MARGIN = number("sampling.flow.passing_margin")
+PASSING_SPEED_FACTOR = number("sampling.flow.passing_speed_factor")
 """Largest speed while overtaking, over the desired speed [1]."""
 
-RETURN_TIME = number("sampling.flow.return_time")
+OVERTAKE_DURATION = number("sampling.flow.overtake_duration")
 """Duration of a common overtake [s]. Vehicles are placed so that the ego sees no end of the traffic
 for this long after the stated deadline, unless the slots run out."""
 
@@ -149,16 +149,16 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
-        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, but
-        # not into the space that its followers need. It keeps this share of the free road behind
-        # it: above 0 only in placed traffic, whose starts would pile up at the end of a short zone.
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, as far
+        # as its followers leave room. The vehicle keeps this share of the room: above 0 only in
+        # placed traffic, where starts would otherwise pile up at the end of a short zone.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. Chosen: `RETURN_TIME` is not subtracted, as
-        # dense traffic would lose 25 s of the time for attempts. So a late attempt may see an end
-        # before it is over; `overtaking validate` measures how often egos see an end.
+        # attempt after it would meet an empty road. Chosen: `OVERTAKE_DURATION` is not subtracted,
+        # as dense traffic would lose 25 s of the time for attempts. So a late attempt may see an
+        # end before it is over; `overtaking validate` measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 
@@ -167,42 +167,53 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     """Length of a road that no vehicle leaves before the end of the simulation [m].
 
     The road is the sum of the longest traffic at the start and the longest way of its foremost
-    vehicle. `place_around_ego` adds no vehicle beyond an end that stays out of sight until the
-    deadline plus `RETURN_TIME`. With the duration T, the traffic of a lane reaches about
+    vehicle. `place_around_ego` extends the traffic only at an end that the ego would see within the
+    time T, the deadline plus `OVERTAKE_DURATION`, or until there are the fewest vehicles of the
+    specification. So the length of the traffic is at most
 
-        sight ahead  + (closing speed ahead  + margin) T + one spacing   ahead of the ego,
-        sight behind + (closing speed behind + margin) T + one spacing   behind it.
+        sights ahead and behind + (both closing speeds + both margins) T + two spacings
 
-    The closing speed ahead is the ego's speed minus the mean speed of the lane, the one behind the
-    reverse; a negative one counts as 0. The foremost and the rearmost vehicle may be in different
-    lanes. If both closing speeds are positive, their sum is at most the speed range of the lanes.
-    If only one is positive, it is at most the speed of a vehicle.
+    and a spacing for each of the fewest vehicles that is left when no end is in sight. Then each
+    lane has three vehicles or more: one near the ego and one at each end. The two spacings count
+    with their largest length, the others with the mean, as they are many.
 
-    The bound adds the range and the largest speed, so one of them remains as a reserve, which
-    covers what the formula leaves out: `RETURN_TIME` after T, vehicles that are added to reach the
-    fewest of the specification, and followers that start farther back than they were placed. In
-    profile `motorway`, the road is 7 km longer than the foremost vehicle needs.
+    A closing speed is the speed at which the ego and an end of the traffic approach each other, a
+    negative one counting as 0. If both are positive, their sum is at most the range of the lanes'
+    mean speeds. If only one is, the ego's estimated speed is beyond those of all lanes.
+
+    For long simulations a simpler bound is larger: it takes their duration for T, and the range
+    plus the largest speed of a vehicle for the closing speeds. It stays because another length of
+    the road would change the hashes of data sets. In profile `motorway`, the road is 7 km longer
+    than the foremost vehicle needs.
 
     Args:
         specification: The specification of the scenarios: its duration and its drivers.
         flow: Section `[traffic]` of the specification.
     """
     duration = specification.time.horizon_s
+    end_time = specification.time.attempt_deadline_s + OVERTAKE_DURATION
     lane_speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
     speed_range = max(lane_speeds) - min(lane_speeds) + 2.0 * APPROACH_MARGIN
     speed_factor = max(lane.speed_factor for lane in flow.lanes)
     speed_factor *= max_cruise_factor(specification.drivers)
     max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
-    # `FlowLane.density` is relative to the mean of the lanes, so the density of a lane is at least
-    # the mean density over this ratio.
+    max_ego_speed = EGO_SPEED_SHARE * max_speed + (1.0 - EGO_SPEED_SHARE) * max(lane_speeds)
+    min_ego_speed = (1.0 - EGO_SPEED_SHARE) * min(lane_speeds)
+    closing_speeds = max(max_ego_speed - min(lane_speeds), max(lane_speeds) - min_ego_speed)
+    max_approach_speed = closing_speeds + 2.0 * APPROACH_MARGIN
+    # `FlowLane.density` is a relative number. The density of a lane is at least the mean density of
+    # all lanes over this ratio.
     density_ratio = max(lane.density for lane in flow.lanes)
     density_ratio /= min(lane.density for lane in flow.lanes)
     max_mean_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
     # A drawn spacing exceeds the mean by at most this factor, as normal numbers end at MAX_SIGMAS.
     # The last bit of `np.exp` depends on the machine; `sampler` rounds the length up to 100 m.
     max_spacing = max_mean_spacing * float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
-    traffic = sum(flow.sight_m) + (speed_range + max_speed) * duration + 2.0 * max_spacing
-    longest_way = PASSING_MARGIN * max_speed * duration
+    num_left = max(flow.vehicles[0] - 3 * len(flow.lanes), 0)
+    beyond_sight = max_approach_speed * end_time + num_left * max_mean_spacing
+    beyond_sight = max(beyond_sight, (speed_range + max_speed) * duration)
+    traffic = sum(flow.sight_m) + beyond_sight + 2.0 * max_spacing
+    longest_way = PASSING_SPEED_FACTOR * max_speed * duration
     return END_MARGIN + traffic + longest_way  # The rearmost vehicle starts at END_MARGIN.
 
 
@@ -244,7 +255,7 @@ def place_around_ego(
     # Each lane takes one number, the ego's lane, too, so that all simulations take equally many.
     first_positions = [stream.uniform() for _ in flow.lanes]
     ends = _TrafficEnds(flow, vehicles_per_metre, ego, first_positions)
-    end_time = np.float32(block.specification.time.attempt_deadline_s + RETURN_TIME)
+    end_time = np.float32(block.specification.time.attempt_deadline_s + OVERTAKE_DURATION)
     min_vehicles, max_vehicles = flow.vehicles
     valid = [np.ones(len(ego.lane), np.bool_)]
     lanes, stations = [ego.lane], [np.zeros_like(ego.desired_speed)]
@@ -264,9 +275,9 @@ def place_around_ego(
 def _check_ends_out_of_sight(block: SampleBlock, flow: FlowTraffic, end_in_sight_time: F32) -> None:
     """InfeasibleError if the ego may see an end of the traffic at the start of a simulation.
 
-    Such traffic is so dense that the most vehicles do not fill the distance that the ego sees. A
-    smallest deadline, as two-way traffic has it, would not help: there is no time at which an
-    attempt meets traffic of the stated density.
+    Such traffic is so dense that the largest number of vehicles does not fill the distance that the
+    ego sees. `two_way_traffic` allows attempts for at least 1 s even then (`MIN_DEADLINE`). Here
+    this would be wrong, because every attempt would meet traffic below the stated density.
 
     Args:
         block: The simulations that are drawn together.
@@ -480,7 +491,10 @@ class _TrafficEnds:
             first_positions: For each lane, uniform numbers in (0, 1), shape (simulation,). They
                 place the first station within half of a mean spacing around the ego.
         """
-        mean_density = np.float32(sum(lane.density for lane in flow.lanes) / len(flow.lanes))
+        # `FlowLane.density` is relative: only its ratio to the mean of the lanes has a meaning.
+        mean_relative_density = np.float32(
+            sum(lane.density for lane in flow.lanes) / len(flow.lanes)
+        )
         speeds = [np.float32(mps_from_kmh(lane.speed_kmh)) for lane in flow.lanes]
         lane_speed = np.array(speeds, np.float32)[ego.lane]
         speed_gain = np.float32(EGO_SPEED_SHARE) * (ego.desired_speed - lane_speed)
@@ -492,7 +506,8 @@ class _TrafficEnds:
             np.float32(MIN_SPACING) + np.float32(MIN_TIME_GAP) * speed for speed in speeds
         ]
         self._mean_spacing = [
-            np.float32(1.0) / (vehicles_per_metre * np.float32(lane.density) / mean_density)
+            np.float32(1.0)
+            / (vehicles_per_metre * np.float32(lane.density) / mean_relative_density)
             for lane in flow.lanes
         ]
         self._is_empty = [ego.lane != lane_index for lane_index in range(len(speeds))]

@@ -27,7 +27,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.weather import Weather
 from overtaking.scenarios import motorway_traffic, two_way_traffic
 from overtaking.scenarios.driver_sampling import max_placed_desired_speed
-from overtaking.scenarios.motorway_traffic import PASSING_MARGIN
+from overtaking.scenarios.motorway_traffic import PASSING_SPEED_FACTOR
 from overtaking.scenarios.placed_traffic import sample_placed_traffic, start_zone
 from overtaking.scenarios.random_draws import SampleBlock
 from overtaking.scenarios.safe_start import (
@@ -212,9 +212,9 @@ def _placed_road_length(
 ) -> float:
     """Length of a road that no placed vehicle leaves before the horizon [m].
 
-    A vehicle that overtakes may exceed its desired speed, by up to the factor `PASSING_MARGIN`.
+    A vehicle that overtakes may exceed its desired speed, by `PASSING_SPEED_FACTOR` at most.
     """
-    max_speed = PASSING_MARGIN * max_placed_desired_speed(specification.drivers, traffic)
+    max_speed = PASSING_SPEED_FACTOR * max_placed_desired_speed(specification.drivers, traffic)
     return zone.high + max_speed * specification.time.horizon_s
 
 

@@ -13,8 +13,8 @@ drive into a slower one ahead follows it. The *horizon* is the longest duration 
 *deadline* is the time at which it ends if the ego has not begun to overtake.
 
 Three constants hold for motorway traffic, too: `END_MARGIN` (smallest distance of vehicles from the
-ends of the road [m]), `PASSING_MARGIN` (largest speed while overtaking over the desired speed) and
-`RETURN_TIME` (duration of a common overtake [s]).
+ends of the road [m]), `PASSING_SPEED_FACTOR` (largest speed while overtaking over the desired
+speed) and `OVERTAKE_DURATION` (duration of a common overtake [s]).
 
 *Importance sampling* draws rare scenarios more often. For this, `proposal.transform` replaces a
 random number, by its name, and weighs the simulation (`random_draws`).
@@ -41,8 +41,8 @@ from overtaking.scenarios.driver_sampling import (
     sample_traits,
 )
 from overtaking.scenarios.motorway_traffic import (
-    PASSING_MARGIN,
-    RETURN_TIME,
+    OVERTAKE_DURATION,
+    PASSING_SPEED_FACTOR,
     VehicleLayout,
     following_starts,
 )
@@ -190,7 +190,7 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
         traffic: Section `[traffic]` of the specification.
     """
     horizon = specification.time.horizon_s
-    max_speed = PASSING_MARGIN * max_desired_speed(specification, traffic)
+    max_speed = PASSING_SPEED_FACTOR * max_desired_speed(specification, traffic)
     max_oncoming_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
     length_within_reach = traffic.sight_m + 2.0 * max_speed * horizon
     platoon_length = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
@@ -377,10 +377,10 @@ def _states_at_speed(layout: VehicleLayout, slots: DrawnSlots, speed: F32) -> St
 def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSlots) -> F32:
     """Time at which a simulation ends if the ego has not begun to overtake, (simulation,) [s].
 
-    Only a fixed number of oncoming vehicles is drawn. The deadline comes `RETURN_TIME` before the
-    ego can see the empty road behind the last of them, so that a common overtake which begins at
-    the deadline still meets complete traffic. Both vehicles count with the highest desired speed;
-    higher speeds while overtaking are left out, a choice.
+    Only a fixed number of oncoming vehicles is drawn. The deadline comes `OVERTAKE_DURATION` before
+    the ego can see the empty road behind the last of them, so that a common overtake which begins
+    at the deadline still meets complete traffic. Both vehicles count with the highest desired
+    speed; higher speeds while overtaking are left out, a choice.
 
     Args:
         block: The simulations that are drawn together.
@@ -394,7 +394,7 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
     distance = np.float32(block.road.length) - last_oncoming_s - ego_s
     max_closing_speed = np.float32(2.0 * max_desired_speed(block.specification, traffic))
     time_until_in_sight = (distance - np.float32(traffic.sight_m)) / max_closing_speed
-    deadline = time_until_in_sight - np.float32(RETURN_TIME)
+    deadline = time_until_in_sight - np.float32(OVERTAKE_DURATION)
     stated_deadline = np.full_like(deadline, block.specification.time.attempt_deadline_s)
     return maximum(minimum(deadline, stated_deadline), MIN_DEADLINE)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -157,6 +159,34 @@ def test_traffic_whose_ends_are_in_sight_at_the_start_is_refused_in_one_line(num
     assert "60 to 100, too dense in scenario 0" in message
     assert remedy in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        # So many vehicles, so far apart, that the traffic is much longer than the ego sees.
+        {
+            "traffic.vehicles": [32, 32],
+            "traffic.density_per_km_lane": [2.0, 2.0],
+            "time.horizon_s": 20.0,
+            "time.attempt_deadline_s": 10.0,
+        },
+        # The traffic is placed for the 25 s after a deadline that is the end of the simulation.
+        {
+            "traffic.spacing_sigma": 0.05,
+            "traffic.density_per_km_lane": [9.0, 9.0],
+            "time.horizon_s": 1.0,
+            "time.attempt_deadline_s": 1.0,
+        },
+    ],
+)
+def test_the_road_is_longer_than_the_traffic_and_the_way_of_the_foremost_vehicle(overrides):
+    short_road = dataclasses.replace(load_road("motorway"), length=600.0)
+    spec = load_specification("motorway", overrides)
+    scenario = ScenarioSource(spec, short_road, 3).sample(range(200))
+    way = scenario.start_speed * scenario.horizon[:, None]
+    end = np.where(scenario.vehicles.valid, scenario.start_s + way, 0.0)
+    assert end.max() < scenario.road.length
 
 
 def test_dense_traffic_is_drawn_if_the_ego_sees_less_far():
