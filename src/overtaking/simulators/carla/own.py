@@ -24,7 +24,7 @@ from overtaking.sim.reference.simulation import decide
 from overtaking.sim.reference.state import State
 from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
 from overtaking.simulators.carla.world import TICK
-from overtaking.simulators.carla_server.motion import Steering
+from overtaking.simulators.carla_server.motion import SteeringLimits
 from overtaking.world.constants import SUBSTEPS, ModelConstants
 from overtaking.world.road_parameters import road_parameters
 from overtaking.world.step_parameters import (
@@ -178,12 +178,12 @@ class _Drive:
         return math.atan(wanted * float(self._p.wheelbase[slot, 0]) / max(speed, 3.0) ** 2)
 
 
-def _steering(actor: Any) -> Steering:
-    """How far the front wheels turn, as the vehicle itself reports it."""
+def _steering(actor: Any) -> SteeringLimits:
+    """Limits of the wheel angle, as the vehicle reports them."""
     physics = actor.get_physics_control()
     lock = max((wheel.max_steer_angle for wheel in physics.wheels), default=0.0) or 70.0
     curve = tuple((point.x, point.y) for point in physics.steering_curve)
-    return Steering(math.radians(lock), curve or ((0.0, 1.0),))
+    return SteeringLimits(math.radians(lock), curve or ((0.0, 1.0),))
 
 
 def check_interval(scenario: Scenario) -> None:

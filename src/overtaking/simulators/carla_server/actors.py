@@ -21,7 +21,7 @@ from overtaking.simulators.carla_server.catalogue import (
     MAX_PIXELS,
     MIN_FOV_DEG,
 )
-from overtaking.simulators.carla_server.motion import turned
+from overtaking.simulators.carla_server.motion import rotate
 from overtaking.simulators.carla_server.protocol import Refused
 
 ORIGIN = Vector(0.0, 0.0, 0.0)
@@ -101,7 +101,7 @@ class Vehicle(Actor):
     def forward_speed(self) -> float:
         """Speed along its axis, negative backwards [m/s]."""
         yaw = math.radians(self.pose.rotation.yaw)
-        return turned(self.velocity.x, self.velocity.y, -yaw)[0]
+        return rotate(self.velocity.x, self.velocity.y, -yaw)[0]
 
     def drive(self, control: Control) -> None:
         """Set pedals and steering, until the client or its controller sets others."""
@@ -209,7 +209,7 @@ class Camera(Actor):
 def attached(parent: Transform, relative: Transform) -> Transform:
     """The pose of an attached actor; pitch and roll are added, as both are small."""
     ahead, aside, up = relative.location
-    x, y = turned(ahead, aside, math.radians(parent.rotation.yaw))
+    x, y = rotate(ahead, aside, math.radians(parent.rotation.yaw))
     base = parent.location
     rotation = Rotation(*(a + b for a, b in zip(parent.rotation, relative.rotation, strict=True)))
     return Transform(Vector(base.x + x, base.y + y, base.z + up), rotation)

@@ -298,7 +298,7 @@ def set_actor_simulate_physics(world: World, actor: Id, moves: Flag) -> None:
     if isinstance(prop, Prop):
         world.set_prop_physics(prop, has_physics=moves)
         return
-    world.fleet[world.vehicle(actor).actor_id].moves = moves
+    world.fleet[world.vehicle(actor).actor_id].has_physics = moves
 
 
 @call(command=2)
@@ -340,7 +340,7 @@ def get_telemetry_data(world: World, actor: Id) -> Rows:
 @call()
 def get_wheel_steer_angle(world: World, actor: Id, wheel: Annotated[Id, Field(lt=4)]) -> float:
     """Angle of a wheel, to the right [degrees]; 0 and 1 are in front."""
-    angle = world.fleet.driven(world.vehicle(actor).actor_id).angle
+    angle = world.fleet.dynamics(world.vehicle(actor).actor_id).wheel_angle
     return -math.degrees(angle) if wheel < 2 else 0.0
 
 

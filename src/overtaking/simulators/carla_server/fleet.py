@@ -1,6 +1,6 @@
 """The vehicles of the headless server, moved by the dynamics of our model.
 
-Vehicles live in the frame of the road (`Ground`): s along it, d to its left, heading
+Vehicles live in the frame of the road (`GroundFrame`): s along it, d to its left, heading
 anticlockwise. On a road of ours that is the road's own frame, so films, puddles and the shelter of
 lorries are where they are in a simulation. On another map it is the map's, water lies as on a
 single lane and no vehicle shelters another.
@@ -30,36 +30,38 @@ from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Body, Nature, scenario_of
 from overtaking.simulators.carla_server.motion import (
     LEVELS_APART,
-    Driven,
-    Ground,
-    Motion,
+    ContactImpulse,
+    GroundFrame,
     Obstacle,
-    Steering,
-    Touch,
-    overlap,
-    turned,
+    PlanarMotion,
+    SteeringLimits,
+    VehicleDynamics,
+    boxes_overlap,
+    rotate,
 )
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
-LONGEST_STEP = 0.05
+MAX_STEP_TIME = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""
 
 HAND_BRAKE = 0.6
 """Part of the brakes that the hand brake has."""
 
-BACKWARDS_ACCEL = 2.0
+REVERSE_ACCEL = 2.0
 """Acceleration in reverse at full throttle [m/s^2]."""
 
-BACKWARDS_SPEED = 8.0
+MAX_REVERSE_SPEED = 8.0
 """Fastest reverse [m/s]."""
 
 CLEARANCE = 0.2
 """Height of obstacles over which vehicles drive without contact [m]; our choice."""
 
-_NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
-_HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
+# Two vehicles may touch in a tick if they are nearer than a margin [m] plus the distance by which
+# they approach. An acceleration [m/s^2] may make them approach faster. Both numbers are choices.
+_CONTACT_MARGIN = 0.5
+_MAX_APPROACH_ACCEL = 20.0
 _NO_CONTROL = Control()
-_USUAL = Steering()
+_DEFAULT_STEERING = SteeringLimits()
 _SLIDING_DECEL = 5.0  # Deceleration of a sliding prop, friction 0.5 [m/s^2].
 _MIN_FRICTION_FACTOR = 0.01  # Without any friction the tyre model has no stiffness to divide by.
 # Rows of `DrivenVehicles` and of `ContactBodies`: s, d, heading, vx, vy and yaw_rate come first in
@@ -70,27 +72,27 @@ _PLACED = slice(0, 3)
 
 @dataclass(slots=True)
 class FleetVehicle:
-    """What the fleet keeps of one vehicle beside the state of the model.
+    """Properties of a vehicle of the fleet, beside its state in the table of driven vehicles.
 
     Attributes:
-        body: Its numbers.
+        body: Parameters of the body.
         row: Its column in the table of driven vehicles.
-        steering: How far its front wheels turn.
-        height: Of the ground under it [m]; vehicles on different levels never touch.
-        moves: Whether physics moves it, or only `Fleet.place`.
-        backwards: Speed in reverse [m/s].
-        held: Velocity forwards and to the left that it keeps, None where pedals decide [m/s].
-        force: Acts during the next tick, along and across the ground [N].
-        torque: Acts during the next tick, anticlockwise [N m].
+        steering: Limits of its wheel angle.
+        height: Height of the ground under it [m]; vehicles on different levels never touch.
+        has_physics: Whether physics moves it, or only `Fleet.place`.
+        reverse_speed: Speed in reverse [m/s].
+        held_velocity: Velocity ahead and to the left that it keeps; None lets pedals decide [m/s].
+        force: Force on it during the next tick, along and across the ground [N].
+        torque: Torque on it during the next tick, anticlockwise [N m].
     """
 
     body: Body
     row: int = 0
-    steering: Steering = _USUAL
+    steering: SteeringLimits = _DEFAULT_STEERING
     height: float = 0.0
-    moves: bool = True
-    backwards: float = 0.0
-    held: tuple[float, float] | None = None
+    has_physics: bool = True
+    reverse_speed: float = 0.0
+    held_velocity: tuple[float, float] | None = None
     force: tuple[float, float] = (0.0, 0.0)
     torque: float = 0.0
 
@@ -104,12 +106,12 @@ class Fleet:
         nature: What they leave open.
     """
 
-    def __init__(self, ground: Ground, weather: Sequence[float], nature: Nature) -> None:
+    def __init__(self, ground: GroundFrame, weather: Sequence[float], nature: Nature) -> None:
         """Start without vehicles."""
         self._ground, self._weather, self._nature = ground, tuple(weather), nature
         self._vehicles: dict[int, FleetVehicle] = {}
         self._obstacles: dict[int, Obstacle] = {}
-        self._moved: dict[int, Motion] = {}
+        self._moved: dict[int, PlanarMotion] = {}
         self._decision = 0
         self._table = driven_vehicles_at_start(0)
         self._pedal_driving: tuple[float, PedalDriving] | None = None
@@ -122,56 +124,56 @@ class Fleet:
         """Record of a vehicle."""
         return self._vehicles[vehicle]
 
-    def add(self, vehicle: int, body: Body, motion: Motion) -> None:
+    def add(self, vehicle: int, body: Body, motion: PlanarMotion) -> None:
         """Put a vehicle on the ground."""
         self._vehicles[vehicle] = FleetVehicle(body, len(self._vehicles))
-        self._prepare(len(self._vehicles) - 1)
+        self._rebuild_parameters(len(self._vehicles) - 1)
         self.place(vehicle, motion)
-        self.set_velocity(vehicle, motion.along, motion.across)
+        self.set_velocity(vehicle, motion.v_s, motion.v_d)
 
     def remove(self, vehicle: int) -> None:
         """Take a vehicle away."""
         del self._vehicles[vehicle]
-        self._prepare()
+        self._rebuild_parameters()
 
     def set_obstacle(self, actor: int, obstacle: Obstacle) -> None:
         """Add or replace the obstacle of an actor; it is ignored if lower than `CLEARANCE`."""
         if obstacle.high - obstacle.low >= CLEARANCE:
             self._obstacles[actor] = obstacle
 
-    def moved_obstacles(self) -> Mapping[int, Motion]:
+    def moved_obstacles(self) -> Mapping[int, PlanarMotion]:
         """Motion of each obstacle that moved in the last tick, by the id of its actor."""
         return self._moved
 
     def remove_obstacle(self, actor: int) -> None:
-        """Remove the obstacle of an actor, if there is one."""
+        """Remove the obstacle of an actor, if there is fleet_vehicle."""
         self._obstacles.pop(actor, None)
 
-    def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
+    def set_body(self, vehicle: int, body: Body, steering: SteeringLimits) -> None:
         """Change the numbers of a vehicle, and how far its wheels turn."""
         self[vehicle].body, self[vehicle].steering = body, steering
-        self._prepare()
+        self._rebuild_parameters()
 
     def set_weather(self, weather: Sequence[float]) -> None:
         """Change the weather for all."""
         self._weather = tuple(weather)
-        self._prepare()
+        self._rebuild_parameters()
 
-    def set_nature(self, nature: Nature) -> None:
+    def set_weather_defaults(self, nature: Nature) -> None:
         """Change what the weather leaves open."""
         self._nature = nature
-        self._prepare()
+        self._rebuild_parameters()
 
-    def place(self, vehicle: int, motion: Motion) -> None:
+    def place(self, vehicle: int, motion: PlanarMotion) -> None:
         """Put a vehicle elsewhere; it keeps its velocity along its axes."""
-        self._table[_PLACED, self[vehicle].row] = motion.s, motion.d, motion.psi
+        self._table[_PLACED, self[vehicle].row] = motion.s, motion.d, motion.heading
 
     def set_velocity(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle a velocity in the ground's frame [m/s]."""
         fleet_vehicle, driven = self[vehicle], self._driven
         row = fleet_vehicle.row
-        forward, left = turned(along, across, -self._psi(fleet_vehicle))
-        fleet_vehicle.backwards = max(-forward, 0.0)
+        forward, left = rotate(along, across, -self._heading(fleet_vehicle))
+        fleet_vehicle.reverse_speed = max(-forward, 0.0)
         driven.vx[row] = max(forward, 0.0)
         driven.vy[row] = left if forward >= 0.0 else 0.0
         if along == across == 0.0:
@@ -184,7 +186,7 @@ class Fleet:
     def push(self, vehicle: int, along: float, across: float) -> None:
         """Give a vehicle an impulse in the ground's frame [N s]."""
         now, mass = self.motion(vehicle), self[vehicle].body["mass"]
-        self.set_velocity(vehicle, now.along + along / mass, now.across + across / mass)
+        self.set_velocity(vehicle, now.v_s + along / mass, now.v_d + across / mass)
 
     def force(self, vehicle: int, along: float, across: float) -> None:
         """Let a force in the ground's frame act on a vehicle during the next tick [N]."""
@@ -197,44 +199,45 @@ class Fleet:
         gain = impulse / fleet_vehicle.body["yaw_inertia"]
         self._driven.yaw_rate[fleet_vehicle.row] += gain
 
-    def motion(self, vehicle: int) -> Motion:
+    def motion(self, vehicle: int) -> PlanarMotion:
         """Where a vehicle is and how it moves."""
         return self.motions()[vehicle]
 
-    def driven(self, vehicle: int) -> Driven:
+    def dynamics(self, vehicle: int) -> VehicleDynamics:
         """What the model knows of a vehicle."""
         row, driven, body = self[vehicle].row, self._driven, self[vehicle].body
         columns = (
             driven.vx, driven.vy, driven.yaw_rate, driven.wheel_angle, driven.accel_lon,
             driven.accel_lat, driven.mu_left, driven.mu_right,
         )  # fmt: skip
-        found = Driven(*(float(column[row]) for column in columns))
+        dynamics = VehicleDynamics(*(float(column[row]) for column in columns))
         if not body["two_wheeler"]:
-            return found
-        curve = found.angle * body["wheelbase"]  # Its wheel stands for lateral acceleration.
-        return found._replace(angle=math.atan2(curve, max(found.vx, 1.0) ** 2))
+            return dynamics
+        # The model gives a two-wheeler a lateral acceleration in place of a wheel angle.
+        curve = dynamics.wheel_angle * body["wheelbase"]
+        return dynamics._replace(wheel_angle=math.atan2(curve, max(dynamics.vx, 1.0) ** 2))
 
-    def motions(self) -> dict[int, Motion]:
+    def motions(self) -> dict[int, PlanarMotion]:
         """Where every vehicle is and how it moves."""
         if not self._vehicles:
             return {}
         rows = self._table[_PUSHED].T.tolist()
-        found: dict[int, Motion] = {}
-        for vehicle, one in self._vehicles.items():
-            s, d, psi, vx, vy, r = rows[one.row]
-            velocity = turned(vx - one.backwards, vy, psi)
-            found[vehicle] = Motion(s, d, math.remainder(psi, math.tau), *velocity, r)
-        return found
+        motions: dict[int, PlanarMotion] = {}
+        for vehicle, fleet_vehicle in self._vehicles.items():
+            s, d, psi, vx, vy, r = rows[fleet_vehicle.row]
+            velocity = rotate(vx - fleet_vehicle.reverse_speed, vy, psi)
+            motions[vehicle] = PlanarMotion(s, d, math.remainder(psi, math.tau), *velocity, r)
+        return motions
 
-    def is_free(self, body: Body, motion: Motion, height: float) -> bool:
+    def is_free(self, body: Body, motion: PlanarMotion, height: float) -> bool:
         """Whether no vehicle or obstacle is in the place of a new vehicle at some height [m]."""
         return not any(
             abs(self[vehicle].height - height) < LEVELS_APART
-            and overlap(body, motion, self[vehicle].body, at)
+            and boxes_overlap(body, motion, self[vehicle].body, at)
             for vehicle, at in self.motions().items()
         ) and not any(
             _is_level(body, height, obstacle)
-            and overlap(body, motion, _sides(obstacle), obstacle.motion)
+            and boxes_overlap(body, motion, _sides(obstacle), obstacle.motion)
             for obstacle in self._obstacles.values()
         )
 
@@ -243,7 +246,7 @@ class Fleet:
         duration: float,
         controls: Mapping[int, Control],
         friction_factors: Mapping[int, float] = MappingProxyType({}),
-    ) -> list[Touch]:
+    ) -> list[ContactImpulse]:
         """Move every vehicle.
 
         Args:
@@ -258,27 +261,27 @@ class Fleet:
         if not self._vehicles:
             self._slide(duration)
             return []
-        count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
+        count = max(1, math.ceil(duration / MAX_STEP_TIME - 1e-9))
         pedal_driving = self._pedal_driving_for(duration, count)
         pedal_driving.update_weather(self._table, self._decision)
         self._decision += 1
         self._set_friction(friction_factors)
         self._add_forces(duration)
-        self._hold()
-        wanted = self._wanted(controls)
+        self._apply_held_velocities()
+        pedals = self._controls(controls)
         pairs = self._near_pairs(duration)
         obstacles = self._near_obstacles(duration)
-        touches: list[Touch] = []
+        touches: list[ContactImpulse] = []
         if pairs or obstacles:
             for _ in range(count):
-                touches += self._collide(pedal_driving, wanted, pairs, obstacles)
+                touches += self._collide(pedal_driving, pedals, pairs, obstacles)
         else:
-            self._drive(pedal_driving, wanted, count)
-        self._roll_back(duration, controls)
+            self._drive(pedal_driving, pedals, count)
+        self._drive_in_reverse(duration, controls)
         self._slide(duration)
-        self._hold()
-        for one in self._vehicles.values():
-            one.force, one.torque = (0.0, 0.0), 0.0
+        self._apply_held_velocities()
+        for fleet_vehicle in self._vehicles.values():
+            fleet_vehicle.force, fleet_vehicle.torque = (0.0, 0.0), 0.0
         return touches
 
     @property
@@ -286,11 +289,11 @@ class Fleet:
         """State of the vehicles by field; writing to a field changes the table."""
         return DrivenVehicles(*self._table)
 
-    def _psi(self, one: FleetVehicle) -> float:
+    def _heading(self, fleet_vehicle: FleetVehicle) -> float:
         """Heading in the ground's frame, anticlockwise [rad]."""
-        return float(self._driven.heading[one.row])
+        return float(self._driven.heading[fleet_vehicle.row])
 
-    def _prepare(self, num_old: int | None = None) -> None:
+    def _rebuild_parameters(self, num_old: int | None = None) -> None:
         """Work out the parameters again, and carry what moves over to the new rows.
 
         Args:
@@ -299,39 +302,41 @@ class Fleet:
         if not self._vehicles:
             return
         vehicles = list(self._vehicles.values())
-        bodies = [one.body for one in vehicles]
-        given = step_parameters(scenario_of(self._ground.road, bodies, self._weather, self._nature))
-        self._given: StepParameters = given
-        self._fields = given.vehicles
-        if not self._ground.shelters:
-            self._fields.shelters_wind[:] = ZERO
+        bodies = [fleet_vehicle.body for fleet_vehicle in vehicles]
+        params = step_parameters(
+            scenario_of(self._ground.road, bodies, self._weather, self._nature)
+        )
+        self._params: StepParameters = params
+        self._vehicle_params = params.vehicles
+        if not self._ground.shelters_wind:
+            self._vehicle_params.shelters_wind[:] = ZERO
         self._pedal_driving = None
         table = driven_vehicles_at_start(len(vehicles))
-        old = [one.row for one in vehicles[:num_old]]
+        old = [fleet_vehicle.row for fleet_vehicle in vehicles[:num_old]]
         table[:, : len(old)] = self._table[:, old]
-        for row, one in enumerate(vehicles):
-            one.row = row
+        for row, fleet_vehicle in enumerate(vehicles):
+            fleet_vehicle.row = row
         self._table = table
 
     def _pedal_driving_for(self, duration: float, count: int) -> PedalDriving:
-        """What moves the vehicles by a tick of `count` steps, kept while ticks are as long."""
+        """Moves the vehicles by a tick of `count` steps; kept while ticks are as long."""
         if self._pedal_driving is None or self._pedal_driving[0] != duration:
-            c = self._given.constants.replace(step=duration / count, decision=duration)
-            given = dataclasses.replace(self._given, constants=c)
-            self._pedal_driving = duration, PedalDriving(given)
+            c = self._params.constants.replace(step=duration / count, decision=duration)
+            params = dataclasses.replace(self._params, constants=c)
+            self._pedal_driving = duration, PedalDriving(params)
         return self._pedal_driving[1]
 
     def _add_forces(self, duration: float) -> None:
         """Add what pushes from outside: sideways like the wind, lengthwise as a change of speed."""
         driven = self._driven
-        for vehicle, one in self._vehicles.items():
-            if one.force == (0.0, 0.0) and one.torque == 0.0:
+        for vehicle, fleet_vehicle in self._vehicles.items():
+            if fleet_vehicle.force == (0.0, 0.0) and fleet_vehicle.torque == 0.0:
                 continue
-            forward, left = turned(*one.force, -self._psi(one))
-            driven.wind_force[one.row] += np.float32(left)
-            gain = forward * duration / one.body["mass"]
-            driven.vx[one.row] = max(float(driven.vx[one.row]) + gain, 0.0)
-            self.spin(vehicle, one.torque * duration)
+            forward, left = rotate(*fleet_vehicle.force, -self._heading(fleet_vehicle))
+            driven.wind_force[fleet_vehicle.row] += np.float32(left)
+            gain = forward * duration / fleet_vehicle.body["mass"]
+            driven.vx[fleet_vehicle.row] = max(float(driven.vx[fleet_vehicle.row]) + gain, 0.0)
+            self.spin(vehicle, fleet_vehicle.torque * duration)
 
     def _set_friction(self, factors: Mapping[int, float]) -> None:
         """Exchange the friction of the two sides for oncoming vehicles, and apply the factors.
@@ -350,37 +355,46 @@ class Fleet:
             for friction in (driven.mu_left, driven.mu_right):
                 friction[row] *= np.float32(max(factor, _MIN_FRICTION_FACTOR))
 
-    def _hold(self) -> None:
+    def _apply_held_velocities(self) -> None:
         """Set the velocities that are kept; friction takes something of them in each tick."""
-        for vehicle, one in self._vehicles.items():
-            if one.held:
-                self.set_velocity(vehicle, *turned(*one.held, self._psi(one)))
+        for vehicle, fleet_vehicle in self._vehicles.items():
+            if fleet_vehicle.held_velocity:
+                self.set_velocity(
+                    vehicle, *rotate(*fleet_vehicle.held_velocity, self._heading(fleet_vehicle))
+                )
 
-    def _wanted(self, controls: Mapping[int, Control]) -> PedalControls:
-        """Throttle, brake and wanted wheel angle of each vehicle."""
-        wanted = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._vehicles]
-        throttle = [0.0 if one.reverse else one.throttle for one in wanted]
-        brake = [min(one.brake + HAND_BRAKE * one.hand_brake, 1.0) for one in wanted]
+    def _controls(self, controls: Mapping[int, Control]) -> PedalControls:
+        """Throttle, brake and requested wheel angle of each vehicle."""
+        in_order = [controls.get(vehicle, _NO_CONTROL) for vehicle in self._vehicles]
+        throttle = [0.0 if control.reverse else control.throttle for control in in_order]
         # Forward motion ends under full braking before the reverse gear engages.
-        brake = [1.0 if one.reverse else b for one, b in zip(wanted, brake, strict=True)]
+        brake = [
+            1.0 if control.reverse else min(control.brake + HAND_BRAKE * control.hand_brake, 1.0)
+            for control in in_order
+        ]
         speeds = kmh_from_mps(self._driven.vx)
-        lock = _USUAL.angles(speeds)
-        for one in self._vehicles.values():
-            if one.steering is not _USUAL:
-                lock[one.row] = one.steering.angles(speeds[one.row])
+        lock = _DEFAULT_STEERING.angles(speeds)
+        for fleet_vehicle in self._vehicles.values():
+            if fleet_vehicle.steering is not _DEFAULT_STEERING:
+                row = fleet_vehicle.row
+                lock[row] = fleet_vehicle.steering.angles(speeds[row])
         # CARLA's steering is positive to the right.
-        angle = -lock * np.array([one.steer for one in wanted])
+        angle = -lock * np.array([control.steer for control in in_order])
         return PedalControls(*(np.asarray(row, np.float32) for row in (throttle, brake, angle)))
 
-    def _drive(self, pedal_driving: PedalDriving, wanted: PedalControls, steps: int) -> None:
+    def _drive(self, pedal_driving: PedalDriving, pedals: PedalControls, steps: int) -> None:
         """Let physics move the vehicles, except those that only `place` moves."""
         with self._placed():
-            pedal_driving.drive(self._table, wanted, steps)
+            pedal_driving.drive(self._table, pedals, steps)
 
     @contextmanager
     def _placed(self) -> Generator[None]:
         """Keep vehicles where they are that only `place` moves."""
-        still = [one.row for one in self._vehicles.values() if not one.moves]
+        still = [
+            fleet_vehicle.row
+            for fleet_vehicle in self._vehicles.values()
+            if not fleet_vehicle.has_physics
+        ]
         held = self._table[_PLACED, still].copy()
         yield
         self._table[_PLACED, still] = held
@@ -392,12 +406,14 @@ class Fleet:
         """
         if len(self._vehicles) < 2:
             return []
-        driven, p = self._driven, self._fields
+        driven, p = self._driven, self._vehicle_params
         sine, cosine = np.sin(driven.heading), np.cos(driven.heading)
         half_length, half_width = p.half_length[:, 0], p.half_width[:, 0]
         turned = duration * np.abs(driven.yaw_rate) * half_length
-        nearer = _NEAR + 0.5 * _HARDEST * duration * duration
-        high = np.array([one.height for one in self._vehicles.values()], np.float32)
+        nearer = _CONTACT_MARGIN + 0.5 * _MAX_APPROACH_ACCEL * duration * duration
+        high = np.array(
+            [fleet_vehicle.height for fleet_vehicle in self._vehicles.values()], np.float32
+        )
         close = _distances(high) < LEVELS_APART
         for place, length, width, speed in (
             (driven.s, cosine, sine, driven.vx * cosine - driven.vy * sine),
@@ -412,10 +428,10 @@ class Fleet:
         """Pairs of a vehicle's row and the id of an obstacle that it may touch in this tick."""
         if not self._obstacles:
             return []
-        driven, p = self._driven, self._fields
+        driven, p = self._driven, self._vehicle_params
         speed = np.hypot(driven.vx, driven.vy)[:, None]
         reach = np.hypot(p.half_length, p.half_width) + duration * speed
-        reach += _NEAR + 0.5 * _HARDEST * duration * duration
+        reach += _CONTACT_MARGIN + 0.5 * _MAX_APPROACH_ACCEL * duration * duration
         obstacles = list(self._obstacles.values())
         centres = np.array([(obstacle.motion.s, obstacle.motion.d) for obstacle in obstacles])
         radii = np.array([0.5 * math.hypot(box.length, box.width) for box in obstacles])
@@ -433,7 +449,7 @@ class Fleet:
         controls: PedalControls,
         pairs: list[tuple[int, int]],
         near_obstacles: list[tuple[int, int]],
-    ) -> list[Touch]:
+    ) -> list[ContactImpulse]:
         """Advance by one step with exchange of momentum in contacts.
 
         Unlike in a simulation, vehicles can drive on after a contact. The obstacles follow the
@@ -456,18 +472,18 @@ class Fleet:
             partners = pedal_driving.resolve_contacts(bodies, old_positions, pairs)
             self._table[_PUSHED] = bodies[_PUSHED, :count]
         self._take_pushed(obstacles, bodies[:, count:])
-        touches: list[Touch] = []
+        touches: list[ContactImpulse] = []
         for row, (along, across) in old_momentum.items():
             partner = int(partners[row])
             if partner >= 0:
                 new = self._momentum(self[ids[row]])
                 gain = (new[0] - along, new[1] - across)
-                touches.append(Touch(ids[row], ids[partner], *gain))
+                touches.append(ContactImpulse(ids[row], ids[partner], *gain))
         return touches
 
     def _with_obstacles(self, obstacles: list[Obstacle]) -> NDArray[np.float32]:
         """The table of `ContactBodies` of all vehicles, then of some obstacles."""
-        p, count = self._fields, len(self._vehicles)
+        p, count = self._vehicle_params, len(self._vehicles)
         table = np.empty((len(ContactBodies._fields), count + len(obstacles)), np.float32)
         table[_PUSHED, :count] = self._table[_PUSHED]
         shapes = (p.half_length, p.half_width, p.inverse_mass, p.inverse_inertia)
@@ -475,8 +491,8 @@ class Fleet:
         for column, obstacle in enumerate(obstacles, count):
             motion = obstacle.motion
             body = ContactBodies(*table[:, column : column + 1])
-            body.s[:], body.d[:], body.heading[:] = motion.s, motion.d, motion.psi
-            body.vx[:], body.vy[:] = turned(motion.along, motion.across, -motion.psi)
+            body.s[:], body.d[:], body.heading[:] = motion.s, motion.d, motion.heading
+            body.vx[:], body.vy[:] = rotate(motion.v_s, motion.v_d, -motion.heading)
             body.yaw_rate[:] = motion.yaw_rate
             body.half_length[:], body.half_width[:] = 0.5 * obstacle.length, 0.5 * obstacle.width
             body.inverse_mass[:] = 1.0 / obstacle.mass
@@ -489,7 +505,7 @@ class Fleet:
             obstacle = self._obstacles[actor]
             if math.isfinite(obstacle.mass):
                 s, d, psi, vx, vy, r = column
-                motion = Motion(s, d, psi, *turned(vx, vy, psi), r)
+                motion = PlanarMotion(s, d, psi, *rotate(vx, vy, psi), r)
                 self._obstacles[actor] = dataclasses.replace(obstacle, motion=motion)
 
     def _slide(self, duration: float) -> None:
@@ -498,51 +514,54 @@ class Fleet:
             if not _is_moving(obstacle):
                 continue
             motion = obstacle.motion
-            speed = math.hypot(motion.along, motion.across)
+            speed = math.hypot(motion.v_s, motion.v_d)
             loss = _SLIDING_DECEL * duration
             share = max(speed - loss, 0.0) / speed if speed else 0.0
             mean = 0.5 * (1.0 + share) * duration
-            moved = self._moved[actor] = Motion(
-                motion.s + mean * motion.along,
-                motion.d + mean * motion.across,
-                motion.psi + mean * motion.yaw_rate,
-                share * motion.along,
-                share * motion.across,
+            moved = self._moved[actor] = PlanarMotion(
+                motion.s + mean * motion.v_s,
+                motion.d + mean * motion.v_d,
+                motion.heading + mean * motion.yaw_rate,
+                share * motion.v_s,
+                share * motion.v_d,
                 share * motion.yaw_rate,
             )
             self._obstacles[actor] = dataclasses.replace(obstacle, motion=moved)
 
-    def _momentum(self, one: FleetVehicle) -> tuple[float, float]:
+    def _momentum(self, fleet_vehicle: FleetVehicle) -> tuple[float, float]:
         """Momentum of a vehicle in the ground's frame [N s]."""
-        vx, vy = float(self._driven.vx[one.row]), float(self._driven.vy[one.row])
-        along, across = turned(vx, vy, self._psi(one))
-        return one.body["mass"] * along, one.body["mass"] * across
+        vx, vy = (
+            float(self._driven.vx[fleet_vehicle.row]),
+            float(self._driven.vy[fleet_vehicle.row]),
+        )
+        along, across = rotate(vx, vy, self._heading(fleet_vehicle))
+        return fleet_vehicle.body["mass"] * along, fleet_vehicle.body["mass"] * across
 
-    def _roll_back(self, duration: float, controls: Mapping[int, Control]) -> None:
+    def _drive_in_reverse(self, duration: float, controls: Mapping[int, Control]) -> None:
         """Drive backwards: slowly, on the circle that the front wheels give, without slip."""
         driven = self._driven
-        for vehicle, one in self._vehicles.items():
-            control, row = controls.get(vehicle, _NO_CONTROL), one.row
+        for vehicle, fleet_vehicle in self._vehicles.items():
+            control, row = controls.get(vehicle, _NO_CONTROL), fleet_vehicle.row
             wants = control.reverse and float(driven.vx[row]) == 0.0
-            push = BACKWARDS_ACCEL * control.throttle if wants else 0.0
-            braking = one.body["peak_decel"] * max(control.brake, control.hand_brake)
-            speed = max(one.backwards + duration * (push - braking), 0.0)
+            push = REVERSE_ACCEL * control.throttle if wants else 0.0
+            braking = fleet_vehicle.body["peak_decel"] * max(control.brake, control.hand_brake)
+            speed = max(fleet_vehicle.reverse_speed + duration * (push - braking), 0.0)
             if not control.reverse and control.throttle > 0.0:
                 speed = 0.0
-            speed = one.backwards = min(speed, BACKWARDS_SPEED)
-            if speed == 0.0 or not one.moves:
+            speed = fleet_vehicle.reverse_speed = min(speed, MAX_REVERSE_SPEED)
+            if speed == 0.0 or not fleet_vehicle.has_physics:
                 continue
-            psi, angle = self._psi(one), float(driven.wheel_angle[row])
+            psi, angle = self._heading(fleet_vehicle), float(driven.wheel_angle[row])
             driven.vx[row] = driven.vy[row] = 0.0
-            along, across = turned(speed * duration, 0.0, psi)
+            along, across = rotate(speed * duration, 0.0, psi)
             driven.s[row] -= np.float32(along)
             driven.d[row] -= np.float32(across)
-            turn = -speed * math.tan(angle) / one.body["wheelbase"]
+            turn = -speed * math.tan(angle) / fleet_vehicle.body["wheelbase"]
             driven.heading[row] += np.float32(turn * duration)
 
 
 def _is_moving(obstacle: Obstacle) -> bool:
-    return any((obstacle.motion.along, obstacle.motion.across, obstacle.motion.yaw_rate))
+    return any((obstacle.motion.v_s, obstacle.motion.v_d, obstacle.motion.yaw_rate))
 
 
 def _is_level(body: Body, height: float, obstacle: Obstacle) -> bool:

@@ -14,7 +14,12 @@ from overtaking.model.known_roads import ROAD_NAMES, known_road
 from overtaking.model.road import Road
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
-from overtaking.simulators.carla_server.motion import LEVELS_APART, Ground, Motion, turned
+from overtaking.simulators.carla_server.motion import (
+    LEVELS_APART,
+    GroundFrame,
+    PlanarMotion,
+    rotate,
+)
 
 ROAD_LENGTH = 3000.0
 """Length to which a road of ours is extended [m]: a minute and a half at motorway speed."""
@@ -84,19 +89,19 @@ class Map:
 
     name: str
     opendrive: str
-    ground: Ground
+    ground: GroundFrame
     lanes: Lanes
     is_flat: bool = True
     _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict, repr=False)
 
-    def motion(self, pose: Transform) -> Motion:
+    def motion(self, pose: Transform) -> PlanarMotion:
         """A pose of CARLA in the frame of the ground, at rest."""
         road = self.ground.road
         s, d = road.to_road(pose.location.x, -pose.location.y)
         psi = math.remainder(-math.radians(pose.rotation.yaw) - road.heading, math.tau)
-        return Motion(float(s), float(d), psi, 0.0, 0.0, 0.0)
+        return PlanarMotion(float(s), float(d), psi, 0.0, 0.0, 0.0)
 
-    def pose(self, motion: Motion, height: float) -> Transform:
+    def pose(self, motion: PlanarMotion, height: float) -> Transform:
         """A motion as a pose of CARLA, on the ground.
 
         Args:
@@ -105,7 +110,7 @@ class Map:
         """
         road = self.ground.road
         x, y = (float(value) for value in road.to_world(motion.s, motion.d))
-        yaw = -math.remainder(motion.psi + road.heading, math.tau)
+        yaw = -math.remainder(motion.heading + road.heading, math.tau)
         here = self.surface(x, -y, height)
         rise = here.rise_x * math.cos(yaw) + here.rise_y * math.sin(yaw)
         rotation = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
@@ -117,17 +122,17 @@ class Map:
         if not road.course:
             return road.speed_limit
         motion = self.motion(pose)
-        is_oncoming = road.is_two_way and math.cos(motion.psi) < 0.0
+        is_oncoming = road.is_two_way and math.cos(motion.heading) < 0.0
         return float(road.speed_limit_at(motion.s, -1 if is_oncoming else 1))
 
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
-        x, y = turned(along, across, self.ground.road.heading)
+        x, y = rotate(along, across, self.ground.road.heading)
         return Vector(x, -y, 0.0)
 
     def to_ground(self, vector: Vector) -> tuple[float, float]:
         """A vector of CARLA's frame along and across the ground."""
-        return turned(vector.x, -vector.y, -self.ground.road.heading)
+        return rotate(vector.x, -vector.y, -self.ground.road.heading)
 
     def surface(self, x: float, y: float, z: float) -> Surface:
         """The ground at a point; the level nearest to height `z` where there are several.
@@ -219,7 +224,7 @@ def known_map(name: str) -> Map:
         carla_name,
         write_opendrive(road, road_id=road_id),
         # The wind-shelter model assumes that all traffic drives in the direction of the road.
-        Ground(road, shelters=not road.is_two_way),
+        GroundFrame(road, shelters_wind=not road.is_two_way),
         _sampled(road),
     )
 

@@ -16,54 +16,55 @@ LEVELS_APART = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GroundFrame:
     """The ground under vehicles.
 
     Attributes:
         road: The road whose frame, lanes and limit hold.
-        shelters: Whether lorries shelter what drives beside them; only where traffic runs along s.
+        shelters_wind: Whether lorries shelter vehicles beside them; only where traffic runs along
+            s.
     """
 
     road: Road
-    shelters: bool
+    shelters_wind: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """Where a vehicle is and how it moves, in the frame of the ground.
+class PlanarMotion:
+    """Position and velocity of a vehicle, in the frame of the ground.
 
     Attributes:
         s, d: Position of its centre [m].
-        psi: Heading, anticlockwise [rad].
-        along, across: Velocity in the ground's frame [m/s].
+        heading: Heading, anticlockwise [rad].
+        v_s, v_d: Velocity in the ground's frame [m/s].
         yaw_rate: Anticlockwise [rad/s].
     """
 
     s: float
     d: float
-    psi: float
-    along: float
-    across: float
+    heading: float
+    v_s: float
+    v_d: float
     yaw_rate: float
 
 
-class Driven(NamedTuple):
-    """What the model knows of a vehicle, in its axes: forwards and to the left.
+class VehicleDynamics(NamedTuple):
+    """State of the model for a vehicle, in its axes: forwards and to the left.
 
     Attributes:
         vx, vy: Velocity [m/s].
         yaw_rate: Anticlockwise [rad/s].
-        angle: Of the front wheels, anticlockwise [rad].
-        a_lon, a_lat: Acceleration by tyres and wind [m/s^2].
+        wheel_angle: Angle of the front wheels, anticlockwise [rad].
+        accel_lon, accel_lat: Acceleration by tyres and wind [m/s^2].
         mu_left, mu_right: Friction under the wheels of either side.
     """
 
     vx: float
     vy: float
     yaw_rate: float
-    angle: float
-    a_lon: float
-    a_lat: float
+    wheel_angle: float
+    accel_lon: float
+    accel_lat: float
     mu_left: float
     mu_right: float
 
@@ -83,7 +84,7 @@ class Obstacle:
     width: float
     low: float
     high: float
-    motion: Motion
+    motion: PlanarMotion
     mass: float = math.inf
 
     @property
@@ -93,28 +94,31 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
-    """A vehicle was pushed by another, or by an obstacle.
+class ContactImpulse:
+    """An impulse of another vehicle, or of an obstacle, on a vehicle.
 
     Attributes:
         own, other: Ids of the two.
-        along, across: Impulse on `own` in the ground's frame [N s].
+        impulse_s, impulse_d: Impulse on `own` in the ground's frame [N s].
     """
 
     own: int
     other: int
-    along: float
-    across: float
+    impulse_s: float
+    impulse_d: float
 
 
-def turned(x: float, y: float, angle: float) -> tuple[float, float]:
+def rotate(x: float, y: float, angle: float) -> tuple[float, float]:
     """A vector after an anticlockwise turn, seen from axes of which y points to the left."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return x * cosine - y * sine, x * sine + y * cosine
 
 
-def overlap(
-    body: Mapping[str, float], motion: Motion, other_body: Mapping[str, float], other_motion: Motion
+def boxes_overlap(
+    body: Mapping[str, float],
+    motion: PlanarMotion,
+    other_body: Mapping[str, float],
+    other_motion: PlanarMotion,
 ) -> bool:
     """Whether two rectangles overlap: their projections do on the axes of both.
 
@@ -128,10 +132,12 @@ def overlap(
         Separating axis test: Ericson, Real-Time Collision Detection (2005), section 4.4.
     """
     offset = (other_motion.s - motion.s, other_motion.d - motion.d)
-    lengthwise = (motion.psi, other_motion.psi)
+    lengthwise = (motion.heading, other_motion.heading)
     for axis in (*lengthwise, *(heading + _QUARTER_TURN for heading in lengthwise)):
         distance = abs(offset[0] * math.cos(axis) + offset[1] * math.sin(axis))
-        reach = _extent(body, motion.psi - axis) + _extent(other_body, other_motion.psi - axis)
+        reach = _extent(body, motion.heading - axis) + _extent(
+            other_body, other_motion.heading - axis
+        )
         if distance > reach:
             return False
     return True
@@ -149,8 +155,8 @@ STEERING_CURVE = ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
 """Part of full lock against speed (km/h), as the vehicles of CARLA report theirs."""
 
 
-class Steering(NamedTuple):
-    """How far front wheels turn.
+class SteeringLimits(NamedTuple):
+    """Limits of the angle of front wheels.
 
     Attributes:
         lock: Angle at full lock [rad].
@@ -160,7 +166,7 @@ class Steering(NamedTuple):
     lock: float = MAX_WHEEL_ANGLE
     curve: tuple[tuple[float, float], ...] = STEERING_CURVE
 
-    def is_sound(self) -> bool:
+    def is_valid(self) -> bool:
         """Whether there is a curve, with increasing speeds and parts of 0 to 1."""
         speeds = [speed for speed, _ in self.curve]
         parts = [part for _, part in self.curve]

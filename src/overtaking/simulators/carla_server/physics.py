@@ -14,7 +14,7 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
     Wheel,
 )
-from overtaking.simulators.carla_server.motion import Driven, Steering, turned
+from overtaking.simulators.carla_server.motion import SteeringLimits, VehicleDynamics, rotate
 from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.world import World
 from overtaking.world.constants import model_constants
@@ -95,13 +95,13 @@ def _moment(world: World, actor: int, force: Vector, location: Vector) -> float:
 def enable_actor_constant_velocity(world: World, actor: Id, velocity: Vector) -> None:
     """Keep a velocity in the axes of a vehicle, whatever pedals and forces do [m/s]."""
     # CARLA's y axis points to the right.
-    world.fleet[world.vehicle(actor).actor_id].held = (velocity.x, -velocity.y)
+    world.fleet[world.vehicle(actor).actor_id].held_velocity = (velocity.x, -velocity.y)
 
 
 @call()
 def disable_actor_constant_velocity(world: World, actor: Id) -> None:
     """Let pedals and forces decide about the velocity of a vehicle again."""
-    world.fleet[world.vehicle(actor).actor_id].held = None
+    world.fleet[world.vehicle(actor).actor_id].held_velocity = None
 
 
 @call(command=15)
@@ -155,12 +155,12 @@ def apply_physics_control(world: World, actor: Id, wanted: Physics) -> None:
     vehicle = world.vehicle(actor)
     now = physics_control(world, vehicle)
     lock_deg = max((one.max_steer_angle for one in wanted.wheels[:2]), default=0.0)
-    steering = Steering(math.radians(lock_deg), wanted.steering_curve)
+    steering = SteeringLimits(math.radians(lock_deg), wanted.steering_curve)
     if not (
         _LIGHTEST <= wanted.mass <= _HEAVIEST
         and wanted.drag_coefficient >= 0.0
         and 0.0 < steering.lock < 0.5 * math.pi
-        and steering.is_sound()
+        and steering.is_valid()
     ):
         raise Refused("mass, drag, steering angle or steering curve is out of range")
     heavier = wanted.mass / now.mass
@@ -211,7 +211,7 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float, friction: float) -> Wheel:
     is_front = k < 2
     ahead = body["cg_to_front"] if is_front else body["cg_to_front"] - body["wheelbase"]
     aside = (0.5 if k % 2 else -0.5) * body["track_width"]
-    x, y = turned(ahead, aside, math.radians(pose.rotation.yaw))
+    x, y = rotate(ahead, aside, math.radians(pose.rotation.yaw))
     at = (pose.location.x + x, pose.location.y + y, pose.location.z + WHEEL_RADIUS)
     place = Vector(*(_CM_PER_M * part for part in at))
     return Wheel(
@@ -256,7 +256,7 @@ def telemetry(world: World, vehicle: Vehicle) -> list[object]:
     Source:
         Gillespie, Fundamentals of Vehicle Dynamics (1992), chapters 1 and 6.
     """
-    now = world.fleet.driven(vehicle.actor_id)
+    now = world.fleet.dynamics(vehicle.actor_id)
     control = vehicle.control
     speed = vehicle.forward_speed
     gear = -1 if control.reverse else 1
@@ -268,7 +268,7 @@ def telemetry(world: World, vehicle: Vehicle) -> list[object]:
 
 
 def _wheel_telemetry(
-    vehicle: Vehicle, now: Driven, speed: float, drag: float, k: int
+    vehicle: Vehicle, now: VehicleDynamics, speed: float, drag: float, k: int
 ) -> WheelTelemetry:
     """Front left, front right, rear left, rear right."""
     body, is_front, is_right = vehicle.body, k < 2, bool(k % 2)
@@ -277,19 +277,19 @@ def _wheel_telemetry(
     arm = front if is_front else wheelbase - front
     share = 1.0 - arm / wheelbase
     rest = 0.5 * share * body["mass"] * gravity
-    lift = 0.5 * body["mass"] * now.a_lon * body["cg_height"] / wheelbase
-    lean = share * body["mass"] * now.a_lat * body["cg_height"] / body["track_width"]
+    lift = 0.5 * body["mass"] * now.accel_lon * body["cg_height"] / wheelbase
+    lean = share * body["mass"] * now.accel_lat * body["cg_height"] / body["track_width"]
     lean = 0.0 if body["two_wheeler"] else lean
     load = max(rest + (-lift if is_front else lift) + (lean if is_right else -lean), 0.0)
     normal = load / rest
     resistance = drag + body["rolling_resistance"] * body["mass"] * gravity * (speed != 0.0)
-    force = body["mass"] * now.a_lon + resistance
+    force = body["mass"] * now.accel_lon + resistance
     driven = body["front_drive_share"] if is_front else 1.0 - body["front_drive_share"]
     along = 0.5 * force * (driven if force > 0.0 else share)
-    across = -share * body["mass"] * now.a_lat * normal / 2.0
+    across = -share * body["mass"] * now.accel_lat * normal / 2.0
     return WheelTelemetry(
         tire_friction=now.mu_right if is_right else now.mu_left,
-        lat_slip=_slip(now, arm if is_front else -arm, now.angle if is_front else 0.0),
+        lat_slip=_slip(now, arm if is_front else -arm, now.wheel_angle if is_front else 0.0),
         long_slip=0.0,
         omega=speed / WHEEL_RADIUS,
         tire_load=load,
@@ -302,7 +302,7 @@ def _wheel_telemetry(
     )
 
 
-def _slip(now: Driven, ahead: float, angle: float) -> float:
+def _slip(now: VehicleDynamics, ahead: float, angle: float) -> float:
     """Slip angle of an axle, to the right [degrees]."""
     if now.vx < _AT_REST:
         return 0.0

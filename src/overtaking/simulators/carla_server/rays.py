@@ -7,7 +7,7 @@ from typing import NamedTuple
 from overtaking.simulators.carla_server.actors import Prop, Vehicle
 from overtaking.simulators.carla_server.arguments import Vector
 from overtaking.simulators.carla_server.maps import Map
-from overtaking.simulators.carla_server.motion import turned
+from overtaking.simulators.carla_server.motion import rotate
 from overtaking.simulators.carla_server.world import World
 
 ROAD, TERRAIN = 1, 10
@@ -69,7 +69,7 @@ def _share_before_entry(vehicle: Vehicle | Prop, start: Vector, end: Vector) -> 
 
     def inside(point: Vector) -> tuple[float, float, float]:
         upwards = point.z - centre.z - vehicle.extent.z
-        return *turned(point.x - centre.x, point.y - centre.y, -yaw), upwards
+        return *rotate(point.x - centre.x, point.y - centre.y, -yaw), upwards
 
     enter, leave = 0.0, 1.0
     for a, b, half in zip(inside(start), inside(end), vehicle.extent, strict=True):

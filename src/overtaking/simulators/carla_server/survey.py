@@ -21,7 +21,7 @@ from overtaking.core.process_limits import limit_process
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.simulators.carla_server.maps import Lanes, Map, cells_of, drawn_mark
-from overtaking.simulators.carla_server.motion import Ground
+from overtaking.simulators.carla_server.motion import GroundFrame
 
 SPACING = 2.0
 """Distance of two samples of a lane [m]."""
@@ -60,7 +60,7 @@ def survey(name: str, opendrive: str) -> Map:
     )
     rows = _in_own_process(name, opendrive)
     lanes = _lanes(rows)
-    ground = Ground(_open_ground(name), shelters=False)
+    ground = GroundFrame(_open_ground(name), shelters_wind=False)
     return Map(name, opendrive, ground, lanes, is_flat=False, _cells=cells_of(lanes))
 
 

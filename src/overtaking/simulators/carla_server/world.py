@@ -24,7 +24,12 @@ from overtaking.simulators.carla_server.arguments import Description, Settings, 
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.fleet import Fleet
 from overtaking.simulators.carla_server.maps import Atlas
-from overtaking.simulators.carla_server.motion import Motion, Obstacle, Touch, overlap
+from overtaking.simulators.carla_server.motion import (
+    ContactImpulse,
+    Obstacle,
+    PlanarMotion,
+    boxes_overlap,
+)
 from overtaking.simulators.carla_server.pictures import PictureThread, Shot
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import SensorType
@@ -255,7 +260,7 @@ class World:
         ):
             return False
         sides = {"length": 2.0 * trigger.extent.x, "width": 2.0 * trigger.extent.y}
-        return overlap(vehicle.body, _in_plane(vehicle.pose), sides, _in_plane(pose))
+        return boxes_overlap(vehicle.body, _in_plane(vehicle.pose), sides, _in_plane(pose))
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
@@ -280,7 +285,7 @@ class World:
             return
         seed, number, direction = int(match[1]), int(match[2]), float(match[3])
         if seed < 2**64 and number < 2**64 and abs(direction) <= math.tau:
-            self.fleet.set_nature(Nature(seed, number, direction))
+            self.fleet.set_weather_defaults(Nature(seed, number, direction))
 
     def layout(self, actor: Actor) -> list[object]:
         """An actor as clients want it."""
@@ -341,10 +346,10 @@ class World:
             prop.pose = pose._replace(location=pose.location._replace(z=height))
         for actor_id, motion in self.fleet.motions().items():
             vehicle = self.vehicle(actor_id)
-            if not self.fleet[actor_id].moves:
+            if not self.fleet[actor_id].has_physics:
                 vehicle.acceleration = ORIGIN
                 continue
-            new = self.map.to_world(motion.along, motion.across)
+            new = self.map.to_world(motion.v_s, motion.v_d)
             old = vehicle.velocity
             vehicle.acceleration = Vector(*((b - a) / delta for a, b in zip(old, new, strict=True)))
             vehicle.velocity = new
@@ -352,12 +357,12 @@ class World:
             vehicle.pose = self.map.pose(motion, vehicle.pose.location.z)
             self.fleet[actor_id].height = vehicle.pose.location.z
 
-    def _tell_contacts(self, touches: Sequence[Touch]) -> None:
+    def _tell_contacts(self, touches: Sequence[ContactImpulse]) -> None:
         """One event a tick for each pair, with the sum of its impulses."""
         totals: dict[tuple[int, int], Vector] = {}
         for touch in touches:
             pair = (touch.own, touch.other)
-            gain = self.map.to_world(touch.along, touch.across)
+            gain = self.map.to_world(touch.impulse_s, touch.impulse_d)
             old = totals.get(pair, ORIGIN)
             totals[pair] = Vector(*(a + b for a, b in zip(old, gain, strict=True)))
         for (own, other), impulse in totals.items():
@@ -405,7 +410,7 @@ class World:
             self.pictures.draw(shots, self.map, bodies, self.weather)
 
 
-def _in_plane(pose: Transform) -> Motion:
+def _in_plane(pose: Transform) -> PlanarMotion:
     """A pose on the plane of the map, at rest; y points to the left, unlike CARLA's."""
     x, y, _ = pose.location
-    return Motion(x, -y, -math.radians(pose.rotation.yaw), 0.0, 0.0, 0.0)
+    return PlanarMotion(x, -y, -math.radians(pose.rotation.yaw), 0.0, 0.0, 0.0)

@@ -12,8 +12,8 @@ from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Nature, body_of
-from overtaking.simulators.carla_server.fleet import BACKWARDS_SPEED, Fleet
-from overtaking.simulators.carla_server.motion import Ground, Motion, overlap
+from overtaking.simulators.carla_server.fleet import MAX_REVERSE_SPEED, Fleet
+from overtaking.simulators.carla_server.motion import GroundFrame, PlanarMotion, boxes_overlap
 from overtaking.world.constants import model_constants
 
 TICK = 0.05
@@ -28,11 +28,11 @@ def fleet_in(**changes: float) -> Fleet:
         dict(weather_presets()["ClearNoon"].carla_fields()) | {"wind_intensity": 0.0} | changes
     )
     road = known_road("town06").extend_to(3000.0)
-    return Fleet(Ground(road, shelters=True), tuple(weather.values()), Nature(1))
+    return Fleet(GroundFrame(road, shelters_wind=True), tuple(weather.values()), Nature(1))
 
 
-def at(s: float, d: float = -12.25, speed: float = 0.0, psi: float = 0.0) -> Motion:
-    return Motion(s, d, psi, speed * math.cos(psi), speed * math.sin(psi), 0.0)
+def at(s: float, d: float = -12.25, speed: float = 0.0, psi: float = 0.0) -> PlanarMotion:
+    return PlanarMotion(s, d, psi, speed * math.cos(psi), speed * math.sin(psi), 0.0)
 
 
 def drive(fleet: Fleet, seconds: float, **controls: Control) -> None:
@@ -48,7 +48,7 @@ def test_full_throttle_gives_the_launch_acceleration_of_the_class():
     body = fleet[1].body
     rolling = body["rolling_resistance"] * GRAVITY
     expected = body["launch_accel"] - rolling
-    assert fleet.motion(1).along == pytest.approx(expected, rel=0.03)
+    assert fleet.motion(1).v_s == pytest.approx(expected, rel=0.03)
 
 
 def test_full_throttle_of_a_car_is_held_back_by_traction_control():
@@ -63,7 +63,7 @@ def test_full_throttle_of_a_car_is_held_back_by_traction_control():
     grip = float(model_constants().traction_share) * 0.925
     rolling = body["rolling_resistance"] * GRAVITY
     expected = (grip * GRAVITY * front - rolling) / (1.0 + grip * lift)
-    assert fleet.motion(1).along == pytest.approx(expected, rel=0.01)
+    assert fleet.motion(1).v_s == pytest.approx(expected, rel=0.01)
     assert expected < body["launch_accel"] - rolling
 
 
@@ -74,7 +74,7 @@ def test_coasting_slows_by_drag_and_rolling_resistance():
     body = fleet[1].body
     drag = 0.5 * 1.20 * body["drag_area"] * 29.7**2 / body["mass"]
     lost = drag + body["rolling_resistance"] * GRAVITY
-    assert fleet.motion(1).along == pytest.approx(30.0 - lost, rel=0.002)
+    assert fleet.motion(1).v_s == pytest.approx(30.0 - lost, rel=0.002)
 
 
 def test_brakes_stop_within_the_distance_of_their_deceleration_and_hold():
@@ -82,7 +82,7 @@ def test_brakes_stop_within_the_distance_of_their_deceleration_and_hold():
     fleet.add(1, body_of(CAR), at(100.0, speed=20.0))
     drive(fleet, 4.0, _1=Control(brake=1.0))
     stopped = fleet.motion(1)
-    assert stopped.along == stopped.across == 0.0
+    assert stopped.v_s == stopped.v_d == 0.0
     assert stopped.s - 100.0 == pytest.approx(20.0**2 / (2.0 * 9.0), rel=0.06)
     drive(fleet, 1.0, _1=Control(brake=1.0))
     assert fleet.motion(1) == stopped
@@ -115,12 +115,12 @@ def test_steering_to_the_right_turns_on_the_circle_of_the_wheelbase():
     control = Control(steer=0.1)
     drive(fleet, 0.5, _1=control)
     now = fleet.motion(1)
-    speed = math.hypot(now.along, now.across)
+    speed = math.hypot(now.v_s, now.v_d)
     # Ackermann: yaw rate = v tan(delta) / wheelbase; the lock shrinks with speed.
     lock = math.radians(70.0) * np.interp(3.6 * speed, (0.0, 20.0), (1.0, 0.9))
     expected = speed * math.tan(0.1 * lock) / fleet[1].body["wheelbase"]
     assert now.yaw_rate == pytest.approx(-expected, rel=0.08)
-    assert now.psi < 0.0
+    assert now.heading < 0.0
 
 
 def test_a_motorcycle_leans_into_the_same_circle():
@@ -128,7 +128,7 @@ def test_a_motorcycle_leans_into_the_same_circle():
     fleet.add(1, body_of("vehicle.yamaha.yzf"), at(100.0, speed=10.0))
     drive(fleet, 3.0, _1=Control(steer=-0.02, throttle=0.1))
     now = fleet.motion(1)
-    speed = math.hypot(now.along, now.across)
+    speed = math.hypot(now.v_s, now.v_d)
     lock = math.radians(70.0) * np.interp(3.6 * speed, (20.0, 60.0), (0.9, 0.8))
     expected = speed * math.tan(0.02 * lock) / fleet[1].body["wheelbase"]
     assert now.yaw_rate == pytest.approx(expected, rel=0.05)
@@ -139,11 +139,11 @@ def test_reverse_goes_backwards_slowly_and_only_from_rest():
     fleet.add(1, body_of(CAR), at(100.0, speed=5.0))
     back = Control(throttle=1.0, reverse=True)
     drive(fleet, 0.2, _1=back)
-    assert fleet.motion(1).along > 0.0
+    assert fleet.motion(1).v_s > 0.0
     drive(fleet, 10.0, _1=back)
-    assert fleet.motion(1).along == pytest.approx(-BACKWARDS_SPEED)
+    assert fleet.motion(1).v_s == pytest.approx(-MAX_REVERSE_SPEED)
     drive(fleet, 3.0, _1=Control(brake=1.0))
-    assert fleet.motion(1).along == 0.0
+    assert fleet.motion(1).v_s == 0.0
 
 
 def test_a_contact_keeps_the_momentum_and_loses_energy():
@@ -153,15 +153,15 @@ def test_a_contact_keeps_the_momentum_and_loses_energy():
     masses = [fleet[k].body["mass"] for k in (1, 2)]
     before, touches = [0.0, 0.0], []
     while not touches:
-        before = [fleet.motion(k).along for k in (1, 2)]
+        before = [fleet.motion(k).v_s for k in (1, 2)]
         touches = fleet.advance(TICK, {})
-    after = [fleet.motion(k).along for k in (1, 2)]
+    after = [fleet.motion(k).v_s for k in (1, 2)]
     momentum = [sum(m * v for m, v in zip(masses, vs, strict=True)) for vs in (before, after)]
     energy = [sum(m * v * v for m, v in zip(masses, vs, strict=True)) for vs in (before, after)]
     assert momentum[1] == pytest.approx(momentum[0], rel=0.01)
     assert energy[1] < 0.6 * energy[0]
     assert {(t.own, t.other) for t in touches} == {(1, 2), (2, 1)}
-    assert sum(t.along for t in touches) == pytest.approx(0.0, abs=1.0)
+    assert sum(t.impulse_s for t in touches) == pytest.approx(0.0, abs=1.0)
 
 
 def test_contacts_are_found_between_vehicles_of_different_groups_of_the_engine():
@@ -174,7 +174,7 @@ def test_contacts_are_found_between_vehicles_of_different_groups_of_the_engine()
     for _ in range(10):
         touches += fleet.advance(TICK, {})
     assert {(touch.own, touch.other) for touch in touches} == {(last - 1, last), (last, last - 1)}
-    assert fleet.motion(last - 1).along > 5.0
+    assert fleet.motion(last - 1).v_s > 5.0
 
 
 def test_who_was_hit_can_still_be_driven():
@@ -190,10 +190,10 @@ def test_who_was_hit_can_still_be_driven():
 def test_a_vehicle_without_physics_stays_where_it_is_put():
     fleet = fleet_in(wind_intensity=100.0)
     fleet.add(1, body_of(CAR), at(100.0, speed=20.0))
-    fleet[1].moves = False
+    fleet[1].has_physics = False
     drive(fleet, 1.0, _1=Control(throttle=1.0))
     now = fleet.motion(1)
-    assert (now.s, now.d, now.psi) == (100.0, -12.25, 0.0)
+    assert (now.s, now.d, now.heading) == (100.0, -12.25, 0.0)
 
 
 def test_a_force_acts_for_one_tick():
@@ -201,10 +201,10 @@ def test_a_force_acts_for_one_tick():
     fleet.add(1, body_of(CAR), at(100.0))
     fleet.force(1, 10_000.0, 0.0)
     fleet.advance(TICK, {})
-    gained = fleet.motion(1).along
+    gained = fleet.motion(1).v_s
     assert gained == pytest.approx(10_000.0 / fleet[1].body["mass"] * TICK, rel=0.05)
     fleet.advance(TICK, {})
-    assert fleet.motion(1).along < gained
+    assert fleet.motion(1).v_s < gained
 
 
 def test_an_impulse_changes_the_velocity_at_once():
@@ -212,8 +212,8 @@ def test_an_impulse_changes_the_velocity_at_once():
     fleet.add(1, body_of(CAR), at(100.0, speed=10.0))
     fleet.push(1, 0.0, 2_000.0)
     now = fleet.motion(1)
-    assert now.across == pytest.approx(2_000.0 / fleet[1].body["mass"], rel=1e-3)
-    assert now.along == pytest.approx(10.0, rel=1e-3)
+    assert now.v_d == pytest.approx(2_000.0 / fleet[1].body["mass"], rel=1e-3)
+    assert now.v_s == pytest.approx(10.0, rel=1e-3)
 
 
 def test_removing_one_leaves_the_others_as_they_are():
@@ -252,11 +252,11 @@ def test_boxes_overlap_when_corners_do():
     body = body_of(CAR)
     length, width = body["length"], body["width"]
     here = at(0.0, 0.0)
-    assert overlap(body, here, body, at(0.99 * length, 0.0))
-    assert not overlap(body, here, body, at(1.01 * length, 0.0))
-    assert not overlap(body, here, body, at(0.0, 1.01 * width))
+    assert boxes_overlap(body, here, body, at(0.99 * length, 0.0))
+    assert not boxes_overlap(body, here, body, at(1.01 * length, 0.0))
+    assert not boxes_overlap(body, here, body, at(0.0, 1.01 * width))
     turned = at(0.5 * (length + width) + 0.1, 0.0, psi=math.pi / 2.0)
-    assert not overlap(body, here, body, turned)
+    assert not boxes_overlap(body, here, body, turned)
 
 
 def test_every_blueprint_drives():
@@ -266,6 +266,6 @@ def test_every_blueprint_drives():
     fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.motions()})
     for k in range(20):
         fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.motions()})
-    speeds = [motion.along for motion in fleet.motions().values()]
+    speeds = [motion.v_s for motion in fleet.motions().values()]
     assert min(speeds) > 0.5
     assert np.isfinite(speeds).all()

@@ -20,7 +20,7 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
 )
 from overtaking.simulators.carla_server.maps import Atlas, Map, known_map
-from overtaking.simulators.carla_server.motion import Motion
+from overtaking.simulators.carla_server.motion import PlanarMotion
 from overtaking.simulators.carla_server.physics import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.rays import ROAD, TERRAIN, cast, project
 from overtaking.simulators.carla_server.running import run_server
@@ -121,7 +121,7 @@ def test_who_is_hidden_underground_is_in_nobodys_way():
     world = world_on(known_map("town06"))
     car = put(world, 300.0, 244.65, 0.3)
     hidden = put(world, 320.0, 244.65, -100.0)
-    world.fleet[hidden].moves = False
+    world.fleet[hidden].has_physics = False
     drive(world, car, 60)
     assert world.vehicle(car).velocity.x > 12.0
     assert world.vehicle(hidden).pose.location == Vector(320.0, 244.65, -100.0)
@@ -222,10 +222,11 @@ def test_a_vehicle_reads_the_limit_where_it_is():
     course = RoadCourse(speed_limit_spans=(SpeedLimitSpan(start=100.0, stop=200.0, speed=20.0),))
     road = dataclasses.replace(base.ground.road, course=course)
     found = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
-    poses = (found.pose(Motion(s, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0) for s in (99.0, 150.0, 201.0))
+    still = PlanarMotion(150.0, -2.0, 0.0, 0.0, 0.0, 0.0)
+    poses = (found.pose(dataclasses.replace(still, s=s), 0.0) for s in (99.0, 150.0, 201.0))
     limits = [found.limit(pose) for pose in poses]
     assert limits == [road.speed_limit, 20.0, road.speed_limit]
-    assert base.limit(found.pose(Motion(150.0, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0)) == road.speed_limit
+    assert base.limit(found.pose(still, 0.0)) == road.speed_limit
 
 
 def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():

@@ -183,7 +183,7 @@ def test_a_fixed_prop_stops_a_vehicle_of_either_direction_with_its_whole_momentu
         controls = {car.actor_id: car.control}
         for touch in world.fleet.advance(0.05, controls):
             assert (touch.own, touch.other) == (car.actor_id, barrier)
-            impulses.append(world.map.to_world(touch.along, touch.across))
+            impulses.append(world.map.to_world(touch.impulse_s, touch.impulse_d))
         world._follow_fleet(0.05)
     (_, width, _), mass = props()[BARRIER].size, car.body["mass"]
     ahead = sign * (1000.0 - car.pose.location.x)
@@ -212,10 +212,10 @@ def test_a_prop_with_physics_is_pushed_with_the_momentum_that_the_vehicle_loses(
     car = spawn_car(world, pose(990.0), speed=15.0)
     speed = impulse = 0.0
     for _ in range(200):
-        speed_before = world.fleet.motion(car.actor_id).along
+        speed_before = world.fleet.motion(car.actor_id).v_s
         touches = world.fleet.advance(0.05, {car.actor_id: car.control})
         if touches:
-            speed, impulse = speed_before, touches[0].along
+            speed, impulse = speed_before, touches[0].impulse_s
             car.drive(Control(brake=1.0))
         world._follow_fleet(0.05)
     gained = -impulse / world.actors[prop].mass  # type: ignore[attr-defined]
