@@ -193,13 +193,122 @@ class Drawing:
         """Add a filled rectangle; its corners are round if `radius` is above 0."""
 
 @final
-class Stepper:
-    """A batch that waits at every decision for the actions of an external driver."""
+class Inputs:
+    """Everything that a batch is simulated from. The arrays are read in place at every call."""
 
     def __new__(
         cls,
         /,
-        batch: Mapping[str, Any],
+        *,
+        vehicle: NDArray[np.float32],
+        simulation: NDArray[np.float32],
+        scenario_index: NDArray[np.uint64],
+        num_slots: int,
+        seed: int,
+        steps_per_frame: int,
+        road: Mapping[str, Any],
+        constants: Mapping[str, Any],
+    ) -> Inputs:
+        """Check the inputs of a batch.
+
+        Args:
+            vehicle: Parameters of vehicles and drivers, flat (field, slot, simulation), fields as
+                `FIELD_NAMES["vehicle"]`.
+            simulation: Parameters of simulations, flat (field, simulation), fields as
+                `FIELD_NAMES["simulation"]`.
+            scenario_index: Index of each scenario.
+            num_slots: Vehicle slots, 1 to `MAX_VEHICLES`.
+            seed: Key of the random numbers.
+            steps_per_frame: Steps of 10 ms between recorded frames, at least 1.
+            road: Fields of the road by name, as `sim.engine.road_values` returns them.
+            constants: Constants of the model by name, as `world.constants.engine_constants` returns
+                them.
+
+        Raises:
+            TypeError: An array has another type or is not contiguous.
+            ValueError: An array has another length, or a number is out of range.
+        """
+
+@final
+class PedalDriving:
+    """Moves vehicles of one simulation by their pedals and wheel angles."""
+
+    def __new__(cls, /, inputs: Inputs, level: str | None = None) -> PedalDriving:
+        """Keep the parameters of the vehicles and of the road under them.
+
+        Args:
+            inputs: Inputs of one simulation, of which `steps_per_frame` is not read.
+            level: SIMD level; None for the best of this CPU.
+
+        Raises:
+            ValueError: There is not one simulation.
+        """
+
+    def drive(
+        self,
+        /,
+        table: NDArray[np.float32],
+        controls: NDArray[np.float32],
+        wheel_rate: float,
+        num_steps: int,
+    ) -> None:
+        """Move the vehicles of a table by some steps.
+
+        Args:
+            table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
+            controls: Throttle, brake and requested angle of the front wheels [rad], (3, vehicle).
+            wheel_rate: Rate at which the front wheels turn [rad/s].
+            num_steps: Number of steps, each as long as the constant `step`.
+
+        Raises:
+            ValueError: An array has another length, or the SIMD level is unknown or not available.
+        """
+
+    def resolve_contacts(
+        self,
+        /,
+        bodies: NDArray[np.float32],
+        old_positions: NDArray[np.float32],
+        pairs: NDArray[np.uint32],
+    ) -> NDArray[np.int32]:
+        """Exchange momentum between the bodies of each pair that touched during the last step.
+
+        Args:
+            bodies: Shape (field, body), fields as `FIELD_NAMES["bodies"]`. Motion after the step,
+                which lasts the constant `step`; changed in place.
+            old_positions: `s` and `d` before the step [m], (2, body).
+            pairs: Two bodies each, (pair, 2), in the order of resolution.
+
+        Returns:
+            First other body that each body touched, -1 without a contact.
+
+        Raises:
+            ValueError: An array has another length, a pair names a body that does not exist, or the
+                SIMD level is unknown or not available.
+        """
+
+    def update_weather(self, /, table: NDArray[np.float32], decision: int) -> None:
+        """Write gusts, friction and wind of a decision into a table of vehicles.
+
+        Args:
+            table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
+            decision: Number of the decision, 20 a second.
+
+        Raises:
+            ValueError: An array has another length, or the SIMD level is unknown or not available.
+        """
+
+@final
+class Stepper:
+    """A batch that waits at every decision for the actions of an external driver.
+
+    Calls change the batch, so Python raises `RuntimeError` if two threads call it at the same time.
+    """
+
+    def __new__(
+        cls,
+        /,
+        inputs: Inputs,
         action_kind: str | None,
         observes_truth: bool,
         level: str | None = None,
@@ -207,31 +316,31 @@ class Stepper:
         """Begin before the first decision.
 
         Args:
-            batch: vehicle, simulation, scenario_index, num_slots, seed, steps_per_frame, road and
-                constants as in `simulate`.
+            inputs: Inputs of the batch, with at least one simulation.
             action_kind: Kind of the actions; None if the model's driver decides.
             observes_truth: Whether the driver observes the true state, and not its beliefs.
             level: SIMD level; None for the best of this CPU.
 
         Raises:
-            ValueError: An array has another length, or the kind or SIMD level is unknown.
+            ValueError: There is no simulation, or the kind or SIMD level is unknown.
         """
 
     def observe_start(self, /) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
         """Observations at the start, (simulation, field); which simulations run; zeros."""
 
     def restart(
-        self, /, rows: NDArray[np.int64], batch: Mapping[str, Any]
+        self, /, rows: NDArray[np.int64], inputs: Inputs
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
         """Begin new simulations in rows of the batch, and observe their start.
 
         Args:
             rows: The rows, each once.
-            batch: The new simulations, one for each row, with as many slots as the others. Their
-                seed, road and constants are those of the others.
+            inputs: Inputs of the new simulations, one for each row, with the slots of the batch.
+                Their seed, road and constants are ignored: the batch keeps its own.
 
         Raises:
-            ValueError: A row occurs twice or does not exist, or an array has another length.
+            ValueError: A row occurs twice or does not exist, or `inputs` has another number of
+                simulations or slots.
         """
 
     def step(
@@ -253,28 +362,6 @@ class Stepper:
 
 def default_simd_level() -> str:
     """The SIMD level of calls that name no level."""
-
-def drive(
-    driven: Mapping[str, Any],
-    table: NDArray[np.float32],
-    controls: NDArray[np.float32],
-    wheel_rate: float,
-    steps: int,
-    level: str | None = None,
-) -> None:
-    """Move the vehicles of a table by some steps.
-
-    Args:
-        driven: As in `weather_driven`.
-        table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-        controls: Throttle, brake and requested angle of the front wheels [rad], (3, vehicle).
-        wheel_rate: Rate at which the front wheels turn [rad/s].
-        steps: Number of steps of 10 ms.
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: An array has another length, or the SIMD level is unknown or not available.
-    """
 
 def ego_signals_and_events(
     *,
@@ -482,31 +569,6 @@ def random_words(
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
     """
 
-def resolve_contacts(
-    driven: Mapping[str, Any],
-    bodies: NDArray[np.float32],
-    old_positions: NDArray[np.float32],
-    pairs: NDArray[np.uint32],
-    level: str | None = None,
-) -> NDArray[np.int32]:
-    """Exchange momentum between the bodies of each pair that touched during the last step.
-
-    Args:
-        driven: As in `weather_driven`; its constant `step` is the length of the step.
-        bodies: Shape (field, body), fields as `FIELD_NAMES["bodies"]`. Motion after the step,
-            changed in place.
-        old_positions: `s` and `d` before the step [m], (2, body).
-        pairs: Two bodies each, (pair, 2), in the order of resolution.
-        level: SIMD level; None for the best of this CPU.
-
-    Returns:
-        First other body that each body touched, -1 without a contact.
-
-    Raises:
-        ValueError: An array has another length, a pair names a body that does not exist, or the
-            SIMD level is unknown or not available.
-    """
-
 def scan_spans(
     *,
     recording: Mapping[str, Any],
@@ -536,16 +598,9 @@ def simd_levels() -> list[tuple[str, bool]]:
     """Every SIMD level, and whether it is compiled and this CPU can run it."""
 
 def simulate(
+    inputs: Inputs,
     *,
-    vehicle: NDArray[np.floating[Any]],
-    simulation: NDArray[np.floating[Any]],
-    scenario_index: NDArray[np.uint64],
-    num_slots: int,
     frames: int,
-    seed: int,
-    steps_per_frame: int,
-    road: Mapping[str, Any],
-    constants: Mapping[str, Any],
     outputs: dict[str, NDArray[Any]],
     switches: Sequence[
         tuple[
@@ -562,17 +617,8 @@ def simulate(
     """Simulate a batch and fill the flat arrays of `outputs`.
 
     Args:
-        vehicle: Flat (field, vehicle, simulation), fields as `FIELD_NAMES["vehicle"]`.
-        simulation: Flat (field, simulation), fields as `FIELD_NAMES["simulation"]`.
-        scenario_index: Index of each scenario.
-        num_slots: Vehicle slots, at most `MAX_VEHICLES`.
+        inputs: Inputs of the batch.
         frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
-        seed: Key of the random numbers.
-        steps_per_frame: Steps between recorded frames.
-        road: num_lanes, boundaries (9), film_path (8), overtaking_sign, and pose: x0, y0,
-            heading, cosine, sine.
-        constants: values as `FIELD_NAMES["constants"]`, friction_new and friction_worn (3 x 4),
-            friction_speeds (3), friction_films (4).
         outputs: Flat arrays by name.
         switches: For each step at which parameters change: vehicle and simulation parameters,
             indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
@@ -608,19 +654,3 @@ def target_signals(
 
 def uniform_numbers(words: NDArray[np.uint32]) -> NDArray[np.float32]:
     """Convert random words to uniform numbers, as `random_numbers.uniform_from_word`."""
-
-def weather_driven(
-    driven: Mapping[str, Any], table: NDArray[np.float32], decision: int, level: str | None = None
-) -> None:
-    """Write gusts, friction and wind of a decision into a table of vehicles.
-
-    Args:
-        driven: vehicle, simulation, scenario_index, num_slots, seed, road and constants as in
-            `simulate`, of one simulation.
-        table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-        decision: Number of the decision, 20 a second.
-        level: SIMD level; None for the best of this CPU.
-
-    Raises:
-        ValueError: An array has another length, or the SIMD level is unknown or not available.
-    """

@@ -20,7 +20,7 @@ macro_rules! entry_points {
         /// Simulate a batch at this level.
         ///
         /// # Errors
-        /// Those of `overtaking_core::simulate`; the level is not compiled.
+        /// `overtaking_core::simulate` refuses the inputs, or the level is not compiled.
         pub fn $level(
             simd: fearless_simd::x86::$simd,
             inputs: &overtaking_core::Inputs<'_>,
@@ -34,33 +34,35 @@ macro_rules! entry_points {
             result
         }
 
-        /// Serve an external driver of a batch at this level.
+        /// Make a batch that waits for an external driver, at this level.
         ///
         /// # Errors
-        /// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
+        /// `overtaking_core::run::stepped_batch::stepped_batch` refuses the inputs, or the level is not compiled.
         pub fn $stepped(
             simd: fearless_simd::x86::$simd,
             inputs: &overtaking_core::Inputs<'_>,
-            talk: &overtaking_core::run::stepped_batch::Talk,
-        ) -> Result<(), String> {
+            kind: Option<overtaking_core::ego_action::ActionKind>,
+            source: overtaking_core::observation_table::ObservationSource,
+        ) -> Result<Box<dyn overtaking_core::run::stepped_batch::SteppedBatch>, String> {
             #[cfg($level)]
-            let result = overtaking_core::run::stepped_batch::stepped_batch(simd, inputs, talk);
+            let result =
+                overtaking_core::run::stepped_batch::stepped_batch(simd, inputs, kind, source);
             #[cfg(not($level))]
-            let result = refuse((simd, inputs, talk));
+            let result = refuse((simd, inputs, kind, source));
             result
         }
     };
 }
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-entry_points!(avx512, serve_avx512, Avx512);
+entry_points!(avx512, stepped_batch_avx512, Avx512);
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-entry_points!(avx2, serve_avx2, Avx2);
+entry_points!(avx2, stepped_batch_avx2, Avx2);
 
 /// The result of a call at a level that is not compiled.
 #[cfg(all(
     any(target_arch = "x86", target_arch = "x86_64"),
     not(all(avx512, avx2))
 ))]
-fn refuse<T>(_: T) -> Result<(), String> {
+fn refuse<T, R>(_: T) -> Result<R, String> {
     Err(NOT_COMPILED.to_string())
 }

@@ -34,7 +34,7 @@ pub fn decide_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     context: &DriverContext<S>,
-    recorder: &mut Recorder<'_, N>,
+    recorder: Option<&mut Recorder<'_, N>>,
     decision: &EgoDecision<'_, S>,
 ) {
     // No closure: it would be compiled as a function of its own, without the SIMD features.
@@ -49,7 +49,9 @@ pub fn decide_ego<S: Simd, const N: usize>(
         Some(action) => ego_action::intent_from_action(state, params, action),
     };
     count_waiting_time(state, params, EGO_SLOT, &context.beliefs);
-    recorder.record_manoeuvres(state, params, context, &intent, decision.step);
+    if let Some(recorder) = recorder {
+        recorder.record_manoeuvres(state, params, context, &intent, decision.step);
+    }
 
     // The next stage is stored last: the calls in between read the present one.
     let next_stage = state

@@ -43,7 +43,7 @@ struct RecordedPercepts<'a, S: Simd> {
 
 /// Collects the recorded integers of a block and hashes them.
 pub struct Recorder<'a, const N: usize> {
-    /// Where the simulation of each lane goes; `None` in lanes that are free.
+    /// Outputs of the simulation in each lane; `None` in free lanes.
     out: [Option<Output<'a>>; SIMD_LANES],
     hash: [[u32; SIMD_LANES]; 4],
     frames: [usize; SIMD_LANES],
@@ -51,35 +51,24 @@ pub struct Recorder<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Recorder<'a, N> {
-    /// A recorder of the simulations of some lanes.
-    pub fn new(mut out: [Option<Output<'a>>; SIMD_LANES]) -> Self {
-        for out in out.iter_mut().flatten() {
-            clear(out);
-        }
+    /// A recorder of the simulations in the first lanes, at most sixteen.
+    pub fn new(mut outputs: Vec<Output<'a>>) -> Self {
+        outputs.iter_mut().for_each(clear);
+        let mut outputs = outputs.into_iter();
         Self {
-            out,
+            out: core::array::from_fn(|_| outputs.next()),
             hash: hash_start(),
             frames: [0; SIMD_LANES],
             flushed: 0,
         }
     }
 
-    /// Whether a lane holds a simulation that is not finished.
-    pub fn is_busy(&self, lane: usize) -> bool {
-        self.out[lane].is_some()
-    }
-
-    /// Free a lane of which nothing is recorded; where its results would have gone.
-    pub fn release(&mut self, lane: usize) -> Option<Output<'a>> {
-        self.out[lane].take()
-    }
-
-    /// Take over the simulation in lane `other` of a recorder that has written down as many frames.
-    pub fn seat(&mut self, lane: usize, from: &mut Self, other: usize) {
-        debug_assert_eq!(self.flushed, from.flushed);
-        self.out[lane] = from.out[other].take();
-        self.hash.copy_lane(lane, &from.hash, other);
-        self.frames[lane] = from.frames[other];
+    /// Move the recording in lane `source_lane` of another recorder, which has written as many tiles, into `lane`.
+    pub fn take_over(&mut self, lane: usize, source: &mut Self, source_lane: usize) {
+        debug_assert_eq!(self.flushed, source.flushed);
+        self.out[lane] = source.out[source_lane].take();
+        self.hash.copy_lane(lane, &source.hash, source_lane);
+        self.frames[lane] = source.frames[source_lane];
     }
 
     /// Write down one frame of the simulations that still run.

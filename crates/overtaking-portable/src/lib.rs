@@ -2,7 +2,9 @@
 //! SIMD level; see `overtaking-avx`.
 
 use fearless_simd::Level;
-use overtaking_core::run::stepped_batch::{Talk, stepped_batch};
+use overtaking_core::ego_action::ActionKind;
+use overtaking_core::observation_table::ObservationSource;
+use overtaking_core::run::stepped_batch::{SteppedBatch, stepped_batch};
 use overtaking_core::{Inputs, Output, ParameterSwitch, dispatch, simulate};
 
 /// Whether a SIMD level is compiled, by its name.
@@ -17,7 +19,7 @@ pub fn is_compiled(name: &str) -> bool {
 /// Simulate a batch at a SIMD level of this CPU.
 ///
 /// # Errors
-/// Those of `overtaking_core::simulate`; the level is not compiled.
+/// `overtaking_core::simulate` refuses the inputs, or the level is not compiled.
 pub fn simulate_at(
     level: Level,
     inputs: &Inputs<'_>,
@@ -30,15 +32,20 @@ pub fn simulate_at(
         portable: if_compiled(simd, |simd| simulate(simd, inputs, switches, out)))
 }
 
-/// Serve another driver of a batch at a SIMD level of this CPU.
+/// Make a batch that waits for an external driver, at a SIMD level of this CPU.
 ///
 /// # Errors
-/// Those of `overtaking_core::run::stepped_batch::stepped_batch`; the level is not compiled.
-pub fn serve_at(level: Level, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
+/// `stepped_batch` refuses the inputs, or the level is not compiled.
+pub fn stepped_batch_at(
+    level: Level,
+    inputs: &Inputs<'_>,
+    kind: Option<ActionKind>,
+    source: ObservationSource,
+) -> Result<Box<dyn SteppedBatch>, String> {
     dispatch!(level, |simd|
-        avx512: overtaking_avx::serve_avx512(simd, inputs, talk),
-        avx2: overtaking_avx::serve_avx2(simd, inputs, talk),
-        portable: if_compiled(simd, |simd| stepped_batch(simd, inputs, talk)))
+        avx512: overtaking_avx::stepped_batch_avx512(simd, inputs, kind, source),
+        avx2: overtaking_avx::stepped_batch_avx2(simd, inputs, kind, source),
+        portable: if_compiled(simd, |simd| stepped_batch(simd, inputs, kind, source)))
 }
 
 /// Run the engine at the level of every CPU; `NOT_COMPILED` where that level is not compiled.

@@ -1,10 +1,9 @@
-//! Python objects as the slices and structs that the engine and the labels read, rejected if arrays do not fit.
+//! Recordings and signals of Python as the slices that the labels read; arrays that do not fit are refused.
 
 use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn,
     PyUntypedArrayMethods, ndarray::Axis,
 };
-use overtaking_core::{CourseTable, MAX_STATIONS, ModelConstants, Road, RoadDirections};
 use overtaking_labels::{MAX_LANES, NO_VEHICLE, PackedRecording, SignalViews, with_signal_views};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
@@ -209,68 +208,4 @@ pub fn expect_slots(what: &str, slots: &[u8], num_slots: usize) -> PyResult<()> 
     let is_missing = |slot: &&u8| **slot != NO_VEHICLE && usize::from(**slot) >= num_slots;
     let slot = slots.iter().find(is_missing).copied().unwrap_or(0);
     Err(PyValueError::new_err(format!("{what}: no vehicle {slot}")))
-}
-
-/// The numbers of a road by name, with the lateral axis towards the overtaking side.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct RoadValues {
-    pub num_lanes: usize,
-    pub boundaries: [f32; 9],
-    pub film_path: [f32; 8],
-    pub overtaking_sign: f32,
-    pub pose: [f32; 5],
-    pub num_own_lanes: usize,
-    pub has_oncoming_traffic: bool,
-    pub length: f32,
-    pub edge_sum: f32,
-    pub sight: [[[f32; MAX_STATIONS]; 3]; 2],
-    pub solid_line: [[f32; MAX_STATIONS]; 3],
-    pub course_table: Vec<f32>,
-}
-
-impl RoadValues {
-    /// The road as the engine reads it.
-    pub fn road(&self) -> Road {
-        Road {
-            num_lanes: self.num_lanes.clamp(1, 8),
-            boundaries: self.boundaries,
-            film_path: self.film_path,
-            overtaking_sign: self.overtaking_sign,
-            pose: self.pose,
-            directions: RoadDirections {
-                num_own_lanes: self.num_own_lanes.clamp(1, 8),
-                has_oncoming_traffic: self.has_oncoming_traffic,
-                length: self.length,
-                edge_sum: self.edge_sum,
-                sight: self.sight,
-                solid_line: self.solid_line,
-            },
-            course_table: CourseTable::from_rows(&self.course_table),
-        }
-    }
-}
-
-/// The constants of the model.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct Numbers {
-    values: Vec<f32>,
-    friction_new: [[f32; 4]; 3],
-    friction_worn: [[f32; 4]; 3],
-    friction_speeds: [f32; 3],
-    friction_films: [f32; 4],
-}
-
-impl Numbers {
-    pub fn constants(&self) -> PyResult<ModelConstants> {
-        expect_length("constants", self.values.len(), ModelConstants::NAMES.len())?;
-        let mut constants = ModelConstants::default();
-        constants.set(&self.values);
-        constants.friction_new = self.friction_new;
-        constants.friction_worn = self.friction_worn;
-        constants.friction_speeds = self.friction_speeds;
-        constants.friction_films = self.friction_films;
-        Ok(constants)
-    }
 }

@@ -16,9 +16,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::batch_inputs::ConstantValues;
 use crate::inputs::{
-    Bytes, Floats, Ints, Numbers, RecordingArrays, SignalArrays, expect_length, expect_slots,
-    output, rows_of_two,
+    Bytes, Floats, Ints, RecordingArrays, SignalArrays, expect_length, expect_slots, output,
+    rows_of_two,
 };
 
 use crate::spread::{SIMULATION_BYTES, reserved, spread};
@@ -143,7 +144,7 @@ pub fn ego_signals_and_events(
     recording: RecordingArrays<'_>,
     visibility: VisibilityArrays<'_>,
     thresholds: EventThresholdValues<'_>,
-    constants: Numbers,
+    constants: ConstantValues,
     signals: &Bound<'_, PyDict>,
     mut zero_from: PyReadwriteArray1<'_, i32>,
     mut events: PyReadwriteArray2<'_, i32>,

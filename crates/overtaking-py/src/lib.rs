@@ -1,6 +1,7 @@
 //! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of tiny-skia,
 //! which draws films.
 
+mod batch_inputs;
 mod bulk_math;
 mod column_hash;
 mod film_canvas;
@@ -10,13 +11,11 @@ mod pedal_driving;
 mod spread;
 mod stepper;
 
-use std::sync::Arc;
-
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::ego_action::{ActionKind, ActionLog, MAX_ACTION_PARTS};
 use overtaking_core::pool::process_pool;
 use overtaking_core::{
-    Inputs, MAX_VEHICLES, ModelConstants, Output, ParameterSwitch, SIMULATION_NAMES, VEHICLE_NAMES,
+    Inputs, ModelConstants, Output, ParameterSwitch, SIMULATION_NAMES, VEHICLE_NAMES,
     require_level, with_outputs,
 };
 use overtaking_portable::{is_compiled, simulate_at};
@@ -24,7 +23,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::inputs::{Numbers, RoadValues, expect_length, output};
+use crate::batch_inputs::PyInputs;
+use crate::inputs::{expect_length, output};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// Borrow every output array, call `$body` with an `Output` over them.
@@ -62,17 +62,8 @@ type SwitchArrays<'a> = (
 /// Simulate a batch and fill the flat arrays of `outputs`.
 ///
 /// Args:
-///     vehicle: Flat (field, vehicle, simulation), fields as `FIELD_NAMES["vehicle"]`.
-///     simulation: Flat (field, simulation), fields as `FIELD_NAMES["simulation"]`.
-///     scenario_index: Index of each scenario.
-///     num_slots: Vehicle slots, at most `MAX_VEHICLES`.
+///     inputs: Inputs of the batch.
 ///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
-///     seed: Key of the random numbers.
-///     steps_per_frame: Steps between recorded frames.
-///     road: num_lanes, boundaries (9), film_path (8), overtaking_sign, and pose: x0, y0,
-///         heading, cosine, sine.
-///     constants: values as `FIELD_NAMES["constants"]`, friction_new and friction_worn (3 x 4),
-///         friction_speeds (3), friction_films (4).
 ///     outputs: Flat arrays by name.
 ///     switches: For each step at which parameters change: vehicle and simulation parameters,
 ///         indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
@@ -85,59 +76,24 @@ type SwitchArrays<'a> = (
 ///     ValueError: An array has another length, or the SIMD level is unknown or not available.
 #[pyfunction]
 #[pyo3(signature = (
+    inputs: "Inputs",
     *,
-    vehicle: "NDArray[np.floating[Any]]",
-    simulation: "NDArray[np.floating[Any]]",
-    scenario_index: "NDArray[np.uint64]",
-    num_slots: "int",
     frames: "int",
-    seed: "int",
-    steps_per_frame: "int",
-    road: "Mapping[str, Any]",
-    constants: "Mapping[str, Any]",
     outputs: "dict[str, NDArray[Any]]",
     switches: "Sequence[tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.uint64], NDArray[np.floating[Any]] | None, int]]" = Vec::new(),
     action_log: "tuple[str, NDArray[np.int32]] | None" = None,
     level: "str | None" = None,
 ) -> "None")]
-#[allow(clippy::too_many_arguments)]
 fn simulate(
-    py: Python<'_>,
-    vehicle: PyReadonlyArray1<'_, f32>,
-    simulation: PyReadonlyArray1<'_, f32>,
-    scenario_index: PyReadonlyArray1<'_, u64>,
-    num_slots: usize,
+    inputs: &Bound<'_, PyInputs>,
     frames: usize,
-    seed: u64,
-    steps_per_frame: u32,
-    road: RoadValues,
-    constants: Numbers,
     outputs: &Bound<'_, PyDict>,
     switches: Vec<SwitchArrays<'_>>,
     action_log: Option<(String, PyReadonlyArray3<'_, i32>)>,
     level: Option<&str>,
 ) -> PyResult<()> {
-    let (vehicle, simulation, scenario_index) = (
-        vehicle.as_slice()?,
-        simulation.as_slice()?,
-        scenario_index.as_slice()?,
-    );
-    let batch = scenario_index.len();
-    if num_slots == 0 || num_slots > MAX_VEHICLES || steps_per_frame == 0 {
-        return Err(PyValueError::new_err(format!(
-            "num_slots: expected 1 to {MAX_VEHICLES}, got {num_slots}"
-        )));
-    }
-    expect_length(
-        "vehicle",
-        vehicle.len(),
-        VEHICLE_NAMES.len() * num_slots * batch,
-    )?;
-    expect_length(
-        "simulation",
-        simulation.len(),
-        SIMULATION_NAMES.len() * batch,
-    )?;
+    let (py, inputs) = (inputs.py(), inputs.get());
+    let (batch, num_slots) = (inputs.num_simulations, inputs.num_slots);
     let switches: Vec<_> = switches
         .iter()
         .map(|(vehicle, simulation, scenario_index, errors, step)| {
@@ -151,11 +107,15 @@ fn simulate(
         })
         .collect::<PyResult<_>>()?;
     for switch in &switches {
-        expect_length("switches: vehicle", switch.vehicle.len(), vehicle.len())?;
+        expect_length(
+            "switches: vehicle",
+            switch.vehicle.len(),
+            VEHICLE_NAMES.len() * num_slots * batch,
+        )?;
         expect_length(
             "switches: simulation",
             switch.simulation.len(),
-            simulation.len(),
+            SIMULATION_NAMES.len() * batch,
         )?;
         expect_length(
             "switches: scenario_index",
@@ -169,22 +129,22 @@ fn simulate(
         .as_ref()
         .map(|actions| read_action_log(actions, batch))
         .transpose()?;
-    let inputs = Inputs {
-        vehicle,
-        simulation,
-        scenario_index,
-        num_slots,
-        constants: Arc::new(constants.constants()?),
-        road: Arc::new(road.road()),
-        seed,
-        steps_per_frame,
-        action_log,
-    };
     let level = require_level(level).map_err(PyValueError::new_err)?;
-    let room = batch * SIMULATION_BYTES;
-    let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &switches, out));
-    let done = with_outputs! { with_borrowed_outputs! { outputs, batch, num_slots, frames, run } };
-    done?.map_err(PyValueError::new_err)
+    let work_bytes = batch * SIMULATION_BYTES;
+    inputs.with_slices(py, |inputs| {
+        let inputs = Inputs {
+            action_log,
+            ..inputs
+        };
+        let run = |out: Output<'_>| {
+            spread(py, work_bytes, || {
+                simulate_at(level, &inputs, &switches, out)
+            })
+        };
+        let result =
+            with_outputs! { with_borrowed_outputs! { outputs, batch, num_slots, frames, run } };
+        result?.map_err(PyValueError::new_err)
+    })
 }
 
 /// Actions of an external driver, (simulation, decision, part), and the name of their kind.
@@ -243,6 +203,8 @@ mod _core {
     use pyo3::types::{PyDict, PyTuple};
 
     #[pymodule_export]
+    use crate::batch_inputs::PyInputs;
+    #[pymodule_export]
     use crate::bulk_math::{
         exp_in_place, log_in_place, maximum_in_place, minimum_in_place, normal_pairs_in_place,
         random_words, uniform_numbers,
@@ -257,7 +219,7 @@ mod _core {
         neighbour_signals, scan_spans, target_signals,
     };
     #[pymodule_export]
-    use crate::pedal_driving::{drive, resolve_contacts, weather_driven};
+    use crate::pedal_driving::PedalDriving;
     #[pymodule_export]
     use crate::stepper::Stepper;
     #[pymodule_export]

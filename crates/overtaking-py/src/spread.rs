@@ -24,6 +24,18 @@ pub fn spread<R: Send>(
 ) -> PyResult<R> {
     let pool = process_pool().map_err(no_threads)?;
     expect_room(work_bytes.saturating_add(pool.current_num_threads() * THREAD_BYTES))?;
+    spread_without_room(py, work)
+}
+
+/// As `spread`, for work whose memory an earlier call has allocated.
+///
+/// # Errors
+/// `SystemLimitError`: The system starts no more threads.
+pub fn spread_without_room<R: Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> R + Send,
+) -> PyResult<R> {
+    let pool = process_pool().map_err(no_threads)?;
     Ok(py.detach(|| pool.install(work)))
 }
 

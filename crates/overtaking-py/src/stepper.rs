@@ -1,126 +1,38 @@
-//! Binding of `overtaking_core::stepper`: a batch that waits for another driver between calls.
-
-use std::mem::forget;
-use std::process::id;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
-use std::thread::{Builder, JoinHandle};
+//! Binding of `overtaking_core::run::stepped_batch`: a batch that waits for an external driver between calls.
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
 use overtaking_core::ego_action::{ActionKind, MAX_ACTION_PARTS};
 use overtaking_core::observation_table::{OBSERVATION_SIZE, ObservationSource};
-use overtaking_core::pool::process_pool;
-use overtaking_core::run::stepped_batch::{Fresh, Observed, Request, Talk};
-use overtaking_core::{
-    Inputs, MAX_VEHICLES, ModelConstants, Road, SIMULATION_NAMES, VEHICLE_NAMES, require_level,
-};
-use overtaking_portable::serve_at;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use overtaking_core::require_level;
+use overtaking_core::run::stepped_batch::{EgoObservations, SteppedBatch};
+use overtaking_portable::stepped_batch_at;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::inputs::{Numbers, RoadValues, expect_length};
-use crate::spread::{expect_room, no_threads};
+use crate::batch_inputs::PyInputs;
+use crate::inputs::expect_length;
+use crate::spread::{spread, spread_without_room};
 
-/// Memory for a simulation of a batch that waits between calls, at most: with 32 vehicles, their parameters and
-/// states of 4 bytes each, and their histories [bytes].
+/// Upper bound of the memory of a simulation that waits between calls [bytes]: parameters and states of 32 vehicles,
+/// numbers of 4 bytes, and their histories.
 const STEPPED_BYTES: usize = 64 << 10;
 
-/// What a batch is simulated from.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct Batch<'py> {
-    vehicle: PyReadonlyArray1<'py, f32>,
-    simulation: PyReadonlyArray1<'py, f32>,
-    scenario_index: PyReadonlyArray1<'py, u64>,
-    num_slots: usize,
-    seed: u64,
-    steps_per_frame: u32,
-    road: RoadValues,
-    constants: Numbers,
-}
-
-/// The same, kept by the thread that simulates it.
-struct Kept {
-    vehicle: Vec<f32>,
-    simulation: Vec<f32>,
-    scenario_index: Vec<u64>,
-    num_slots: usize,
-    seed: u64,
-    steps_per_frame: u32,
-    road: Arc<Road>,
-    constants: Arc<ModelConstants>,
-}
-
-impl Batch<'_> {
-    fn kept(self) -> PyResult<Kept> {
-        let (slots, batch) = (self.num_slots, self.scenario_index.len());
-        if slots == 0 || slots > MAX_VEHICLES || self.steps_per_frame == 0 || batch == 0 {
-            return Err(PyValueError::new_err(format!(
-                "num_slots: expected 1 to {MAX_VEHICLES}, got {slots}"
-            )));
-        }
-        let (vehicle, simulation) = (self.vehicle.as_slice()?, self.simulation.as_slice()?);
-        expect_length(
-            "vehicle",
-            vehicle.len(),
-            VEHICLE_NAMES.len() * slots * batch,
-        )?;
-        expect_length(
-            "simulation",
-            simulation.len(),
-            SIMULATION_NAMES.len() * batch,
-        )?;
-        Ok(Kept {
-            vehicle: vehicle.to_vec(),
-            simulation: simulation.to_vec(),
-            scenario_index: self.scenario_index.as_slice()?.to_vec(),
-            num_slots: slots,
-            seed: self.seed,
-            steps_per_frame: self.steps_per_frame,
-            constants: Arc::new(self.constants.constants()?),
-            road: Arc::new(self.road.road()),
-        })
-    }
-}
-
-impl Kept {
-    fn inputs(&self) -> Inputs<'_> {
-        Inputs {
-            vehicle: &self.vehicle,
-            simulation: &self.simulation,
-            scenario_index: &self.scenario_index,
-            num_slots: self.num_slots,
-            constants: Arc::clone(&self.constants),
-            road: Arc::clone(&self.road),
-            seed: self.seed,
-            steps_per_frame: self.steps_per_frame,
-            action_log: None,
-        }
-    }
-}
-
 /// A batch that waits at every decision for the actions of an external driver.
-#[pyclass(frozen)]
+///
+/// Calls change the batch, so Python raises `RuntimeError` if two threads call it at the same time.
+#[pyclass]
 pub struct Stepper {
-    batch: usize,
-    slots: usize,
-    /// Id of the process in which the thread of the line runs.
-    process: u32,
-    line: Mutex<Option<Line>>,
+    batch: Box<dyn SteppedBatch>,
+    num_simulations: usize,
+    num_slots: usize,
+    start: EgoObservations,
 }
 
-/// The line to the thread that simulates it.
-struct Line {
-    requests: Sender<Request>,
-    answers: Receiver<Observed>,
-    thread: JoinHandle<()>,
-}
-
-/// Observations of the egos, (simulation, field), which simulations run, and how many decisions of the
-/// request each simulation has carried out.
-type ObservedArrays<'py> = (
+/// Observations of the egos, (simulation, field), which simulations run, and how many decisions of the call each
+/// simulation has carried out.
+type ObservationArrays<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<u32>>,
@@ -131,75 +43,66 @@ impl Stepper {
     /// Begin before the first decision.
     ///
     /// Args:
-    ///     batch: vehicle, simulation, scenario_index, num_slots, seed, steps_per_frame, road and
-    ///         constants as in `simulate`.
+    ///     inputs: Inputs of the batch, with at least one simulation.
     ///     action_kind: Kind of the actions; None if the model's driver decides.
     ///     observes_truth: Whether the driver observes the true state, and not its beliefs.
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
-    ///     ValueError: An array has another length, or the kind or SIMD level is unknown.
+    ///     ValueError: There is no simulation, or the kind or SIMD level is unknown.
     #[new]
     #[pyo3(signature = (
-        batch: "Mapping[str, Any]",
+        inputs: "Inputs",
         action_kind: "str | None",
         observes_truth: "bool",
         level: "str | None" = None,
     ))]
     fn new(
-        batch: Batch<'_>,
+        inputs: &Bound<'_, PyInputs>,
         action_kind: Option<&str>,
         observes_truth: bool,
         level: Option<&str>,
     ) -> PyResult<Self> {
-        let known = |name| {
-            ActionKind::from_name(name)
-                .ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
+        let (py, inputs) = (inputs.py(), inputs.get());
+        let action_kind = action_kind
+            .map(|name| {
+                ActionKind::from_name(name)
+                    .ok_or_else(|| PyValueError::new_err(format!("no action {name}")))
+            })
+            .transpose()?;
+        let source = if observes_truth {
+            ObservationSource::Truth
+        } else {
+            ObservationSource::Beliefs
         };
-        let kind = action_kind.map(known).transpose()?;
         let level = require_level(level).map_err(PyValueError::new_err)?;
-        let count = batch.scenario_index.len();
-        // The parameters are copied, and each simulation has states, a history and a row of each answer.
-        expect_room(count.saturating_mul(STEPPED_BYTES))?;
-        let kept = batch.kept()?;
-        let slots = kept.num_slots;
-        let (requests, theirs) = channel();
-        let (given, answers) = channel();
-        let talk = Talk {
-            kind,
-            source: if observes_truth {
-                ObservationSource::Truth
-            } else {
-                ObservationSource::Beliefs
-            },
-            requests: theirs,
-            answers: given,
-            pool: process_pool().map_err(no_threads)?,
-        };
-        let serve = move || {
-            // Slots were checked before: then there is nothing else to refuse.
-            let served = serve_at(level, &kept.inputs(), &talk);
-            debug_assert!(served.is_ok());
-        };
-        let thread = Builder::new()
-            .spawn(serve)
-            .map_err(|error| no_threads(error.to_string()))?;
-        Ok(Self {
-            batch: count,
-            slots,
-            process: id(),
-            line: Mutex::new(Some(Line {
-                requests,
-                answers,
-                thread,
-            })),
+        let (num_simulations, num_slots) = (inputs.num_simulations, inputs.num_slots);
+        if num_simulations == 0 {
+            return Err(PyValueError::new_err(
+                "scenario_index: expected at least 1 simulation, got 0",
+            ));
+        }
+        let all_rows: Vec<_> = (0..num_simulations).collect();
+        let work_bytes = num_simulations.saturating_mul(STEPPED_BYTES);
+        inputs.with_slices(py, |inputs| {
+            let mut batch = stepped_batch_at(level, &inputs, action_kind, source)
+                .map_err(PyValueError::new_err)?;
+            let start = spread(py, work_bytes, || {
+                batch.begin_simulations(&inputs, &all_rows)
+            })?;
+            Ok(Self {
+                batch,
+                num_simulations,
+                num_slots,
+                start,
+            })
         })
     }
 
     /// Observations at the start, (simulation, field); which simulations run; zeros.
     #[pyo3(signature = () -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
-    fn observe_start<'py>(&self, py: Python<'py>) -> PyResult<ObservedArrays<'py>> {
-        self.ask(py, self.batch, None)
+    fn observe_start<'py>(&self, py: Python<'py>) -> PyResult<ObservationArrays<'py>> {
+        to_arrays(py, self.start.clone())
     }
 
     /// Carry out one action of each simulation for some decisions.
@@ -219,107 +122,75 @@ impl Stepper {
         decisions: "int",
     ) -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn step<'py>(
-        &self,
+        &mut self,
         py: Python<'py>,
         values: PyReadonlyArray2<'py, i32>,
         decisions: u32,
-    ) -> PyResult<ObservedArrays<'py>> {
-        expect_length("values", values.len(), self.batch * MAX_ACTION_PARTS)?;
-        let values = values.as_slice()?.to_vec();
-        self.ask(py, self.batch, Some(Request::Go { values, decisions }))
+    ) -> PyResult<ObservationArrays<'py>> {
+        expect_length(
+            "values",
+            values.len(),
+            self.num_simulations * MAX_ACTION_PARTS,
+        )?;
+        let actions = values.as_slice()?;
+        let batch = &mut self.batch;
+        let observations = spread_without_room(py, || batch.advance(actions, decisions))?;
+        to_arrays(py, observations)
     }
 
     /// Begin new simulations in rows of the batch, and observe their start.
     ///
     /// Args:
     ///     rows: The rows, each once.
-    ///     batch: The new simulations, one for each row, with as many slots as the others. Their
-    ///         seed, road and constants are those of the others.
+    ///     inputs: Inputs of the new simulations, one for each row, with the slots of the batch.
+    ///         Their seed, road and constants are ignored: the batch keeps its own.
     ///
     /// Raises:
-    ///     ValueError: A row occurs twice or does not exist, or an array has another length.
+    ///     ValueError: A row occurs twice or does not exist, or `inputs` has another number of
+    ///         simulations or slots.
     #[pyo3(signature = (
         rows: "NDArray[np.int64]",
-        batch: "Mapping[str, Any]",
+        inputs: "Inputs",
     ) -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn restart<'py>(
-        &self,
+        &mut self,
         py: Python<'py>,
         rows: PyReadonlyArray1<'py, i64>,
-        batch: Batch<'py>,
-    ) -> PyResult<ObservedArrays<'py>> {
+        inputs: &Bound<'py, PyInputs>,
+    ) -> PyResult<ObservationArrays<'py>> {
+        let inputs = inputs.get();
         let rows: Vec<_> = rows.as_slice()?.iter().map(|row| *row as usize).collect();
-        let kept = batch.kept()?;
-        expect_length("rows", rows.len(), kept.scenario_index.len())?;
+        expect_length("rows", rows.len(), inputs.num_simulations)?;
         let mut sorted = rows.clone();
         sorted.sort_unstable();
         sorted.dedup();
-        if sorted.len() < rows.len() || sorted.last().is_some_and(|last| *last >= self.batch) {
+        let last_row = sorted.last().copied().unwrap_or(0);
+        if sorted.len() < rows.len() || last_row >= self.num_simulations {
             return Err(PyValueError::new_err("rows: expected each row once"));
         }
-        expect_length("num_slots", kept.num_slots, self.slots)?;
-        let count = rows.len();
-        let fresh = Fresh {
-            vehicle: kept.vehicle,
-            simulation: kept.simulation,
-            index: kept.scenario_index,
-        };
-        self.ask(py, count, Some(Request::Renew { rows, fresh }))
+        if inputs.num_slots != self.num_slots {
+            return Err(PyValueError::new_err(format!(
+                "num_slots: expected {}, got {}",
+                self.num_slots, inputs.num_slots
+            )));
+        }
+        let work_bytes = rows.len().saturating_mul(STEPPED_BYTES);
+        let batch = &mut self.batch;
+        let observations = inputs.with_slices(py, |inputs| {
+            spread(py, work_bytes, || batch.begin_simulations(&inputs, &rows))
+        })?;
+        to_arrays(py, observations)
     }
 }
 
-impl Stepper {
-    fn ask<'py>(
-        &self,
-        py: Python<'py>,
-        rows: usize,
-        request: Option<Request>,
-    ) -> PyResult<ObservedArrays<'py>> {
-        if self.process != id() {
-            return Err(PyRuntimeError::new_err(
-                "simulations that are driven: expected calls from the process that began them, got one \
-                 from a forked child, which has no copy of their threads; begin them in the child, or start \
-                 it with the method 'spawn'",
-            ));
-        }
-        let answer = py.detach(|| {
-            let line = self.line.lock().ok()?;
-            let line = line.as_ref()?;
-            if let Some(request) = request {
-                line.requests.send(request).ok()?;
-            }
-            line.answers.recv().ok()
-        });
-        let answer = answer.ok_or_else(|| PyValueError::new_err("the simulation has ended"))?;
-        let table = Array2::from_shape_vec((rows, OBSERVATION_SIZE), answer.table)
-            .map_err(|error| PyValueError::new_err(error.to_string()))?;
-        Ok((
-            table.into_pyarray(py),
-            answer.runs.to_pyarray(py),
-            answer.num_decisions.into_pyarray(py),
-        ))
-    }
-}
-
-impl Drop for Stepper {
-    /// Hang up, and wait until the memory is free.
-    fn drop(&mut self) {
-        let line = self.line.get_mut().ok().and_then(Option::take);
-        if self.process != id() {
-            // The thread does not exist in a forked child: `join` would wait forever, and locks of the channels may
-            // be held.
-            forget(line);
-            return;
-        }
-        if let Some(Line {
-            requests,
-            answers,
-            thread,
-        }) = line
-        {
-            drop((requests, answers));
-            // A panic of the thread has been told already.
-            let _ = thread.join();
-        }
-    }
+/// The observations as arrays of Python.
+fn to_arrays(py: Python<'_>, observations: EgoObservations) -> PyResult<ObservationArrays<'_>> {
+    let shape = (observations.runs.len(), OBSERVATION_SIZE);
+    let table = Array2::from_shape_vec(shape, observations.table)
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok((
+        table.into_pyarray(py),
+        observations.runs.to_pyarray(py),
+        observations.num_decisions.into_pyarray(py),
+    ))
 }

@@ -95,15 +95,8 @@ def run(
         for step, new_params in switches
     ]
     _core.simulate(
-        vehicle=params.vehicle_table.reshape(-1),
-        simulation=params.simulation_table.reshape(-1),
-        scenario_index=params.scenario_index,
-        num_slots=scenario.num_slots,
+        engine_inputs(params),
         frames=allocated_frames,
-        seed=params.seed,
-        steps_per_frame=params.steps_per_frame,
-        road=road_values(params),
-        constants=engine_constants(params.constants),
         outputs=flat_outputs,
         switches=switch_inputs,
         action_log=None if actions is None else (actions.kind, actions.values),
@@ -114,6 +107,27 @@ def run(
 
 def _flatten(judgement_errors: F32 | None) -> F32 | None:
     return None if judgement_errors is None else judgement_errors.reshape(-1)
+
+
+def engine_inputs(params: StepParameters) -> _core.Inputs:
+    """The parameters of a batch as the engine reads them, for any number of calls.
+
+    The engine reads contiguous parameters in place, so later changes of the arrays have an effect.
+
+    Raises:
+        ValueError: There are more slots than the engine has, or an array has another type.
+    """
+    return _core.Inputs(
+        # `ravel` copies tables that are not contiguous; `reshape` may return a view with gaps.
+        vehicle=params.vehicle_table.ravel(),
+        simulation=params.simulation_table.ravel(),
+        scenario_index=params.scenario_index,
+        num_slots=params.vehicle_table.shape[1],
+        seed=params.seed,
+        steps_per_frame=params.steps_per_frame,
+        road=road_values(params),
+        constants=engine_constants(params.constants),
+    )
 
 
 def road_values(params: StepParameters) -> dict[str, Any]:

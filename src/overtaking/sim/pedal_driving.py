@@ -5,8 +5,9 @@ contacts; `sim.reference.pedal_driving` and `sim.reference.collisions` give the 
 the formulas.
 """
 
+import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,7 @@ from overtaking import _core
 from overtaking.core.arrays import F32
 from overtaking.core.native import simd_level
 from overtaking.model.pedal_controls import WHEEL_RATE, PedalControls
-from overtaking.sim.engine import road_values
-from overtaking.world.constants import engine_constants
+from overtaking.sim.engine import engine_inputs
 from overtaking.world.step_parameters import StepParameters
 
 
@@ -118,28 +118,22 @@ class PedalDriving:
     """
 
     def __init__(self, params: StepParameters, level: str | None = None) -> None:
-        """Convert the parameters to the flat arrays that the engine takes at every call."""
-        self._level = simd_level(level)
+        """Pass the parameters to the engine, once for all calls."""
+        checked_level = simd_level(level)
         num_vehicles = params.vehicle_table.shape[1]
-        shared = {
-            "simulation": np.ascontiguousarray(params.simulation_table, np.float32).reshape(-1),
-            "seed": params.seed,
-            "road": road_values(params),
-            "constants": engine_constants(params.constants),
-        }
-        self._groups: list[tuple[slice, dict[str, Any]]] = []
+        self._groups: list[tuple[slice, _core.PedalDriving]] = []
         for number, first in enumerate(range(0, num_vehicles, _core.MAX_VEHICLES)):
             group = slice(first, min(first + _core.MAX_VEHICLES, num_vehicles))
-            vehicle_table = np.ascontiguousarray(params.vehicle_table[:, group], np.float32)
             # Random numbers depend on scenario and slot, so each group has a scenario, and thereby
             # gusts, of its own. The indices of sampled scenarios are far below 2^32.
             scenario_index = params.scenario_index + np.uint64(number << 32)
-            inputs = shared | {
-                "vehicle": vehicle_table.reshape(-1),
-                "scenario_index": scenario_index,
-                "num_slots": vehicle_table.shape[1],
-            }
-            self._groups.append((group, inputs))
+            params_of_group = dataclasses.replace(
+                params,
+                vehicle_table=params.vehicle_table[:, group],
+                scenario_index=scenario_index,
+            )
+            driving = _core.PedalDriving(engine_inputs(params_of_group), checked_level)
+            self._groups.append((group, driving))
 
     def update_weather(self, table: NDArray[np.float32], decision_index: int) -> None:
         """Write gusts, friction and wind of a tick into a table of vehicles.
@@ -148,9 +142,9 @@ class PedalDriving:
             table: Rows of `DrivenVehicles`, shape (field, vehicle), changed in place.
             decision_index: Number of the tick, which the random numbers depend on.
         """
-        for group, inputs in self._groups:
+        for group, driving in self._groups:
             part = np.ascontiguousarray(table[:, group])
-            _core.weather_driven(inputs, part, decision_index, self._level)
+            driving.update_weather(part, decision_index)
             table[:, group] = part
 
     def drive(self, table: NDArray[np.float32], controls: PedalControls, num_steps: int) -> None:
@@ -164,10 +158,10 @@ class PedalDriving:
         control_table = np.stack(
             [controls.throttle, controls.brake, controls.wheel_angle], dtype=np.float32
         )
-        for group, inputs in self._groups:
+        for group, driving in self._groups:
             part = np.ascontiguousarray(table[:, group])
             part_of_controls = np.ascontiguousarray(control_table[:, group])
-            _core.drive(inputs, part, part_of_controls, float(WHEEL_RATE), num_steps, self._level)
+            driving.drive(part, part_of_controls, float(WHEEL_RATE), num_steps)
             table[:, group] = part
 
     def resolve_contacts(
@@ -193,5 +187,5 @@ class PedalDriving:
         """
         pair_table = np.array(pairs, np.uint32).reshape(-1, 2)
         # The parameters of the vehicles are not read here, so any group serves.
-        _, inputs = self._groups[0]
-        return _core.resolve_contacts(inputs, bodies, old_positions, pair_table, self._level)
+        _, driving = self._groups[0]
+        return driving.resolve_contacts(bodies, old_positions, pair_table)

@@ -7,7 +7,7 @@ believed about their neighbours at every decision.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from overtaking.model.driver_interface import (
     SteppedObservation,
     split_observation,
 )
-from overtaking.sim.engine import road_values
-from overtaking.world.constants import engine_constants
+from overtaking.sim.engine import engine_inputs
 from overtaking.world.step_parameters import StepParameters, step_parameters
 
 if TYPE_CHECKING:
@@ -55,6 +54,8 @@ class Stepper(Protocol):
 class EngineStepper:
     """The compiled stepper. New simulations can begin in some rows while the other rows go on.
 
+    It holds no thread between calls, so a forked child can go on with a copy.
+
     Args:
         params: Parameters of a batch.
         kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver drive.
@@ -72,7 +73,7 @@ class EngineStepper:
         level: str | None = None,
     ) -> None:
         """Place the batch before its first decision."""
-        self._batch = _core.Stepper(_engine_inputs(params), kind, observes_truth, simd_level(level))
+        self._batch = _core.Stepper(engine_inputs(params), kind, observes_truth, simd_level(level))
 
     def observe_start(self) -> SteppedObservation:
         """As `Stepper.observe_start`."""
@@ -93,7 +94,7 @@ class EngineStepper:
         Returns:
             The observations at their start, shape (row, `OBSERVATION_SIZE`).
         """
-        return SteppedObservation(*self._batch.restart(rows, _engine_inputs(parameters)))
+        return SteppedObservation(*self._batch.restart(rows, engine_inputs(parameters)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,20 +142,6 @@ def new_stepper(
 
         return ReferenceStepper(params, kind, observes_truth=observes_truth)
     return EngineStepper(params, kind, observes_truth=observes_truth, level=level)
-
-
-def _engine_inputs(params: StepParameters) -> dict[str, Any]:
-    """The parameters as flat arrays and numbers, which the compiled stepper reads by name."""
-    return {
-        "vehicle": params.vehicle_table.reshape(-1),
-        "simulation": params.simulation_table.reshape(-1),
-        "scenario_index": params.scenario_index,
-        "num_slots": params.vehicle_table.shape[1],
-        "seed": params.seed,
-        "steps_per_frame": params.steps_per_frame,
-        "road": road_values(params),
-        "constants": engine_constants(params.constants),
-    }
 
 
 def trace_beliefs(

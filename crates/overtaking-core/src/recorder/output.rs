@@ -60,7 +60,7 @@ macro_rules! with_outputs {
     };
 }
 
-/// Declare the outputs as a struct of borrowed slices and as a struct that owns its memory.
+/// Declare the outputs as a struct of borrowed slices.
 macro_rules! output_fields {
     (
         { {} { $($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)* } }
@@ -74,36 +74,6 @@ macro_rules! output_fields {
             pub frames: usize,
             /// Number of vehicle slots of a simulation.
             pub slots: usize,
-        }
-
-        /// Outputs with memory of their own, for simulations whose caller wants no recording.
-        pub(crate) struct Storage {
-            $($field: Vec<$kind>,)*
-            $($state: Vec<$number>,)*
-            frames: usize,
-            slots: usize,
-        }
-
-        impl Storage {
-            /// Allocate the outputs of `batch` simulations, filled with zeros.
-            pub(crate) fn new(batch: usize, slots: usize, frames: usize) -> Self {
-                Self {
-                    $($field: vec![0; batch * $size(slots, frames)],)*
-                    $($state: vec![0; batch * slots * frames],)*
-                    frames,
-                    slots,
-                }
-            }
-
-            /// Borrow the memory as an `Output`.
-            pub(crate) fn output(&mut self) -> Output<'_> {
-                Output {
-                    $($field: &mut self.$field,)*
-                    $($state: &mut self.$state,)*
-                    frames: self.frames,
-                    slots: self.slots,
-                }
-            }
         }
 
         impl<'a> Output<'a> {

@@ -23,7 +23,6 @@ use crate::names::{SimulationParams, VehicleParams};
 use crate::params::{DerivedConstants, Params, SUBSTEPS, StepLength};
 use crate::recorder::Recorder;
 use crate::recorder::frame_tiles::{FRAMES_PER_TILE, FrameTile};
-use crate::recorder::output::Output;
 use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput};
 use crate::run::step::{advance, decide, drive_ego, update_slip_reach};
 use crate::state::{EGO_SLOT, History, State, new_history};
@@ -55,11 +54,13 @@ pub fn run<'a, S: Simd, const N: usize>(
     memory: &mut ThreadMemory<N>,
 ) {
     let ThreadMemory { tile, histories } = memory;
-    let mut share = share.into_iter().peekable();
+    let mut share = share.into_iter();
     let mut blocks = Vec::new();
-    while share.peek().is_some() {
+    while share.len() > 0 {
+        let (simulations, outputs): (Vec<_>, Vec<_>) = share.by_ref().take(SIMD_LANES).unzip();
+        let recorder = Some(Recorder::new(outputs));
         let history = histories.pop().unwrap_or_else(new_history);
-        blocks.extend(Block::new(simd, inputs, &mut share, history));
+        blocks.push(Block::new(simd, inputs, &simulations, recorder, history));
     }
     let mut context = DecisionContext::new(simd);
     let length = steps_between_pauses(tiles_between_pauses(N), inputs.steps_per_frame);
@@ -94,7 +95,8 @@ fn steps_between_pauses(tiles: u32, steps_per_frame: u32) -> u32 {
 pub(crate) struct Block<'a, S: Simd, const N: usize> {
     pub(crate) params: Params<S, N>,
     pub(crate) state: State<S, N>,
-    pub(crate) recorder: Recorder<'a, N>,
+    /// Records the simulations; `None` if an external driver steps them.
+    recorder: Option<Recorder<'a, N>>,
     /// Pairs of vehicles that may collide before the next decision.
     pub(crate) pairs: Pairs<S>,
     /// Angle of the ego's front wheels that an external driver ordered at the last decision [rad]; `None` if the model
@@ -102,27 +104,21 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
     wheel: Option<F32<S>>,
     /// Row in the batch of the simulation in each lane; a free lane repeats the row of another lane.
     pub(crate) simulations: [usize; SIMD_LANES],
+    /// Whether each lane has a simulation that runs; the other lanes are free.
+    pub(crate) has_simulation: [bool; SIMD_LANES],
 }
 
 impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
-    /// Make a block of the next sixteen simulations of a share, or of all that are left. `None` if the share is empty.
+    /// Make a block of one to sixteen simulations of a batch, each in the lane in which `recorder` expects it.
     pub(crate) fn new(
         simd: S,
         inputs: &Inputs<'_>,
-        share: &mut impl Iterator<Item = SimulationOutput<'a>>,
+        simulations: &[usize],
+        recorder: Option<Recorder<'a, N>>,
         history: History<N>,
-    ) -> Option<Box<Self>> {
-        let mut out: [Option<Output<'a>>; SIMD_LANES] = core::array::from_fn(|_| None);
-        let mut simulations = [0; SIMD_LANES];
-        let mut num_lanes_used = 0;
-        for (simulation, results) in share.take(SIMD_LANES) {
-            simulations[num_lanes_used..].fill(simulation);
-            out[num_lanes_used] = Some(results);
-            num_lanes_used += 1;
-        }
-        if num_lanes_used == 0 {
-            return None;
-        }
+    ) -> Box<Self> {
+        let has_simulation = core::array::from_fn(|lane| lane < simulations.len());
+        let simulations = core::array::from_fn(|lane| simulations[lane.min(simulations.len() - 1)]);
         let scenario_index = simulations.map(|simulation| inputs.scenario_index[simulation]);
         let (vehicle_params, simulation_params) = load(
             simd,
@@ -144,17 +140,17 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             scenario_index_low: scenario_index.map(|index| index as u32),
             scenario_index_high: scenario_index.map(|index| (index >> 32) as u32),
         };
-        let recorder = Recorder::new(out);
-        params.num_slots_in_use = slots_in_use(&params, &recorder);
+        params.num_slots_in_use = slots_in_use(&params, &has_simulation);
         let state = State::at_start(&params, history);
-        Some(Box::new(Self {
+        Box::new(Self {
             params,
             state,
             recorder,
             pairs: Pairs::new(),
             wheel: None,
             simulations,
-        }))
+            has_simulation,
+        })
     }
 
     /// Simulate from step `first` up to step `end`, or until all simulations have ended.
@@ -167,13 +163,13 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         context: &mut DecisionContext<S, N>,
     ) {
         let simd = self.params.simd;
-        let (stride, steps) = self.step_length(inputs);
+        let (stride, steps) = self.step_length(inputs.steps_per_frame);
         let mut step = first;
         while step < end && any_runs(&self.state, simd, step) {
             for switch in switches.iter().filter(|switch| switch.step == step) {
                 self.switch_parameters(inputs, switch);
             }
-            let (state, params, recorder) = (&mut self.state, &self.params, &mut self.recorder);
+            let (state, params) = (&mut self.state, &self.params);
             if step.is_multiple_of(SUBSTEPS) {
                 let decision = (step / SUBSTEPS) as usize;
                 let orders = inputs
@@ -185,13 +181,15 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                     state,
                     params,
                     context,
-                    recorder,
+                    self.recorder.as_mut(),
                     pairs,
                     step,
                     orders.as_ref(),
                 );
             }
-            if step.is_multiple_of(inputs.steps_per_frame) {
+            if let Some(recorder) = &mut self.recorder
+                && step.is_multiple_of(inputs.steps_per_frame)
+            {
                 let frame = (step / inputs.steps_per_frame) as usize;
                 with_cpu_features!(simd, {
                     let is_running = splat(simd, step as f32).simd_le(state.end_step);
@@ -210,7 +208,9 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             );
             step += steps;
         }
-        with_cpu_features!(simd, self.recorder.write_tile(&self.params, tile));
+        if let Some(recorder) = &mut self.recorder {
+            with_cpu_features!(simd, recorder.write_tile(&self.params, tile));
+        }
     }
 
     /// Replace the parameters from the present step on, for a branch of the simulations.
@@ -257,19 +257,19 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     pub(crate) fn advance_to_decision(
         &mut self,
         first: u32,
-        inputs: &Inputs<'_>,
+        steps_per_frame: u32,
         action_log: Option<&ActionLog<'_>>,
         driver: &DriverContext<S>,
         context: &mut DecisionContext<S, N>,
     ) {
-        let (stride, steps) = self.step_length(inputs);
+        let (stride, steps) = self.step_length(steps_per_frame);
         let orders = action_log.map(|log| log.action_at(self.params.simd, &self.simulations, 0));
         let (state, params, pairs) = (&mut self.state, &self.params, &mut self.pairs);
         drive_ego(
             state,
             params,
             driver,
-            &mut self.recorder,
+            self.recorder.as_mut(),
             pairs,
             first,
             orders.as_ref(),
@@ -285,9 +285,9 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     ///
     /// It is 50 ms if every frame coincides with a decision, and 10 ms otherwise, because frames between decisions need
     /// a state.
-    fn step_length(&self, inputs: &Inputs<'_>) -> (StepLength, u32) {
+    fn step_length(&self, steps_per_frame: u32) -> (StepLength, u32) {
         let rates = &self.params.derived;
-        if inputs.steps_per_frame.is_multiple_of(SUBSTEPS) {
+        if steps_per_frame.is_multiple_of(SUBSTEPS) {
             (rates.coarse, SUBSTEPS)
         } else {
             (rates.fine, 1)
@@ -296,65 +296,63 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
     /// Finish the recordings of simulations that have ended before `step`, and free their lanes.
     fn finish_ended(&mut self, step: u32) {
-        for lane in 0..SIMD_LANES {
-            if self.state.end_step[lane] < step as f32 {
-                let (simd, state, params) = (self.params.simd, &self.state, &self.params);
-                with_cpu_features!(simd, self.recorder.finish(lane, state, params));
+        let (simd, state, params) = (self.params.simd, &self.state, &self.params);
+        if let Some(recorder) = &mut self.recorder {
+            for lane in (0..SIMD_LANES).filter(|lane| state.end_step[*lane] < step as f32) {
+                with_cpu_features!(simd, recorder.finish(lane, state, params));
             }
         }
-        self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
+        self.free_lanes(|block, lane| block.state.end_step[lane] < step as f32);
     }
 
-    /// Free the lanes where `is_over` holds, without finishing a recording.
-    ///
-    /// Returns the batch row of each freed lane and its output memory, which another simulation can use.
-    pub(crate) fn release(
-        &mut self,
-        is_over: impl Fn(&Self, usize) -> bool,
-    ) -> Vec<(usize, Output<'a>)> {
-        let mut freed = Vec::new();
+    /// Free the lanes where `is_over` holds.
+    pub(crate) fn free_lanes(&mut self, is_over: impl Fn(&Self, usize) -> bool) {
+        let mut is_freed = false;
         for lane in 0..SIMD_LANES {
-            if self.recorder.is_busy(lane) && is_over(self, lane) {
-                let out = self.recorder.release(lane);
-                freed.extend(out.map(|out| (self.simulations[lane], out)));
+            if self.has_simulation[lane] && is_over(self, lane) {
+                self.has_simulation[lane] = false;
+                is_freed = true;
             }
         }
-        if !freed.is_empty() {
-            self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
+        if is_freed {
+            self.params.num_slots_in_use = slots_in_use(&self.params, &self.has_simulation);
         }
-        freed
     }
 
     /// Number of lanes whose simulation runs.
     pub(crate) fn num_running(&self) -> usize {
-        (0..SIMD_LANES)
-            .filter(|lane| self.recorder.is_busy(*lane))
+        self.has_simulation
+            .iter()
+            .filter(|is_used| **is_used)
             .count()
     }
 
     /// The first lane without a running simulation.
     fn free_lane(&self) -> Option<usize> {
-        (0..SIMD_LANES).find(|lane| !self.recorder.is_busy(*lane))
+        (0..SIMD_LANES).find(|lane| !self.has_simulation[*lane])
     }
 
     /// Move the simulation in lane `source_lane` of another block, which is at the same step, into `lane`.
     fn take_over(&mut self, lane: usize, source: &mut Self, source_lane: usize) {
         self.params.copy_lane(lane, &source.params, source_lane);
         self.state.copy_lane(lane, &source.state, source_lane);
-        self.recorder.seat(lane, &mut source.recorder, source_lane);
+        if let (Some(recorder), Some(source_recorder)) = (&mut self.recorder, &mut source.recorder)
+        {
+            recorder.take_over(lane, source_recorder, source_lane);
+        }
         self.simulations[lane] = source.simulations[source_lane];
-        self.params.num_slots_in_use = slots_in_use(&self.params, &self.recorder);
+        self.has_simulation[lane] = true;
+        self.params.num_slots_in_use = slots_in_use(&self.params, &self.has_simulation);
     }
 }
 
 /// Number of slots up to the last one that a running simulation uses, at least one.
 fn slots_in_use<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    recorder: &Recorder<'_, N>,
+    has_simulation: &[bool; SIMD_LANES],
 ) -> usize {
     let is_used = |slot: &usize| {
-        (0..SIMD_LANES)
-            .any(|lane| recorder.is_busy(lane) && params.vehicles[*slot].valid[lane] > 0.0)
+        (0..SIMD_LANES).any(|lane| has_simulation[lane] && params.vehicles[*slot].valid[lane] > 0.0)
     };
     (0..N).rev().find(is_used).map_or(1, |last| last + 1)
 }
@@ -373,7 +371,7 @@ pub(crate) fn merge<'a, S: Simd, const N: usize>(
     let mut emptied = blocks.split_off(needed);
     for source in &mut emptied {
         for source_lane in 0..SIMD_LANES {
-            if !source.recorder.is_busy(source_lane) {
+            if !source.has_simulation[source_lane] {
                 continue;
             }
             let free = blocks

@@ -193,9 +193,7 @@ pub(crate) fn order_by_similarity(inputs: &Inputs<'_>) -> Vec<usize> {
 ///
 /// A share has at most `BLOCKS_PER_SHARE` blocks, which are merged when simulations end. Few simulations are divided
 /// into smaller shares, at least one block each, so that every thread has work.
-pub(crate) fn divide_into_shares(
-    mut simulations: Vec<SimulationOutput<'_>>,
-) -> Vec<Vec<SimulationOutput<'_>>> {
+pub(crate) fn divide_into_shares<T>(mut simulations: Vec<T>) -> Vec<Vec<T>> {
     let full_shares = simulations.len().div_ceil(SIMD_LANES * BLOCKS_PER_SHARE);
     let num_shares = full_shares.max(rayon::current_num_threads());
     let size = simulations
