@@ -17,7 +17,7 @@ from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions
-from overtaking.sim.reference.collisions import OrientedBox, swept_overlap
+from overtaking.sim.reference.collisions import OrientedBox, RoadVector, swept_overlap
 from overtaking.sim.reference.state import State
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters, step_parameters
@@ -73,9 +73,10 @@ moves = st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
 
 
 def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, float]) -> list[float]:
-    """`first_contact` of two boxes, the second moving from `start` to `end` seen from the first."""
+    """`swept_overlap` of two boxes, the second moving from `start` to `end` seen from the first."""
     s0, d0, s1, d1 = (np.array([x], np.float32) for x in (*start, *end))
-    return [float(x[0]) for x in swept_overlap(a.ours(), b.ours(), (s0, d0), (s1, d1))]
+    overlap = swept_overlap(a.ours(), b.ours(), RoadVector(s0, d0), RoadVector(s1, d1))
+    return [float(values[0]) for values in overlap]
 
 
 @pytest.mark.ci
@@ -176,16 +177,20 @@ def crash(
     state.motion.s[0], state.motion.d[0] = 100.0, -5.0
     state.motion.s[1], state.motion.d[1] = 100.0 + place[0], -5.0 + place[1]
     velocity = [road_velocity(state, i) for i in range(2)]
-    before = (
-        np.stack([state.motion.s[i] - np.float32(STEP * velocity[i][0]) for i in range(2)]),
-        np.stack([state.motion.d[i] - np.float32(STEP * velocity[i][1]) for i in range(2)]),
+    start = RoadVector(
+        s=np.stack([state.motion.s[i] - np.float32(STEP * velocity[i][0]) for i in range(2)]),
+        d=np.stack([state.motion.d[i] - np.float32(STEP * velocity[i][1]) for i in range(2)]),
     )
     old = copied(state)
-    near = {(0, 1): np.array([True])}
-    during = (7, np.float32(STEP))
-    frame = collisions.pair_frame(given_, 0, 1)
-    hit = collisions._find_impact(copied(state), given_, near[0, 1], before, during, (0, 1), frame)
-    collisions.resolve_contacts(state, given_, near, before, *during)
+    pair = collisions.VehiclePair(
+        first=0,
+        second=1,
+        frame=collisions.pair_frame(given_, 0, 1),
+        is_near=np.array([True]),
+    )
+    swept = collisions.SweptStep(index=7, length=np.float32(STEP), start=start)
+    hit = collisions._find_impact(copied(state), given_, pair, swept)
+    collisions.resolve_contacts(state, given_, [pair], swept)
     return Crash(before=old, after=state, p=p, hit=hit)
 
 
@@ -226,7 +231,7 @@ def energy(state: State, p: VehicleParameters) -> float:
 def approach(ran: Crash, state: State) -> float:
     """Speed at which the touching points of a state approach each other along the normal [m/s]."""
     hit, closing = ran.hit, 0.0
-    for i, lever, sign in ((0, hit.lever_a, 1.0), (1, hit.lever_b, -1.0)):
+    for i, lever, sign in ((0, hit.lever_first, 1.0), (1, hit.lever_second, -1.0)):
         ahead, aside = road_velocity(state, i)
         own = ahead * float(hit.normal_s[0]) + aside * float(hit.normal_d[0])
         closing += sign * (own + float(state.motion.yaw_rate[i, 0]) * float(lever[0]))

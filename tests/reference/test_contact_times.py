@@ -58,7 +58,7 @@ class World:
         self.state = State.at_start(self.given)
         self.step = 0
 
-    def decide(self) -> collisions.Pairs:
+    def decide(self) -> list[collisions.VehiclePair]:
         return decide(self.state, self.given, step=self.step, recorder=self.recorder)
 
     def stride(self) -> None:
@@ -73,10 +73,11 @@ class World:
         given = replace(self.given, constants=self.given.constants.replace(step=FINE))
         state.end_step[:] = 1e9
         for k in range(50):
-            before = (state.motion.s, state.motion.d)
+            start = collisions.RoadVector(state.motion.s, state.motion.d)
             angle = steering.steer(state, given, self.q.max_lateral_accel, FINE)
             vehicle_dynamics.advance_motion(state, given, angle, FINE)
-            collisions.resolve_contacts(state, given, pairs, before, 10 * self.step + k, FINE)
+            swept = collisions.SweptStep(index=10 * self.step + k, length=FINE, start=start)
+            collisions.resolve_contacts(state, given, pairs, swept)
         self.step += SUBSTEPS
 
 

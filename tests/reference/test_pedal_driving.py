@@ -130,14 +130,18 @@ def test_engine_and_reference_exchange_the_same_momentum(level: str, road: str, 
 
     state = reference_state(table, params)
     state.end_step[:] = np.float32(1e9)
-    collisions.resolve_contacts(
-        state,
-        params,
-        {pair: np.ones(1, np.bool_) for pair in pairs},
-        (old_positions[0][:, None], old_positions[1][:, None]),
-        0,
-        params.constants.step,
-    )
+    vehicle_pairs = [
+        collisions.VehiclePair(
+            first=i,
+            second=j,
+            frame=collisions.pair_frame(params, i, j),
+            is_near=np.ones(1, np.bool_),
+        )
+        for i, j in pairs
+    ]
+    start = collisions.RoadVector(old_positions[0][:, None], old_positions[1][:, None])
+    swept = collisions.SweptStep(index=0, length=params.constants.step, start=start)
+    collisions.resolve_contacts(state, params, vehicle_pairs, swept)
     partners = PedalDriving(params, level).resolve_contacts(bodies, old_positions, pairs)
     for name, row in zip(ContactBodies._fields[:6], bodies[:6], strict=True):
         expected = np.ascontiguousarray(getattr(state.motion, name))

@@ -136,7 +136,7 @@ def accel_behind_old_leader(state: State, params: StepParameters, context: Decis
 
 
 def _braking_until_clear(constants: ModelConstants, gap: F32, closing_speed: F32, time: F32) -> F32:
-    """Constant deceleration with which a gap lasts for a time; negative if none is needed [m/s^2].
+    """Constant deceleration with which a gap lasts for a time, negative if it lasts anyway [m/s^2].
 
     If the closing speed would fall to 0 before that time, it is the deceleration with which the gap
     is just used up.

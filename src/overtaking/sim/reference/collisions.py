@@ -1,26 +1,37 @@
 """Contacts: oriented boxes, swept over a step, and the exchange of momentum."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import HALF, ONE, ZERO, clamp, maximum, minimum, sincos
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
-_TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
-_NEVER = np.float32(1e9)  # Steps before and after which nothing happens.
+_MIN_MOTION = np.float32(1e-6)  # Keeps the time of contact finite without relative motion [m].
+_NEVER = np.float32(1e9)  # Number of steps before and after which boxes never overlap.
 
-Pairs = dict[tuple[int, int], Mask]
-"""Slots of two vehicles, and in which simulations they may touch."""
+
+class RoadVector(NamedTuple):
+    """A vector in road coordinates: a position or its difference [m], or a velocity [m/s]."""
+
+    s: F32
+    d: F32
 
 
 @dataclass(slots=True, kw_only=True)
 class OrientedBox:
-    """One vehicle of each simulation as an oriented box; arrays of shape (simulation,)."""
+    """Body of one vehicle in each simulation; arrays of shape (simulation,).
+
+    Attributes:
+        s, d: Centre [m].
+        sine, cosine: Of the angle between the vehicle and the road.
+        half_length, half_width: Half of the sizes [m].
+    """
 
     s: F32
     d: F32
@@ -32,110 +43,83 @@ class OrientedBox:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairFrame:
-    """How the second vehicle of a pair is seen from the first; arrays of shape (simulation,).
+    """Frame of the first vehicle of a pair, seen from the second; arrays of shape (simulation,).
 
     Attributes:
-        turn: 1, or -1 for vehicles of opposite directions: axes of the second point the other way.
-        road_length: Sum of their positions along the road where they meet [m].
-        edge_sum: Sum of their positions across it where they meet [m].
+        turn: 1, or -1 for vehicles of opposite directions: the axes of their frames are opposite.
+        road_length: Sum of their stations where they meet [m].
+        edge_sum: Sum of their lateral positions where they meet [m].
     """
 
     turn: F32
     road_length: np.float32
     edge_sum: np.float32
 
-    def in_first_frame(self, s: F32, d: F32) -> tuple[F32, F32]:
+    def in_first_frame(self, s: F32, d: F32) -> RoadVector:
         """A position of the second vehicle in the frame of the first [m]."""
-        turned = self.turn < 0
-        return np.where(turned, self.road_length - s, s), np.where(turned, self.edge_sum - d, d)
-
-
-def pair_frame(params: StepParameters, i: int, j: int | slice) -> PairFrame:
-    """How vehicle `j` is seen from vehicle `i`."""
-    vehicles, road = params.vehicles, params.road
-    turn = vehicles.travel_sign[i] * vehicles.travel_sign[j]
-    return PairFrame(turn=turn, road_length=road.length, edge_sum=road.edge_sum)
-
-
-def pairs_that_may_touch(state: State, params: StepParameters) -> Pairs:
-    """The pairs that may touch before the next decision, in order, and where they may."""
-    vehicles, constants = params.vehicles, params.constants
-    found: Pairs = {}
-    for i in range(len(vehicles.valid)):
-        rest = slice(i + 1, None)
-        s, d = pair_frame(params, i, rest).in_first_frame(
-            state.motion.s[rest], state.motion.d[rest]
+        is_opposite = self.turn < 0
+        return RoadVector(
+            s=np.where(is_opposite, self.road_length - s, s),
+            d=np.where(is_opposite, self.edge_sum - d, d),
         )
-        along = (
-            np.abs(s - state.motion.s[i])
-            < vehicles.half_length[i] + vehicles.half_length[rest] + constants.near_gap
-        )
-        aside = (
-            np.abs(d - state.motion.d[i])
-            < vehicles.half_width[i] + vehicles.half_width[rest] + constants.near_side
-        )
-        near = along & aside & (vehicles.valid[i] > 0) & (vehicles.valid[rest] > 0)
-        found |= {(i, j): one for j, one in enumerate(near, i + 1) if one.any()}
-    return found
 
 
-def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> None:
-    """Vehicles that have left the lanes, or stand across them, become wrecks that slide to rest.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehiclePair:
+    """Two vehicles that may touch before the next decision.
 
-    Args:
-        state: State at a decision.
-        params: Parameters of the batch.
-        step: Number of the step.
+    Attributes:
+        first, second: Their slots.
+        frame: Frame of the first vehicle.
+        is_near: In which simulations they may touch, (simulation,).
     """
-    vehicles, constants, road = params.vehicles, params.constants, params.road
-    right_edge, left_edge = road.boundaries[0], road.boundaries[road.num_lanes]
-    beyond = (state.motion.d < right_edge - constants.edge_margin) | (
-        state.motion.d > left_edge + constants.edge_margin
-    )
-    lost = (
-        (beyond | (np.abs(state.motion.heading) > constants.spin_angle))
-        & (vehicles.valid > 0)
-        & (state.motion.is_wreck == 0)
-    )
-    state.motion.is_wreck = np.where(lost, np.float32(1.0), state.motion.is_wreck)
-    end_after_ego_accident(state, params, lost[EGO_SLOT], step)
+
+    first: int
+    second: int
+    frame: PairFrame
+    is_near: Mask
 
 
-def end_after_ego_accident(state: State, params: StepParameters, crashed: Mask, step: int) -> None:
-    """An accident of the ego ends the simulation soon."""
-    constants = params.constants
-    state.overtake.stage[EGO_SLOT] = np.where(
-        crashed, np.float32(Stage.CRASHED), state.overtake.stage[EGO_SLOT]
-    )
-    after = np.float32(step) + np.rint(constants.after_collision / constants.step)
-    state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
+class PairMember(NamedTuple):
+    """One vehicle of a pair."""
+
+    slot: int
+    frame: PairFrame  # From its own frame to the frame of the first vehicle.
 
 
-def resolve_contacts(
-    state: State,
-    params: StepParameters,
-    pairs: Pairs,
-    before: tuple[F32, F32],
-    step: int,
-    step_length: np.float32,
-) -> None:
-    """Exchange momentum in every near pair that touched during the last step.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweptStep:
+    """A step over which bodies are swept.
 
-    For the rest of the step after a contact, the pair moves with its new velocities.
-
-    Args:
-        state: State after the step.
-        params: Parameters of the batch.
-        pairs: `near_pairs` at the last decision.
-        before: Positions `s` and `d` before the step.
-        step: Number of the step that began at `before`.
-        step_length: Its length [s].
+    Attributes:
+        index: Index of the integration step with which it begins.
+        length: Length of the step [s].
+        start: Positions of all vehicles at its start, (vehicle, simulation).
     """
-    was_sound = state.motion.is_wreck[EGO_SLOT] == 0
-    for (i, j), near in pairs.items():
-        frame = pair_frame(params, i, j)
-        _resolve_pair(state, params, near, before, (step, step_length), (i, j), frame)
-    end_after_ego_accident(state, params, was_sound & (state.motion.is_wreck[EGO_SLOT] > 0), step)
+
+    index: int
+    length: np.float32
+    start: RoadVector
+
+
+class RemainingStep(NamedTuple):
+    """Part of a step that is still to come, (simulation,)."""
+
+    share: F32  # By which the position is moved back, 0 to 1.
+    time: F32  # By which the heading is turned back [s].
+
+
+class SweptOverlap(NamedTuple):
+    """Overlap of two boxes in relative motion, (simulation,)."""
+
+    enter: F32  # Share of the step at which it begins.
+    leave: F32  # Share of the step at which it ends.
+    normal_s: F32  # Unit normal from the first box to the second.
+    normal_d: F32
+
+    def is_within_step(self) -> Mask:
+        """Whether the boxes overlap at some time of the step."""
+        return (self.enter <= self.leave) & (self.enter <= ONE) & (self.leave >= ZERO)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -143,210 +127,283 @@ class Impact:
     """A contact of two vehicles in the frame of the first; arrays of shape (simulation,).
 
     Attributes:
-        mask: Where there is one.
+        exists: Whether they touch in this step.
         normal_s, normal_d: Unit normal from the first to the second.
-        lever_a, lever_b: Levers of the impulse about both centres [m].
-        closing_speed: Speed of approach along the normal [m/s].
-        time: When they touched [s].
+        lever_first, lever_second: Levers of the impulse about both centres [m].
+        closing_speed: Closing speed along the normal [m/s].
+        time: Time of the contact [s].
         remaining_time: Rest of the step [s].
     """
 
-    mask: Mask
+    exists: Mask
     normal_s: F32
     normal_d: F32
-    lever_a: F32
-    lever_b: F32
+    lever_first: F32
+    lever_second: F32
     closing_speed: F32
     time: F32
     remaining_time: F32
 
 
-def _resolve_pair(
-    state: State,
-    params: StepParameters,
-    near: Mask,
-    before: tuple[F32, F32],
-    during: tuple[int, np.float32],
-    pair: tuple[int, int],
-    frame: PairFrame,
+class Impulse(NamedTuple):
+    """Impulse on one vehicle in its own frame, (simulation,)."""
+
+    size: F32  # Along the normal [N s].
+    lever: F32  # About the vehicle's centre [m].
+
+
+def pair_frame(params: StepParameters, first: int, second: int | slice) -> PairFrame:
+    """The frame of the first vehicle, seen from the second or from several."""
+    travel_sign, road = params.vehicles.travel_sign, params.road
+    turn = travel_sign[first] * travel_sign[second]
+    return PairFrame(turn=turn, road_length=road.length, edge_sum=road.edge_sum)
+
+
+def pairs_that_may_touch(state: State, params: StepParameters) -> list[VehiclePair]:
+    """The pairs that may touch before the next decision, ordered by their slots."""
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    pairs: list[VehiclePair] = []
+    for first in range(len(vehicles.valid)):
+        later = slice(first + 1, None)
+        position = pair_frame(params, first, later).in_first_frame(motion.s[later], motion.d[later])
+        half_lengths = vehicles.half_length[first] + vehicles.half_length[later]
+        half_widths = vehicles.half_width[first] + vehicles.half_width[later]
+        is_near = (
+            (np.abs(position.s - motion.s[first]) < half_lengths + constants.near_gap)
+            & (np.abs(position.d - motion.d[first]) < half_widths + constants.near_side)
+            & (vehicles.valid[first] > 0)
+            & (vehicles.valid[later] > 0)
+        )
+        pairs += [
+            VehiclePair(
+                first=first,
+                second=second,
+                frame=pair_frame(params, first, second),
+                is_near=is_near_second,
+            )
+            for second, is_near_second in enumerate(is_near, first + 1)
+            if is_near_second.any()
+        ]
+    return pairs
+
+
+def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> None:
+    """Turn vehicles that have left the road, or stand across it, into wrecks that slide to rest."""
+    constants, road, motion = params.constants, params.road, state.motion
+    right_edge, left_edge = road.boundaries[0], road.boundaries[road.num_lanes]
+    is_off_road = (motion.d < right_edge - constants.edge_margin) | (
+        motion.d > left_edge + constants.edge_margin
+    )
+    is_across = np.abs(motion.heading) > constants.spin_angle
+    is_sound = (params.vehicles.valid > 0) & (motion.is_wreck == 0)
+    is_lost = (is_off_road | is_across) & is_sound
+    motion.is_wreck = np.where(is_lost, ONE, motion.is_wreck)
+    end_after_ego_accident(state, params, is_lost[EGO_SLOT], step)
+
+
+def end_after_ego_accident(
+    state: State, params: StepParameters, has_crashed: Mask, step: int
 ) -> None:
-    i, j = pair
-    hit = _find_impact(state, params, near, before, during, pair, frame)
-    if hit is None:
+    """End simulations some time after an accident of the ego at a step."""
+    constants, stage = params.constants, state.overtake.stage
+    stage[EGO_SLOT] = np.where(has_crashed, np.float32(Stage.CRASHED), stage[EGO_SLOT])
+    last_step = np.float32(step) + np.rint(constants.after_collision / constants.step)
+    state.end_step = np.where(has_crashed, minimum(state.end_step, last_step), state.end_step)
+
+
+def resolve_contacts(
+    state: State, params: StepParameters, pairs: list[VehiclePair], swept: SweptStep
+) -> None:
+    """Exchange momentum in every pair that touched during the last step.
+
+    For the rest of the step after a contact, the pair moves with its new velocities.
+
+    Args:
+        state: State after the step; it changes.
+        params: Parameters of the batch.
+        pairs: `pairs_that_may_touch` at the last decision.
+        swept: The last step.
+    """
+    was_sound = state.motion.is_wreck[EGO_SLOT] == 0
+    for pair in pairs:
+        _resolve_pair(state, params, pair, swept)
+    has_crashed = was_sound & (state.motion.is_wreck[EGO_SLOT] > 0)
+    end_after_ego_accident(state, params, has_crashed, swept.index)
+
+
+def _resolve_pair(
+    state: State, params: StepParameters, pair: VehiclePair, swept: SweptStep
+) -> None:
+    """Exchange the momentum of one pair, and record its contact."""
+    impact = _find_impact(state, params, pair, swept)
+    if impact is None:
         return
-    impulse = _impulse(params, hit, i, j)
-    _apply_impulse(state, params, hit, i, -impulse, hit.lever_a)
-    _apply_impulse(state, params, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
-    for own, other in ((i, j), (j, i)):
-        _record_contact(state, hit, impulse, own, other)
+    size, turn = _impulse_size(params, impact, pair), pair.frame.turn
+    _apply_impulse(state, params, impact, pair.first, Impulse(-size, impact.lever_first))
+    on_second = Impulse(turn * size, turn * impact.lever_second)
+    _apply_impulse(state, params, impact, pair.second, on_second)
+    _record_contact(state, impact, size, pair.first, pair.second)
+    _record_contact(state, impact, size, pair.second, pair.first)
 
 
 def _find_impact(
-    state: State,
-    params: StepParameters,
-    near: Mask,
-    before: tuple[F32, F32],
-    during: tuple[int, np.float32],
-    pair: tuple[int, int],
-    frame: PairFrame,
+    state: State, params: StepParameters, pair: VehiclePair, swept: SweptStep
 ) -> Impact | None:
-    """Whether, when, where and how fast a pair touched during the step; none once it is over.
+    """The contact of a pair during the step, also None if it touches in no simulation.
 
-    None if the pair came near in no simulation, which saves most of the reference's time.
-
-    Boxes keep their heading while they are swept: that of the end of the step, and then that of the
-    instant of contact that was found so.
+    The boxes keep their heading while they are swept: first the heading at the end of the step,
+    then the heading at the time of contact that this gives.
     """
-    constants = params.constants
-    (step, step_length), (i, j) = during, pair
-    one = np.float32(1.0)
-    was_s, was_d = frame.in_first_frame(before[0][j], before[1][j])
-    is_s, is_d = frame.in_first_frame(state.motion.s[j], state.motion.d[j])
-    then = (was_s - before[0][i], was_d - before[1][i])
-    now = (is_s - state.motion.s[i], is_d - state.motion.d[i])
-    zero = np.zeros_like(now[0])
-    unturned = PairFrame(
+    s, d = state.motion.s, state.motion.d
+    start_s, start_d = swept.start
+    first, second, frame = pair.first, pair.second, pair.frame
+    second_start = frame.in_first_frame(start_s[second], start_d[second])
+    second_end = frame.in_first_frame(s[second], d[second])
+    start_offset = RoadVector(second_start.s - start_s[first], second_start.d - start_d[first])
+    end_offset = RoadVector(second_end.s - s[first], second_end.d - d[first])
+    zero = np.zeros_like(end_offset.s)
+    own_frame = PairFrame(
         turn=np.ones_like(zero), road_length=frame.road_length, edge_sum=frame.edge_sum
     )
-    frames = (i, unturned), (j, frame)
-    a, b = (_box_at(state, params, before, k, zero, zero, own) for k, own in frames)
-    overlap = swept_overlap(a, b, then, now)
-    near = near & _is_within(overlap)
-    if not near.any():
+    member_1, member_2 = PairMember(first, own_frame), PairMember(second, frame)
+
+    def boxes_before(remaining: RemainingStep) -> tuple[OrientedBox, OrientedBox]:
+        return (
+            _box_at(state, params, member_1, swept.start, remaining),
+            _box_at(state, params, member_2, swept.start, remaining),
+        )
+
+    overlap = swept_overlap(*boxes_before(RemainingStep(zero, zero)), start_offset, end_offset)
+    is_near = pair.is_near & overlap.is_within_step()
+    # Most near pairs do not touch; to stop here saves most of the reference's time.
+    if not is_near.any():
         return None
-    share = one - clamp(overlap[0], np.float32(0.0), one)
-    a, b = (_box_at(state, params, before, k, share, share * step_length, own) for k, own in frames)
-    overlap = swept_overlap(a, b, then, now)
-    enter, _, along, across = overlap
-    enter = clamp(enter, np.float32(0.0), one)
-    # Levers of any other instant than the one that the pair goes on from would make spin.
-    a, b = (
-        _box_at(state, params, before, k, one - enter, share * step_length, own)
-        for k, own in frames
-    )
-    arm_a, arm_b = _contact_arms(a, b)
-    velocity_a = _point_velocity(state, i, arm_a, unturned.turn)
-    velocity_b = _point_velocity(state, j, arm_b, frame.turn)
-    approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
-    instant = np.float32(step) * constants.step + enter * step_length
-    runs = instant < state.end_step * constants.step
+    share = ONE - clamp(overlap.enter, ZERO, ONE)
+    time = share * swept.length
+    overlap = swept_overlap(*boxes_before(RemainingStep(share, time)), start_offset, end_offset)
+    enter = clamp(overlap.enter, ZERO, ONE)
+    # Levers at the time of contact: those at any other time would create spin.
+    boxes = boxes_before(RemainingStep(ONE - enter, time))
+    arm_first, arm_second = _contact_arms(*boxes)
+    velocity_first = _point_velocity(state, first, arm_first, own_frame.turn)
+    velocity_second = _point_velocity(state, second, arm_second, frame.turn)
+    normal_s, normal_d = overlap.normal_s, overlap.normal_d
+    closing_speed = (velocity_first.s - velocity_second.s) * normal_s + (
+        velocity_first.d - velocity_second.d
+    ) * normal_d
+    time_of_contact = np.float32(swept.index) * params.constants.step + enter * swept.length
+    is_running = time_of_contact < state.end_step * params.constants.step
     return Impact(
-        mask=near & _is_within(overlap) & (approach > 0) & runs,
-        normal_s=along,
-        normal_d=across,
-        lever_a=arm_a[0] * across - arm_a[1] * along,
-        lever_b=arm_b[0] * across - arm_b[1] * along,
-        closing_speed=approach,
-        time=instant,
-        remaining_time=(one - enter) * step_length,
+        exists=is_near & overlap.is_within_step() & (closing_speed > 0) & is_running,
+        normal_s=normal_s,
+        normal_d=normal_d,
+        lever_first=arm_first.s * normal_d - arm_first.d * normal_s,
+        lever_second=arm_second.s * normal_d - arm_second.d * normal_s,
+        closing_speed=closing_speed,
+        time=time_of_contact,
+        remaining_time=(ONE - enter) * swept.length,
     )
 
 
-def _impulse(params: StepParameters, hit: Impact, i: int, j: int) -> F32:
+def _impulse_size(params: StepParameters, impact: Impact, pair: VehiclePair) -> F32:
     """Impulse along the normal of two rigid bodies without friction between them [N s].
 
     Source:
         Newton's law of restitution; Brach and Brach, Vehicle Accident Analysis and Reconstruction
         Methods (2011), planar impact mechanics.
     """
-    vehicles, constants = params.vehicles, params.constants
-    softness = vehicles.inverse_mass[i] + vehicles.inverse_mass[j]
-    softness = (
-        softness
-        + hit.lever_a * hit.lever_a * vehicles.inverse_inertia[i]
-        + hit.lever_b * hit.lever_b * vehicles.inverse_inertia[j]
+    inverse_mass, inverse_inertia = params.vehicles.inverse_mass, params.vehicles.inverse_inertia
+    first, second = pair.first, pair.second
+    compliance = inverse_mass[first] + inverse_mass[second]
+    compliance = (
+        compliance
+        + impact.lever_first * impact.lever_first * inverse_inertia[first]
+        + impact.lever_second * impact.lever_second * inverse_inertia[second]
     )
-    impulse = (np.float32(1.0) + constants.restitution) * hit.closing_speed / softness
-    return np.where(hit.mask, impulse, np.float32(0.0))
+    size = (ONE + params.constants.restitution) * impact.closing_speed / compliance
+    return np.where(impact.exists, size, ZERO)
 
 
-def _record_contact(state: State, hit: Impact, impulse: F32, own: int, other: int) -> None:
+def _record_contact(state: State, impact: Impact, size: F32, slot: int, partner: int) -> None:
     """Keep the first contact of a vehicle, and make it a wreck.
 
-    Pairs are looked at by slot, so of two contacts in one step the earlier may come second.
+    Pairs are resolved in the order of slots, so of two contacts in one step the earlier may come
+    second.
     """
-    sooner = (state.first_contact.partner[own] < 0) | (hit.time < state.first_contact.time[own])
-    first = hit.mask & sooner
-    state.first_contact.partner[own] = np.where(
-        first, np.float32(other), state.first_contact.partner[own]
+    contact, is_wreck = state.first_contact, state.motion.is_wreck
+    is_earlier = (contact.partner[slot] < 0) | (impact.time < contact.time[slot])
+    is_first = impact.exists & is_earlier
+    contact.partner[slot] = np.where(is_first, np.float32(partner), contact.partner[slot])
+    contact.time[slot] = np.where(is_first, impact.time, contact.time[slot])
+    contact.impulse[slot] = np.where(is_first, size, contact.impulse[slot])
+    contact.closing_speed[slot] = np.where(
+        is_first, impact.closing_speed, contact.closing_speed[slot]
     )
-    state.first_contact.time[own] = np.where(first, hit.time, state.first_contact.time[own])
-    state.first_contact.impulse[own] = np.where(first, impulse, state.first_contact.impulse[own])
-    state.first_contact.closing_speed[own] = np.where(
-        first, hit.closing_speed, state.first_contact.closing_speed[own]
-    )
-    state.motion.is_wreck[own] = np.where(hit.mask, np.float32(1.0), state.motion.is_wreck[own])
+    is_wreck[slot] = np.where(impact.exists, ONE, is_wreck[slot])
 
 
 def _box_at(
     state: State,
     params: StepParameters,
-    before: tuple[F32, F32],
-    i: int,
-    share: F32,
-    left: F32,
-    frame: PairFrame,
+    member: PairMember,
+    start: RoadVector,
+    remaining: RemainingStep,
 ) -> OrientedBox:
-    """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
-    vehicles = params.vehicles
-    sine, cosine = sincos(state.motion.heading[i] - left * state.motion.yaw_rate[i])
-    s = state.motion.s[i] - share * (state.motion.s[i] - before[0][i])
-    d = state.motion.d[i] - share * (state.motion.d[i] - before[1][i])
-    s, d = frame.in_first_frame(s, d)
+    """The body of a vehicle when a part of the step was still to come, in the first frame."""
+    motion, vehicles, slot = state.motion, params.vehicles, member.slot
+    turn = member.frame.turn
+    sine, cosine = sincos(motion.heading[slot] - remaining.time * motion.yaw_rate[slot])
+    position = member.frame.in_first_frame(
+        motion.s[slot] - remaining.share * (motion.s[slot] - start.s[slot]),
+        motion.d[slot] - remaining.share * (motion.d[slot] - start.d[slot]),
+    )
     return OrientedBox(
-        s=s,
-        d=d,
-        sine=frame.turn * sine,
-        cosine=frame.turn * cosine,
-        half_length=vehicles.half_length[i],
-        half_width=vehicles.half_width[i],
+        s=position.s,
+        d=position.d,
+        sine=turn * sine,
+        cosine=turn * cosine,
+        half_length=vehicles.half_length[slot],
+        half_width=vehicles.half_width[slot],
     )
 
 
-def _is_within(overlap: tuple[F32, F32, F32, F32]) -> Mask:
-    """Whether boxes overlap at some time of the step."""
-    enter, leave = overlap[:2]
-    return (enter <= leave) & (enter <= np.float32(1.0)) & (leave >= np.float32(0.0))
-
-
 def swept_overlap(
-    a: OrientedBox, b: OrientedBox, then: tuple[F32, F32], now: tuple[F32, F32]
-) -> tuple[F32, F32, F32, F32]:
-    """When two boxes in relative motion begin and cease to overlap, and the contact normal.
+    a: OrientedBox, b: OrientedBox, start_offset: RoadVector, end_offset: RoadVector
+) -> SweptOverlap:
+    """Time in which two boxes in relative motion overlap, and the contact normal.
 
-    Separating axes of both boxes; along each the relative centre moves linearly, which gives the
+    Along each separating axis of both boxes the relative centre moves linearly, which gives the
     part of the step in which the projections overlap. The axis that starts to overlap last is the
     normal.
 
     Args:
         a: First box at the end of the step.
         b: Second box at the end of the step.
-        then: Centre of b minus centre of a at the start of the step (along, across) [m].
-        now: The same at the end.
-
-    Returns:
-        Start and end of the overlap as shares of the step, and the unit normal from a to b.
+        start_offset: Centre of b minus centre of a at the start of the step [m].
+        end_offset: The same at the end.
 
     Source:
         Ericson, Real-Time Collision Detection (2005), sections 4.4 and 5.5.8.
     """
     axes = ((a.cosine, a.sine), (-a.sine, a.cosine), (b.cosine, b.sine), (-b.sine, b.cosine))
     enter, leave = np.full_like(a.s, -_NEVER), np.full_like(a.s, _NEVER)
-    along, across = np.zeros_like(a.s), np.zeros_like(a.s)
-    for (axis_s, axis_d), limit in zip(axes, _overlap_distances(a, b), strict=True):
-        start = then[0] * axis_s + then[1] * axis_d
-        change = now[0] * axis_s + now[1] * axis_d - start
-        change = np.where(np.abs(change) < _TINY, _TINY, change)
-        one, two = (-limit - start) / change, (limit - start) / change
-        begin, end = minimum(one, two), maximum(one, two)
-        later = begin > enter
-        facing = start + change * clamp(begin, np.float32(0.0), np.float32(1.0))
-        sign = np.where(facing < 0, np.float32(-1.0), np.float32(1.0))
-        along = np.where(later, sign * axis_s, along)
-        across = np.where(later, sign * axis_d, across)
-        enter = maximum(begin, enter)
-        leave = minimum(end, leave)
-    return enter, leave, along, across
+    normal_s, normal_d = np.zeros_like(a.s), np.zeros_like(a.s)
+    for (axis_s, axis_d), distance in zip(axes, _overlap_distances(a, b), strict=True):
+        start = start_offset.s * axis_s + start_offset.d * axis_d
+        change = end_offset.s * axis_s + end_offset.d * axis_d - start
+        change = np.where(np.abs(change) < _MIN_MOTION, _MIN_MOTION, change)
+        at_one_side, at_other_side = (-distance - start) / change, (distance - start) / change
+        axis_enter = minimum(at_one_side, at_other_side)
+        axis_leave = maximum(at_one_side, at_other_side)
+        is_later = axis_enter > enter
+        # From a to b, at the time when this axis starts to overlap.
+        offset = start + change * clamp(axis_enter, ZERO, ONE)
+        sign = np.where(offset < 0, -ONE, ONE)
+        normal_s = np.where(is_later, sign * axis_s, normal_s)
+        normal_d = np.where(is_later, sign * axis_d, normal_d)
+        enter = maximum(axis_enter, enter)
+        leave = minimum(axis_leave, leave)
+    return SweptOverlap(enter, leave, normal_s, normal_d)
 
 
 def _overlap_distances(a: OrientedBox, b: OrientedBox) -> tuple[F32, F32, F32, F32]:
@@ -361,50 +418,63 @@ def _overlap_distances(a: OrientedBox, b: OrientedBox) -> tuple[F32, F32, F32, F
     )
 
 
-def _contact_arms(a: OrientedBox, b: OrientedBox) -> tuple[tuple[F32, F32], tuple[F32, F32]]:
-    """Contact point relative to both centres, midway between the points nearest to the other."""
-    ahead, aside = b.s - a.s, b.d - a.d
-    near_a = _nearest_point(a, ahead, aside)
-    near_b = _nearest_point(b, -ahead, -aside)
-    half = np.float32(0.5)
-    point = (half * (near_a[0] + ahead + near_b[0]), half * (near_a[1] + aside + near_b[1]))
-    return point, (point[0] - ahead, point[1] - aside)
-
-
-def _nearest_point(box: OrientedBox, ahead: F32, aside: F32) -> tuple[F32, F32]:
-    along = clamp(ahead * box.cosine + aside * box.sine, -box.half_length, box.half_length)
-    across = clamp(aside * box.cosine - ahead * box.sine, -box.half_width, box.half_width)
-    return along * box.cosine - across * box.sine, along * box.sine + across * box.cosine
-
-
-def _point_velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F32, F32]:
-    """Velocity of a point of a vehicle, along and across, in a frame that is turned or not."""
-    sine, cosine = sincos(state.motion.heading[i])
-    along = (
-        turn * (state.motion.vx[i] * cosine - state.motion.vy[i] * sine)
-        - state.motion.yaw_rate[i] * arm[1]
+def _contact_arms(a: OrientedBox, b: OrientedBox) -> tuple[RoadVector, RoadVector]:
+    """Contact point relative to both centres, midway between each box's point next to the other."""
+    offset = RoadVector(b.s - a.s, b.d - a.d)
+    point_of_a = _nearest_point(a, offset)
+    point_of_b = _nearest_point(b, RoadVector(-offset.s, -offset.d))
+    arm = RoadVector(
+        s=HALF * (point_of_a.s + offset.s + point_of_b.s),
+        d=HALF * (point_of_a.d + offset.d + point_of_b.d),
     )
-    across = (
-        turn * (state.motion.vx[i] * sine + state.motion.vy[i] * cosine)
-        + state.motion.yaw_rate[i] * arm[0]
+    return arm, RoadVector(arm.s - offset.s, arm.d - offset.d)
+
+
+def _nearest_point(box: OrientedBox, offset: RoadVector) -> RoadVector:
+    """The point of a box nearest to another point, both relative to the centre of the box [m]."""
+    along = offset.s * box.cosine + offset.d * box.sine
+    across = offset.d * box.cosine - offset.s * box.sine
+    along = clamp(along, -box.half_length, box.half_length)
+    across = clamp(across, -box.half_width, box.half_width)
+    return RoadVector(
+        s=along * box.cosine - across * box.sine, d=along * box.sine + across * box.cosine
     )
-    return along, across
+
+
+def _point_velocity(state: State, slot: int, arm: RoadVector, turn: F32) -> RoadVector:
+    """Velocity of a point of a vehicle along and across a frame [m/s].
+
+    Args:
+        state: State of the batch.
+        slot: Slot of the vehicle.
+        arm: The point relative to the centre, in the frame [m].
+        turn: 1 in the vehicle's own frame, -1 in the opposite one.
+    """
+    motion = state.motion
+    vx, vy, yaw_rate = motion.vx[slot], motion.vy[slot], motion.yaw_rate[slot]
+    sine, cosine = sincos(motion.heading[slot])
+    return RoadVector(
+        s=turn * (vx * cosine - vy * sine) - yaw_rate * arm.d,
+        d=turn * (vx * sine + vy * cosine) + yaw_rate * arm.s,
+    )
 
 
 def _apply_impulse(
-    state: State, params: StepParameters, hit: Impact, i: int, impulse: F32, lever: F32
+    state: State, params: StepParameters, impact: Impact, slot: int, impulse: Impulse
 ) -> None:
     """Change the motion of a vehicle by an impulse, and its position over the rest of the step."""
-    vehicles = params.vehicles
-    zero = np.zeros_like(lever)
-    change = impulse * vehicles.inverse_mass[i]
-    along, across = _point_velocity(state, i, (zero, zero), np.ones_like(lever))
-    along, across = along + change * hit.normal_s, across + change * hit.normal_d
-    spin = impulse * lever * vehicles.inverse_inertia[i]
-    state.motion.s[i] = state.motion.s[i] + hit.remaining_time * (change * hit.normal_s)
-    state.motion.d[i] = state.motion.d[i] + hit.remaining_time * (change * hit.normal_d)
-    state.motion.heading[i] = state.motion.heading[i] + hit.remaining_time * spin
-    state.motion.yaw_rate[i] = state.motion.yaw_rate[i] + spin
-    sine, cosine = sincos(state.motion.heading[i])
-    state.motion.vx[i] = np.where(hit.mask, along * cosine + across * sine, state.motion.vx[i])
-    state.motion.vy[i] = np.where(hit.mask, across * cosine - along * sine, state.motion.vy[i])
+    vehicles, motion, time = params.vehicles, state.motion, impact.remaining_time
+    zero = np.zeros_like(impulse.lever)
+    speed_change = impulse.size * vehicles.inverse_mass[slot]
+    change_s, change_d = speed_change * impact.normal_s, speed_change * impact.normal_d
+    velocity = _point_velocity(state, slot, RoadVector(zero, zero), np.ones_like(zero))
+    along, across = velocity.s + change_s, velocity.d + change_d
+    spin = impulse.size * impulse.lever * vehicles.inverse_inertia[slot]
+    motion.s[slot] = motion.s[slot] + time * change_s
+    motion.d[slot] = motion.d[slot] + time * change_d
+    motion.heading[slot] = motion.heading[slot] + time * spin
+    motion.yaw_rate[slot] = motion.yaw_rate[slot] + spin
+    sine, cosine = sincos(motion.heading[slot])
+    exists = impact.exists
+    motion.vx[slot] = np.where(exists, along * cosine + across * sine, motion.vx[slot])
+    motion.vy[slot] = np.where(exists, across * cosine - along * sine, motion.vy[slot])

@@ -1,4 +1,4 @@
-"""Gap acceptance: what drivers intend, by the gaps in which they believe.
+"""Gap acceptance: intentions of drivers by the gaps in which they believe.
 
 The ego decides by gap acceptance, and on two-way roads every driver; `slots` selects the rows.
 """

@@ -1,4 +1,4 @@
-"""Neighbours of each vehicle: six, by lane, ahead and behind, of its own direction."""
+"""Search for the six neighbours of each vehicle, by lane, ahead and behind, in its direction."""
 
 import numpy as np
 
@@ -8,22 +8,19 @@ from overtaking.sim.reference.road_conditions import value_of_lane
 from overtaking.sim.reference.state import NO_SLOT, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
 
-_FAR = np.float32(1e9)  # Gap without a neighbour [m].
+_FAR = np.float32(1e9)  # Distance without a neighbour [m].
+
+_LANE_OFFSETS = (0.0, 1.0, -1.0)
+"""The vehicle's own lane, the left and the right one, in the order of the roles."""
 
 
-_LANE_OFFSETS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.
-
-
-def lane_borders(state: State, params: StepParameters, shift: float) -> tuple[F32, F32]:
-    """Borders of the lane `shift` lanes from each vehicle's own [m]."""
-    road = params.road
-    low = value_of_lane(
-        road.boundaries, state.lane_choice.lane + np.float32(shift), road.num_lanes + 1
-    )
-    high = value_of_lane(
-        road.boundaries, state.lane_choice.lane + np.float32(shift + 1.0), road.num_lanes + 1
-    )
-    return low, high
+def lane_borders(state: State, params: StepParameters, offset: float) -> tuple[F32, F32]:
+    """Right and left border of the lane `offset` lanes to the left of each vehicle's lane [m]."""
+    boundaries, num_boundaries = params.road.boundaries, params.road.num_lanes + 1
+    lane = state.lane_choice.lane
+    right = value_of_lane(boundaries, lane + np.float32(offset), num_boundaries)
+    left = value_of_lane(boundaries, lane + np.float32(offset + 1.0), num_boundaries)
+    return right, left
 
 
 def find_neighbours(state: State, params: StepParameters) -> Neighbours:
@@ -34,74 +31,80 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
     it indicates, otherwise when it visibly moves over. Without this, two drivers that move to one
     gap from both sides would see each other too late.
     """
-    vehicles = params.vehicles
-    bands = [lane_borders(state, params, shift) for shift in _LANE_OFFSETS]
-    found = _NearestByRole(state.motion.s.shape)
-    for j in range(state.motion.s.shape[0]):
-        ahead, beside = (
-            nearest_image(params, state.motion.s[j] - state.motion.s),
-            state.motion.d[j] - state.motion.d,
+    vehicles, motion, lane = params.vehicles, state.motion, state.lane_choice.lane
+    borders = [lane_borders(state, params, offset) for offset in _LANE_OFFSETS]
+    nearest = _NearestByRole(motion.s.shape)
+    for other_slot in range(len(motion.s)):
+        distance_ahead = nearest_image(params, motion.s[other_slot] - motion.s)
+        lateral_distance = motion.d[other_slot] - motion.d
+        is_candidate = (vehicles.valid[other_slot] > 0) & (
+            vehicles.travel_sign[other_slot] == vehicles.travel_sign
         )
-        others = (vehicles.valid[j] > 0) & (vehicles.travel_sign[j] == vehicles.travel_sign)
-        others[j] = False
-        shows = visibly_changes_lane(state, params, j)
-        for k, (low, high) in enumerate(bands):
-            heading = shows & (
-                state.lane_choice.lane[j] - state.lane_choice.lane == _LANE_OFFSETS[k]
-            )
-            inside = others & (_is_in_lane(state, params, j, low, high) | heading)
-            found.consider(2 * k, j, inside & (ahead >= 0), ahead, beside)
-            found.consider(2 * k + 1, j, inside & (ahead < 0), -ahead, beside)
-    half = value_at_slot(vehicles.half_length, found.slot)
+        is_candidate[other_slot] = False
+        changes_lane = visibly_changes_lane(state, params, other_slot)
+        for k, offset in enumerate(_LANE_OFFSETS):
+            changes_to_lane = changes_lane & (lane[other_slot] - lane == offset)
+            is_there = _is_in_lane(state, params, other_slot, borders[k]) | changes_to_lane
+            is_in_lane = is_candidate & is_there
+            is_leader = is_in_lane & (distance_ahead >= 0)
+            is_follower = is_in_lane & (distance_ahead < 0)
+            # Roles come in pairs of leader and follower, in the order of the lanes.
+            nearest.consider(2 * k, other_slot, is_leader, distance_ahead, lateral_distance)
+            nearest.consider(2 * k + 1, other_slot, is_follower, -distance_ahead, lateral_distance)
+    half_length = value_at_slot(vehicles.half_length, nearest.slot)
     return Neighbours(
-        slot=found.slot,
-        gap=found.distance - (half + vehicles.half_length),
-        distance=found.distance,
-        lateral_distance=found.aside,
-        half_length=half,
-        lane_right_edge=bands[0][0],
-        lane_left_edge=bands[0][1],
+        slot=nearest.slot,
+        gap=nearest.distance - (half_length + vehicles.half_length),
+        distance=nearest.distance,
+        lateral_distance=nearest.lateral_distance,
+        half_length=half_length,
+        lane_right_edge=borders[0][0],
+        lane_left_edge=borders[0][1],
     )
 
 
 def nearest_image(params: StepParameters, distance: F32) -> F32:
-    """A distance along the road; on a ring that to the nearest image [m]."""
+    """A distance along the road, on a ring road to the nearest image of the other vehicle [m]."""
     simulations = params.simulations
-    ring, inverse = simulations.ring_length, simulations.inverse_ring_length
-    return distance - ring * np.rint(distance * inverse)
+    length, inverse_length = simulations.ring_length, simulations.inverse_ring_length
+    # On other roads the inverse length is 0, so the distance stays.
+    return distance - length * np.rint(distance * inverse_length)
 
 
-def visibly_changes_lane(state: State, params: StepParameters, j: int) -> Mask:
-    """Whether others can tell to which lane vehicle `j` is changing."""
+def visibly_changes_lane(state: State, params: StepParameters, slot: int) -> Mask:
+    """Whether others can see to which lane the vehicle in a slot is changing, (simulation,)."""
     # A wreck counts only where its body is. With its indicator on it stayed a neighbour in the lane
     # that it had been changing to, however far it slid, and other drivers braked in a free lane.
-    changing = (state.path.elapsed[j] < state.path.duration[j]) & (state.motion.is_wreck[j] == 0)
-    moves = state.path.elapsed[j] > params.constants.visible_fraction * state.path.duration[j]
-    return changing & ((state.controls.indicator[j] != 0) | moves)
+    elapsed, duration = state.path.elapsed[slot], state.path.duration[slot]
+    is_changing = (elapsed < duration) & (state.motion.is_wreck[slot] == 0)
+    has_moved = elapsed > params.constants.visible_fraction * duration
+    return is_changing & ((state.controls.indicator[slot] != 0) | has_moved)
 
 
-def _is_in_lane(state: State, params: StepParameters, j: int, low: F32, high: F32) -> Mask:
-    """Whether the body of vehicle `j` is in the lane between two borders, for each driver."""
-    vehicles = params.vehicles
+def _is_in_lane(state: State, params: StepParameters, slot: int, borders: tuple[F32, F32]) -> Mask:
+    """Whether the body of the vehicle in a slot is between two borders, for each driver."""
+    d, half_width = state.motion.d[slot], params.vehicles.half_width[slot]
     margin = params.constants.corridor_margin
-    low_side, high_side = (
-        state.motion.d[j] - vehicles.half_width[j],
-        state.motion.d[j] + vehicles.half_width[j],
-    )
-    return (high_side > low + margin) & (low_side < high - margin)
+    right_border, left_border = borders
+    return (d + half_width > right_border + margin) & (d - half_width < left_border - margin)
 
 
 class _NearestByRole:
-    """The nearest vehicle found so far in each role, (role, vehicle, simulation)."""
+    """The nearest vehicle so far in each role, (role, vehicle, simulation)."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
+        """Start without any vehicle."""
         self.slot = np.full((6, *shape), NO_SLOT)
         self.distance = np.full((6, *shape), _FAR)
-        self.aside = np.zeros((6, *shape), np.float32)
+        self.lateral_distance = np.zeros((6, *shape), np.float32)
 
-    def consider(self, role: int, j: int, mask: Mask, distance: F32, aside: F32) -> None:
-        """Take vehicle `j` for a role where it is nearer; the lower slot wins a tie."""
-        nearer = mask & (distance < self.distance[role])
-        self.distance[role] = np.where(nearer, distance, self.distance[role])
-        self.slot[role] = np.where(nearer, np.float32(j), self.slot[role])
-        self.aside[role] = np.where(nearer, aside, self.aside[role])
+    def consider(
+        self, role: int, slot: int, mask: Mask, distance: F32, lateral_distance: F32
+    ) -> None:
+        """Take a vehicle for a role where it is nearer; the lower slot wins a tie."""
+        is_nearer = mask & (distance < self.distance[role])
+        self.distance[role] = np.where(is_nearer, distance, self.distance[role])
+        self.slot[role] = np.where(is_nearer, np.float32(slot), self.slot[role])
+        self.lateral_distance[role] = np.where(
+            is_nearer, lateral_distance, self.lateral_distance[role]
+        )

@@ -201,7 +201,10 @@ def _oncoming_columns(
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
     d = np.stack(
-        [state.position_seen_by_each(params, other)[1][ego] for other in range(len(speeds))]
+        [
+            state.position_seen_by_each(params, other_slot)[1][ego]
+            for other_slot in range(len(speeds))
+        ]
     )
     if observes_truth:
         is_detected, gap = slot >= 0, vehicle.gap[ego]

@@ -1,4 +1,4 @@
-"""Oncoming vehicles: the nearest one, what drivers see of it, and what they believe about it."""
+"""Oncoming vehicles: search, visibility and beliefs of drivers."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import exp, maximum, minimum
+from overtaking.core.float32_math import HALF, ONE, ZERO, exp, maximum, minimum
 from overtaking.sim.reference.decision_context import (
     DecisionContext,
     Neighbours,
@@ -28,9 +28,6 @@ from overtaking.sim.reference.state import LEADER, NEVER_LOOKED, NO_SLOT, State,
 from overtaking.world.step_parameters import StepParameters
 
 _FAR = np.float32(1e9)  # Distance without a vehicle, and sight past no leader [m].
-_ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
-_ONE = np.float32(1.0)
 
 # Where drivers look for oncoming vehicles: rows of `Attention.oncoming_slot`.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
@@ -39,8 +36,8 @@ _IN_ANY_LANE, _IN_OWN_LANE = range(2)
 class NearestOncoming(NamedTuple):
     """The nearest oncoming vehicle of each driver, (vehicle, simulation)."""
 
-    slot: F32  # `NO_SLOT` for none.
-    distance: F32  # Of the centres [m].
+    slot: F32  # `NO_SLOT` without a vehicle.
+    distance: F32  # Distance of the centres along the road [m].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +50,7 @@ class Sighting:
         gap: Gap between the front bumpers [m].
         sight_range_ratio: Distance over the range at which the vehicle can be seen [1].
         is_visible: Whether it can be seen.
-        sight_distance: How far the driver sees along the opposing lane [m].
+        sight_distance: Sight distance along the opposing lane [m].
     """
 
     slot: F32
@@ -67,7 +64,7 @@ class Sighting:
 def observe_oncoming(
     state: State, params: StepParameters, neighbours: Neighbours, decision_index: int
 ) -> OncomingTraffic:
-    """The oncoming vehicles that matter to each driver, and what it believes about them.
+    """The oncoming vehicles that matter to each driver, and its beliefs about them.
 
     Updates the time in view. The nearest vehicle in any lane limits a pass; for the nearest in its
     own lane the driver brakes and moves to the edge.
@@ -116,18 +113,17 @@ def observe_second_oncoming(
 
 
 def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours) -> F32:
-    """How far drivers see along the opposing lane: by road, weather, and past a tall leader [m]."""
+    """Sight distance along the opposing lane: by road, weather, and past a tall leader [m]."""
     vehicles, constants, road = params.vehicles, params.constants, params.road
     s, _ = state.road_position(params)
-    by_road = np.where(
-        vehicles.travel_sign < 0, *(_interpolate_knots(table, s) for table in road.sight[::-1])
-    )
+    along, against = (_interpolate_knots(table, s) for table in road.sight)
+    by_road = np.where(vehicles.travel_sign < 0, against, along)
     leader = neighbours.slot[LEADER]
     # The line of sight passes the leader's rear corner on the side of the opposing lane.
     rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
     half_width = value_at_slot(vehicles.half_width, leader)
     corner = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset
-    middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
+    middle = HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
     opposing_lane = middle - state.motion.d - constants.eye_offset
     is_tall = (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0)
     hides = is_tall & (corner > 0) & (opposing_lane > 0)
@@ -157,7 +153,7 @@ def _sighting(
         params: Parameters of the batch.
         neighbours: Neighbours of the drivers.
         oncoming: The vehicle.
-        ranges: How far the driver sees in the lane of the vehicle, and in the opposing lane [m].
+        ranges: Sight distance in the lane of the vehicle, and in the opposing lane [m].
     """
     vehicles, slot = params.vehicles, oncoming.slot
     sight_distance, opposing_sight_distance = ranges
@@ -174,7 +170,7 @@ def _sighting(
         half_lengths=half_lengths,
         gap=gap,
         sight_range_ratio=ratio,
-        is_visible=(slot >= 0) & (ratio <= _ONE) & (gap < max_range),
+        is_visible=(slot >= 0) & (ratio <= ONE) & (gap < max_range),
         sight_distance=opposing_sight_distance,
     )
 
@@ -182,18 +178,18 @@ def _sighting(
 def update_time_in_view(
     state: State, params: StepParameters, lanes: int, sighting: Sighting
 ) -> None:
-    """Count how long each driver has seen the vehicle that it sees now.
+    """Count the time for which each driver has seen the same vehicle, or none.
 
     Args:
         state: Its `attention` changes.
         params: Parameters of the batch.
         lanes: `_IN_ANY_LANE` or `_IN_OWN_LANE`.
-        sighting: What the driver sees there now.
+        sighting: Visibility of the nearest vehicle in these lanes.
     """
     attention, constants = state.attention, params.constants
     slot = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
     longer = attention.oncoming_time_in_view[lanes] + constants.decision
-    time = np.where(slot == attention.oncoming_slot[lanes], longer, _ZERO)
+    time = np.where(slot == attention.oncoming_slot[lanes], longer, ZERO)
     # Drivers have watched the traffic before the first frame.
     is_first = attention.oncoming_slot[lanes] == NEVER_LOOKED
     attention.oncoming_time_in_view[lanes] = np.where(
@@ -223,19 +219,19 @@ def _believe(
     is_certain: Mask,
     decision_index: int,
 ) -> OncomingVehicle:
-    """What drivers believe about the oncoming vehicle, or assume if they see none.
+    """Beliefs of drivers about an oncoming vehicle, and their assumptions without one.
 
-    They know where it was one reaction delay ago. They misjudge the distance by a slowly varying
+    Drivers know where it was one reaction delay ago. They misjudge the distance by a slowly varying
     factor, and expect the usual speed until the vehicle looms.
     """
     vehicles, slot = params.vehicles, sighting.slot
     own_speed, _ = state.road_velocity()
     delay = _reaction_delay(state, params, sighting)
-    seen = extrapolate_motion(state, params, slot, delay, decision_index)
+    recalled = extrapolate_motion(state, params, slot, delay, decision_index)
     # The oncoming vehicle counts its stations from the other end of the road.
-    gap = (params.road.length - seen.s) - state.motion.s - sighting.half_lengths
+    gap = (params.road.length - recalled.s) - state.motion.s - sighting.half_lengths
     width = value_at_slot(vehicles.looming_width, slot)
-    looming = sense_looming(state, params, gap, own_speed + seen.speed, width)
+    looming = sense_looming(state, params, gap, own_speed + recalled.speed, width)
     is_detected = sighting.is_visible & is_certain
     believed_gap = _believed_distance(state, params, slot, gap, looming)
     return OncomingVehicle(
@@ -264,9 +260,9 @@ def _believed_distance(
 ) -> F32:
     """Gap to the oncoming vehicle as drivers misjudge it; small vehicles look farther away [m]."""
     is_two_wheeler = value_at_slot(params.vehicles.two_wheeler, slot) > 0
-    size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, _ONE)
+    size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, ONE)
     error = exp(params.simulations.oncoming_error * state.noise.distance_error)
-    return gap + gap * ((error * size_factor - _ONE) * looming.error_share)
+    return gap + gap * ((error * size_factor - ONE) * looming.error_share)
 
 
 def _believed_closing_speed(
@@ -298,42 +294,46 @@ def nearest_oncoming(
     """
     vehicles, constants, road = params.vehicles, params.constants, params.road
     lane, margin = state.lane_choice.lane, constants.corridor_margin
+    # Borders of the lanes in the order of `_IN_ANY_LANE` and `_IN_OWN_LANE`.
     road_edges = road.boundaries[0], road.boundaries[road.num_lanes]
-    own_borders = lane_borders(state, params, 0.0)
+    borders = road_edges, lane_borders(state, params, 0.0)
     slot = np.full((2, *state.motion.s.shape), NO_SLOT)
     distance = np.full_like(slot, _FAR)
-    for other in range(len(state.motion.s)):
-        s, d = state.position_seen_by_each(params, other)
+    for other_slot in range(len(state.motion.s)):
+        s, d = state.position_seen_by_each(params, other_slot)
         distance_ahead = s - state.motion.s
-        right_side, left_side = d - vehicles.half_width[other], d + vehicles.half_width[other]
-        other_lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[other]
-        comes_over = visibly_changes_lane(state, params, other) & (other_lane == lane)
+        right_side, left_side = (
+            d - vehicles.half_width[other_slot],
+            d + vehicles.half_width[other_slot],
+        )
+        # The other vehicle counts its lanes from the other side of the road.
+        mirrored_lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[other_slot]
+        comes_over = visibly_changes_lane(state, params, other_slot) & (mirrored_lane == lane)
         is_oncoming = (
-            (vehicles.valid[other] > 0)
-            & (vehicles.travel_sign[other] != vehicles.travel_sign)
+            (vehicles.valid[other_slot] > 0)
+            & (vehicles.travel_sign[other_slot] != vehicles.travel_sign)
             & (vehicles.valid > 0)
         )
-        is_ahead = is_oncoming & (distance_ahead >= 0) & (exception != np.float32(other))
-        for lanes, (right, left) in enumerate((road_edges, own_borders)):
+        is_ahead = is_oncoming & (distance_ahead >= 0) & (exception != np.float32(other_slot))
+        for lanes, (right, left) in enumerate(borders):
             is_there = (left_side > right + margin) & (right_side < left - margin)
             is_there = is_there | comes_over if lanes == _IN_OWN_LANE else is_there
             is_nearer = is_ahead & is_there & (distance_ahead < distance[lanes])
-            slot[lanes] = np.where(is_nearer, np.float32(other), slot[lanes])
+            slot[lanes] = np.where(is_nearer, np.float32(other_slot), slot[lanes])
             distance[lanes] = np.where(is_nearer, distance_ahead, distance[lanes])
     any_lane, own_lane = (NearestOncoming(slot[k], distance[k]) for k in range(2))
     return any_lane, own_lane
 
 
 def is_being_passed(state: State, params: StepParameters) -> Mask:
-    """Whether another vehicle passes each driver in the next lane, as it notices."""
-    vehicles = params.vehicles
-    out, passed = state.is_overtaking(), np.zeros(state.motion.s.shape, bool)
-    for j in range(len(state.motion.s)):
-        apart = np.abs(state.motion.s - state.motion.s[j]) - (
-            vehicles.half_length + vehicles.half_length[j]
-        )
-        beside = (apart < params.constants.passed_awareness_margin) & (
-            vehicles.travel_sign == vehicles.travel_sign[j]
-        )
-        passed = passed | (beside & (state.lane_choice.lane[j] > state.lane_choice.lane) & out[j])
-    return passed & (state.motion.is_wreck == 0)
+    """Whether another vehicle passes each driver on the left, so near that the driver notices."""
+    vehicles, s, lane = params.vehicles, state.motion.s, state.lane_choice.lane
+    overtakes, is_passed = state.is_overtaking(), np.zeros(s.shape, bool)
+    for other_slot in range(len(s)):
+        half_lengths = vehicles.half_length + vehicles.half_length[other_slot]
+        gap = np.abs(s - s[other_slot]) - half_lengths
+        is_near = gap < params.constants.passed_awareness_margin
+        is_same_direction = vehicles.travel_sign == vehicles.travel_sign[other_slot]
+        is_on_left = lane[other_slot] > lane
+        is_passed = is_passed | (is_near & is_same_direction & is_on_left & overtakes[other_slot])
+    return is_passed & (state.motion.is_wreck == 0)

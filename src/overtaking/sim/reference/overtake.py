@@ -248,9 +248,9 @@ def _set_end_step(
     state: State, params: StepParameters, intent: Intent, next_stage: F32, step: int
 ) -> None:
     """End the simulation some time after the overtake, or at the deadline without an attempt."""
-    constants, done = params.constants, np.float32(Stage.DONE)
+    constants, stage_done = params.constants, np.float32(Stage.DONE)
     now = np.float32(step)
-    is_completed = (next_stage == done) & (state.overtake.stage[EGO_SLOT] != done)
+    is_completed = (next_stage == stage_done) & (state.overtake.stage[EGO_SLOT] != stage_done)
     last_step = now + np.rint(constants.after_overtake / constants.step)
     state.end_step = np.where(is_completed, minimum(state.end_step, last_step), state.end_step)
     makes_no_attempt = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & ~intent.wants_to_pull_out

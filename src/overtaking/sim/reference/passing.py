@@ -1,4 +1,4 @@
-"""Whether drivers pass against oncoming traffic: distance, time needed, and what they see.
+"""Whether drivers pass against oncoming traffic: distance, time and sight distance needed.
 
 The ego and the others decide by the same rules; `slots` selects the rows of the arrays.
 """
@@ -9,20 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import maximum, minimum
+from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, maximum, minimum
 from overtaking.sim.reference.decision_context import DecisionContext
 from overtaking.sim.reference.state import LEADER, SlotSelection, State, value_at_slot
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 MIN_CLOSING_SPEED = np.float32(0.5)
-"""Smallest surplus of speed with which a pass is reckoned, and smallest closing speed [m/s]."""
+"""Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s]."""
 
 _FAR = np.float32(1e9)  # Gap without a vehicle [m].
 _MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
-_ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
-_TWO = np.float32(2.0)
 
 
 class PassingSpeeds(NamedTuple):
@@ -39,7 +36,7 @@ class PassingSpeeds(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class PassingOpportunity:
-    """What drivers know about the opposing lane before they pull out, shape of the slots.
+    """Beliefs of drivers about the opposing lane before they pull out, shape of the slots.
 
     Attributes:
         leader_gap: Believed gap to the leader [m].
@@ -70,16 +67,18 @@ def time_to_gain(distance: F32, closing_speed: F32, max_closing_speed: F32, acce
 
     Args:
         distance: The distance [m].
-        closing_speed: Present speed minus that of the other vehicle [m/s].
-        max_closing_speed: Largest speed minus that of the other vehicle [m/s].
+        closing_speed: Present speed minus the other vehicle's [m/s].
+        max_closing_speed: Largest speed minus the other vehicle's [m/s].
         accel: Acceleration [m/s^2].
     """
     a, v_max = maximum(accel, _MIN_ACCEL), maximum(max_closing_speed, MIN_CLOSING_SPEED)
-    v = minimum(maximum(closing_speed, _ZERO), v_max)
-    ramp = (v_max - v) / a
-    covered = _HALF * (v + v_max) * ramp
-    within = (np.sqrt(v * v + _TWO * a * distance) - v) / a
-    return np.where(distance < covered, within, ramp + (distance - covered) / v_max)
+    v = minimum(maximum(closing_speed, ZERO), v_max)
+    ramp_time = (v_max - v) / a
+    ramp_distance = HALF * (v + v_max) * ramp_time
+    # Solves distance = v t + a t^2 / 2.
+    time_on_ramp = (np.sqrt(v * v + TWO * a * distance) - v) / a
+    time_beyond_ramp = ramp_time + (distance - ramp_distance) / v_max
+    return np.where(distance < ramp_distance, time_on_ramp, time_beyond_ramp)
 
 
 def expected_accel(
@@ -87,9 +86,9 @@ def expected_accel(
 ) -> F32:
     """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 
-    It is the acceleration that they like to use, limited to what the engine can give halfway. The
-    trait `passing_time_factor`, which has a source, is their error about the resulting time; they
-    know what their vehicle can do.
+    It is the acceleration of a passing driver, limited by the engine halfway to the passing speed.
+    Drivers know the power of their vehicle; their error about the time that passing takes is the
+    trait `passing_time_factor`, which has a source.
 
     Args:
         constants: Constants of the model.
@@ -97,25 +96,27 @@ def expected_accel(
         speed: Their speed [m/s].
         passing_speed: The speed at which they pass [m/s].
     """
-    halfway = _HALF * (speed + maximum(passing_speed, speed))
-    engine = minimum(vehicle.launch_force, vehicle.power / maximum(halfway, constants.slip_speed))
-    surplus = engine - (vehicle.drag * halfway * halfway + vehicle.rolling)
-    return minimum(constants.accelerate_gain * vehicle.accel, surplus * vehicle.inverse_mass)
+    mean_speed = HALF * (speed + maximum(passing_speed, speed))
+    engine_force = minimum(
+        vehicle.launch_force, vehicle.power / maximum(mean_speed, constants.slip_speed)
+    )
+    force = engine_force - (vehicle.drag * mean_speed * mean_speed + vehicle.rolling)
+    return minimum(constants.accelerate_gain * vehicle.accel, force * vehicle.inverse_mass)
 
 
 def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed: F32) -> F32:
-    """Speed at which drivers pass: well above that of the target, if the vehicle can [m/s].
+    """Speed at which drivers pass: well above the target's speed, if the vehicle can [m/s].
 
     A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
 
     Args:
         vehicle: Parameters of the drivers and their vehicles.
-        surplus: How much faster than the target drivers want to be [m/s].
+        surplus: Smallest desired speed minus the target's [m/s].
         target_speed: Speed of the target [m/s].
     """
-    wanted = maximum(vehicle.passing_speed, target_speed + surplus)
-    excess = maximum(wanted - vehicle.speed_limit, _ZERO)
-    return minimum(wanted - vehicle.speed_limit_compliance * excess, vehicle.max_speed)
+    speed = maximum(vehicle.passing_speed, target_speed + surplus)
+    excess = maximum(speed - vehicle.speed_limit, ZERO)
+    return minimum(speed - vehicle.speed_limit_compliance * excess, vehicle.max_speed)
 
 
 def current_passing_speed(state: State, params: StepParameters) -> F32:
@@ -137,11 +138,11 @@ def time_to_pass(
         constants: Constants of the model.
         vehicle: Parameters of the drivers and their vehicles.
         distance: The distance [m].
-        speeds: Their speeds and those of their targets.
+        speeds: Speeds of the drivers and of their targets.
     """
-    top = passing_speed(vehicle, constants.passing_speed_surplus, speeds.target)
-    accel = expected_accel(constants, vehicle, speeds.passer, top)
-    return time_to_gain(distance, speeds.closing, top - speeds.target, accel)
+    top_speed = passing_speed(vehicle, constants.passing_speed_surplus, speeds.target)
+    accel = expected_accel(constants, vehicle, speeds.passer, top_speed)
+    return time_to_gain(distance, speeds.closing, top_speed - speeds.target, accel)
 
 
 def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_distance: F32) -> F32:
@@ -153,7 +154,7 @@ def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_di
     Args:
         vehicle: Parameters of the drivers and their vehicles.
         believed_gap: Believed gap to the oncoming vehicle [m].
-        sight_distance: How far the driver sees along the opposing lane [m].
+        sight_distance: Sight distance along the opposing lane [m].
     """
     return minimum(believed_gap, vehicle.assumed_sight_factor * sight_distance)
 
@@ -165,20 +166,20 @@ def tall_vehicle_gap_factor(params: StepParameters, slot: F32) -> F32:
         The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
     """
     blocks_view = value_at_slot(params.vehicles.blocks_view, slot) > 0
-    return np.where(blocks_view, params.constants.tall_vehicle_gap_factor, np.float32(1.0))
+    return np.where(blocks_view, params.constants.tall_vehicle_gap_factor, ONE)
 
 
 def passing_opportunity(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> PassingOpportunity:
-    """What drivers know about the opposing lane; there is oncoming traffic on the road."""
+    """Beliefs of drivers on a two-way road about the opposing lane."""
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     neighbours, beliefs, oncoming = context.neighbours, context.beliefs, context.oncoming.nearest
     leader_slot = neighbours.slot[LEADER, slots]
     return PassingOpportunity(
         leader_gap=beliefs.gap[LEADER, slots],
         leader_speed=state.motion.vx[slots] - beliefs.closing_speed[LEADER, slots],
-        leader_length=_TWO * neighbours.half_length[LEADER, slots],
+        leader_length=TWO * neighbours.half_length[LEADER, slots],
         gap_ahead_of_leader=gap_ahead_of(state, params, leader_slot, slots),
         assumed_oncoming_gap=assumed_oncoming_gap(
             params.vehicles.at_slots(slots),
@@ -201,31 +202,33 @@ def accepts_oncoming_gap(
 ) -> Mask:
     """Whether drivers believe that the opposing lane is free for long enough.
 
-    They compare the time that passing takes, as they misjudge it and with a reserve, with the time
-    until they meet the nearest oncoming vehicle. Where they do not see the road they assume one.
-    Passing takes half a lane change before speed is gained, and half of one at its end. A waiting
-    driver keeps a smaller reserve, but not less than a share of its first one.
+    They compare the time that passing takes, with their error about it and a reserve, with the time
+    until they meet the nearest oncoming vehicle. Beyond their sight distance they assume one.
+    Passing takes half a lane change before the driver gains speed, and half of one at its end. A
+    waiting driver keeps a smaller reserve, but not less than a share of its first one.
 
     Args:
         params: Parameters of the batch.
         vehicle: Parameters of the drivers and their vehicles.
         speed: Their speed [m/s].
         patience_left: Share of their demands that is left after waiting, 1 at first [1].
-        opportunity: What they know about the opposing lane.
+        opportunity: Their beliefs about the opposing lane.
     """
     constants, leader_speed = params.constants, opportunity.leader_speed
-    lengths = opportunity.leader_length + _TWO * vehicle.half_length
-    factor = vehicle.return_time_gap * patience_left * opportunity.tall_vehicle_gap_factor
-    return_gap = factor * leader_speed
+    lengths = opportunity.leader_length + TWO * vehicle.half_length
+    gap_factor = opportunity.tall_vehicle_gap_factor
+    return_gap = vehicle.return_time_gap * patience_left * gap_factor * leader_speed
     distance = opportunity.leader_gap + lengths + return_gap
-    top = passing_speed(vehicle, constants.passing_speed_surplus, leader_speed)
     speeds = PassingSpeeds(passer=speed, target=leader_speed, closing=speed - leader_speed)
-    gaining = time_to_pass(constants, vehicle, distance, speeds)
-    time = vehicle.passing_time_factor * (gaining + vehicle.lane_change_duration)
-    closing_speed = opportunity.oncoming_closing_speed + _HALF * maximum(top - speed, _ZERO)
+    time_to_gain_distance = time_to_pass(constants, vehicle, distance, speeds)
+    time = vehicle.passing_time_factor * (time_to_gain_distance + vehicle.lane_change_duration)
+    # On average over the pass the driver is faster than now by half of its gain in speed.
+    top_speed = passing_speed(vehicle, constants.passing_speed_surplus, leader_speed)
+    closing_speed = opportunity.oncoming_closing_speed + HALF * maximum(top_speed - speed, ZERO)
     reserve = vehicle.time_reserve_share * maximum(patience_left, constants.min_time_reserve_share)
-    has_time = opportunity.assumed_oncoming_gap > time * (np.float32(1.0) + reserve) * closing_speed
-    min_gap = _TWO * vehicle.half_length + constants.min_return_gap + return_gap
+    has_time = opportunity.assumed_oncoming_gap > time * (ONE + reserve) * closing_speed
+    # Ahead of the leader the driver needs space for its body, the return gap and a time gap.
+    min_gap = TWO * vehicle.half_length + constants.min_return_gap + return_gap
     time_gap = constants.return_time_gap_share * vehicle.time_gap
     fits_ahead = opportunity.gap_ahead_of_leader > min_gap + time_gap * leader_speed
     heeds_line = opportunity.line_is_solid & (vehicle.heeds_solid_lines > 0)
@@ -239,23 +242,20 @@ def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSel
         state: State at a decision.
         params: Parameters of the batch.
         slot: Slot of the vehicle, shape of the slots.
-        slots: Slots of the drivers, who are not ahead of it themselves.
+        slots: Slots of the drivers, which do not count as the next vehicle.
     """
     vehicles, s = params.vehicles, state.motion.s
     centre = value_at_slot(s, slot)
     front = centre + value_at_slot(vehicles.half_length, slot)
     gap = np.full_like(front, _FAR)
-    own_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
-    for other in range(len(s)):
-        is_ahead = (
-            (vehicles.valid[other] > 0)
-            & (vehicles.travel_sign[other] == vehicles.travel_sign[slots])
-            & (s[other] > centre)
-        )
-        is_ahead = is_ahead & (slot != np.float32(other)) & (own_slot != np.float32(other))
-        gap = np.where(
-            is_ahead, minimum(gap, (s[other] - vehicles.half_length[other]) - front), gap
-        )
+    driver_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
+    for candidate in range(len(s)):
+        is_same_direction = vehicles.travel_sign[candidate] == vehicles.travel_sign[slots]
+        is_other = (slot != np.float32(candidate)) & (driver_slot != np.float32(candidate))
+        is_ahead = is_other & is_same_direction & (s[candidate] > centre)
+        rear = s[candidate] - vehicles.half_length[candidate]
+        is_nearer = is_ahead & (vehicles.valid[candidate] > 0)
+        gap = np.where(is_nearer, minimum(gap, rear - front), gap)
     return gap
 
 
@@ -273,7 +273,7 @@ def line_is_solid(
     stations, along, against = params.road.solid_line
     s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
     is_solid = np.zeros(s.shape, bool)
-    for place in (s, s + travel_sign * distance):
-        knot = np.searchsorted(stations, place, side="right") - 1
+    for road_s in (s, s + travel_sign * distance):
+        knot = np.searchsorted(stations, road_s, side="right") - 1
         is_solid = is_solid | (np.where(travel_sign < 0, against[knot], along[knot]) > 0)
     return is_solid

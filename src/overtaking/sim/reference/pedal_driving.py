@@ -1,6 +1,6 @@
-"""A tick of vehicles under external control, without drivers of the model.
+"""Motion of vehicles under external control of pedals and wheels, without drivers of the model.
 
-Vehicles head anywhere, so the wind has other axes for each.
+The vehicles head anywhere, so the wind has a different direction in the axes of each.
 """
 
 import dataclasses
@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import HALF, ZERO, clamp, maximum, minimum, sincos
 from overtaking.model.pedal_controls import WHEEL_RATE, PedalControls
 from overtaking.sim.reference import road_conditions, vehicle_dynamics
 from overtaking.sim.reference.state import State
@@ -17,7 +17,7 @@ from overtaking.world.weather_parameters import SimulationParameters
 
 
 def update_weather(state: State, params: StepParameters, decision_index: int) -> None:
-    """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
+    """Compute gusts, friction and wind at each vehicle for the next tick."""
     params = dataclasses.replace(params, local_simulations=_wind_in_vehicle_axes(state, params))
     road_conditions.update_random_processes(state, params, decision_index)
     road_conditions.update_friction(state, params)
@@ -26,18 +26,16 @@ def update_weather(state: State, params: StepParameters, decision_index: int) ->
 
 def drive(state: State, params: StepParameters, controls: PedalControls, steps: int) -> None:
     """Move every vehicle by some steps, without detection of contacts."""
-    constants = params.constants
+    step_length = params.constants.step
     throttle, brake, wheel_angle = (
         values[:, None] for values in (controls.throttle, controls.brake, controls.wheel_angle)
     )
     for _ in range(steps):
-        speed = maximum(
-            state.motion.vx + np.float32(0.5) * constants.step * state.motion.accel_lon,
-            np.float32(0.0),
-        )
+        # Speed in the middle of the step.
+        speed = maximum(state.motion.vx + HALF * step_length * state.motion.accel_lon, ZERO)
         _apply_throttle_and_brake(state, params, throttle, brake, speed)
-        angle = _turn_wheels(state, params, wheel_angle, speed)
-        vehicle_dynamics.advance_motion(state, params, angle, constants.step)
+        mid_angle = _turn_wheels(state, params, wheel_angle, speed)
+        vehicle_dynamics.advance_motion(state, params, mid_angle, step_length)
 
 
 def _wind_in_vehicle_axes(state: State, params: StepParameters) -> SimulationParameters:
@@ -53,39 +51,38 @@ def _wind_in_vehicle_axes(state: State, params: StepParameters) -> SimulationPar
 def _apply_throttle_and_brake(
     state: State, params: StepParameters, throttle: F32, brake: F32, speed: F32
 ) -> None:
-    """From pedals, at a speed, to the acceleration that the dynamics are asked for.
+    """Set the acceleration that the pedals request of `vehicle_dynamics` at a speed.
 
-    They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
-    pedals lets the vehicle coast.
+    The dynamics add the resistance and apply the limits of engine, brakes and friction. Without a
+    foot on a pedal the vehicle thus coasts.
     """
     vehicles, constants = params.vehicles, params.constants
-    air = speed - state.friction_and_wind.tail_wind
-    resistance = vehicles.drag * air * np.abs(air) + vehicles.rolling
-    engine = minimum(vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed))
-    force = throttle * engine - brake * vehicles.max_brake_force - resistance
+    air_speed = speed - state.friction_and_wind.tail_wind
+    resistance = vehicles.drag * air_speed * np.abs(air_speed) + vehicles.rolling
+    engine_force = minimum(
+        vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed)
+    )
+    force = throttle * engine_force - brake * vehicles.max_brake_force - resistance
     state.controls.requested_accel = force * vehicles.inverse_mass
 
 
-def _turn_wheels(state: State, params: StepParameters, angle: F32, speed: F32) -> F32:
-    """Turn front wheels towards the wanted angle, or lean into the curve it stands for.
+def _turn_wheels(state: State, params: StepParameters, requested_angle: F32, speed: F32) -> F32:
+    """Turn the front wheels towards an angle; a two-wheeler leans into the curve of that angle.
 
     Returns:
-        Wheel angle, or lean, in the middle of the step.
+        Wheel angle [rad], or lean [m/s^2], in the middle of the step.
     """
-    vehicles, constants = params.vehicles, params.constants
-    half = np.float32(0.5)
-    most = WHEEL_RATE * constants.step
-    turn = clamp(angle - state.controls.wheel_angle, -most, most)
-    sine, cosine = sincos(angle)
-    curve = speed * speed * sine / (cosine * vehicles.wheelbase)
-    grip = (
-        constants.gravity
-        * half
-        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
-    )
-    lean = clamp(curve, -grip, grip) - state.controls.wheel_angle
-    lean = lean * (constants.step / (constants.two_wheeler_lag + half * constants.step))
-    moved = np.where(vehicles.two_wheeler > 0, lean, turn)
-    before = state.controls.wheel_angle
-    state.controls.wheel_angle = before + moved
-    return before + half * moved
+    vehicles, constants, controls = params.vehicles, params.constants, state.controls
+    friction = state.friction_and_wind
+    max_turn = WHEEL_RATE * constants.step
+    turn = clamp(requested_angle - controls.wheel_angle, -max_turn, max_turn)
+    # v^2 tan(angle) / wheelbase, the lateral acceleration on that curve.
+    sine, cosine = sincos(requested_angle)
+    accel_lat = speed * speed * sine / (cosine * vehicles.wheelbase)
+    max_accel = constants.gravity * HALF * (friction.mu_left + friction.mu_right)
+    lean_error = clamp(accel_lat, -max_accel, max_accel) - controls.wheel_angle
+    lag_share = constants.step / (constants.two_wheeler_lag + HALF * constants.step)
+    change = np.where(vehicles.two_wheeler > 0, lean_error * lag_share, turn)
+    start_angle = controls.wheel_angle
+    controls.wheel_angle = start_angle + change
+    return start_angle + HALF * change

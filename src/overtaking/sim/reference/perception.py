@@ -1,4 +1,4 @@
-"""What drivers believe about their neighbours: whether they see them, how far, how fast."""
+"""Beliefs of drivers about their neighbours: detection, gap, closing speed and braking."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import clamp, exp, maximum, minimum
+from overtaking.core.float32_math import ONE, ZERO, clamp, exp, maximum, minimum
 from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.decision_context import Beliefs, Neighbours
@@ -23,14 +23,12 @@ from overtaking.sim.reference.state import (
 from overtaking.world import road_surface
 from overtaking.world.step_parameters import StepParameters
 
-# The engine has the same numbers.
-_NEAREST_GAP = np.float32(1.0)  # A vehicle closer than this is as visible, and looms as much [m].
-_FARTHEST_GAP = np.float32(1e4)  # Beyond every range of sight [m].
+# Closer vehicles are as visible as at this gap, and loom as much [m].
+_NEAREST_GAP = np.float32(1.0)
+_FARTHEST_GAP = np.float32(1e4)  # Larger than every range of sight; keeps squares finite [m].
 _MAX_OPTICAL_DEPTH = np.float32(40.0)  # exp(-40) shows nothing; larger exponents overflow.
-_MIN_LOG_CONTRAST = np.float32(0.02)  # Logarithm at which a contrast cannot be seen any more.
-_MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite where all looming is seen [rad/s].
-_ZERO = np.float32(0.0)
-_ONE = np.float32(1.0)
+_MIN_LOG_CONTRAST = np.float32(0.02)  # Keeps the range of sight above 0 in glare.
+_MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite where every looming counts [rad/s].
 
 MIN_SIGHT_LINE = np.float32(0.1)
 """Smallest length of a line of sight, which keeps it finite alongside [m]."""
@@ -54,17 +52,17 @@ class Looming(NamedTuple):
     """How an approach looms to each driver, (vehicle, simulation)."""
 
     exceeds_threshold: Mask
-    noticed_share: F32  # How much of the closing speed is noticed, 0 to 1.
-    error_share: F32  # What is left of misjudgements as contact comes near, 0 to 1.
-    closing_speed: F32  # As it is sensed [m/s].
+    noticed_share: F32  # Share of the closing speed that the driver notices, 0 to 1.
+    error_share: F32  # Share of misjudgements that is left as contact comes near, 0 to 1.
+    closing_speed: F32  # With the driver's error [m/s].
 
 
 class RecalledMotion(NamedTuple):
-    """Motion of vehicles, extrapolated from when a driver saw them, (vehicle, simulation)."""
+    """Past motion of vehicles, extrapolated to this decision, (vehicle, simulation)."""
 
     s: F32  # Station now, if the speed has stayed the same [m].
     speed: F32  # Speed along the road [m/s].
-    observed_at: F32  # Index of the decision at which the driver saw them.
+    observed_at: F32  # Index of the decision at which the driver saw the vehicle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,10 +71,10 @@ class Gaze:
 
     Attributes:
         extinction: Extinction around each driver, and of the spray ahead.
-        watches: Whether the driver keeps an eye on this role all the time, (vehicle, simulation).
-        looks: Whether the driver looks there at this decision, (vehicle, simulation).
+        watches: Whether the driver watches this role all the time, (vehicle, simulation).
+        looks: Whether the driver looks at this role at this decision, (vehicle, simulation).
         known_slots: Vehicle in each role at the last look, (role, vehicle, simulation).
-        known_times: How long that vehicle had been in view [s], same shape.
+        known_times: Time for which that vehicle had been in view, same shape [s].
     """
 
     extinction: Extinction
@@ -87,89 +85,91 @@ class Gaze:
 
 
 def record_history(state: State, decision_index: int) -> None:
-    """Remember where all vehicles are now; drivers see it after their reaction delay."""
-    along, _ = state.road_velocity()
-    state.attention.past_s[decision_index % HISTORY_LENGTH] = state.motion.s
-    state.attention.past_speed[decision_index % HISTORY_LENGTH] = along
+    """Record the motion of all vehicles; drivers react to it after their reaction delay."""
+    speed, _ = state.road_velocity()
+    row = decision_index % HISTORY_LENGTH
+    state.attention.past_s[row], state.attention.past_speed[row] = state.motion.s, speed
 
 
 def checks_mirrors_now(state: State, params: StepParameters, decision_index: int) -> Mask:
     """Whether drivers check mirrors and adjacent lanes now, (vehicle, simulation).
 
-    They do so at an interval, but not all at once at the start; once more when they have indicated
-    for long enough, before they move over; and more often while they move over.
+    They do so at an interval, once more when they have indicated for long enough, before they move
+    over, and more often in the first part of a lane change. In the opposing lane they always do.
 
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
     """
-    vehicles = params.vehicles
-    constants, all_slots = params.constants, np.arange(state.motion.s.shape[0])[:, None]
+    vehicles, constants, choice = params.vehicles, params.constants, state.lane_choice
+    all_slots = np.arange(len(state.motion.s))[:, None]
     interval = int(constants.glance_interval)
     # Slots look one after the other; 7 and 20 have no common factor. Looks drawn for each driver
     # would save nothing: in a block of sixteen simulations some driver looks at every decision.
-    regular = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
-    regular = regular & (decision_index >= interval)
-    early = state.path.elapsed < constants.abort_until * state.path.duration
-    regular = regular | (early & (decision_index % int(constants.glance_moving) == 0))
-    signalled = state.lane_choice.time_wanted >= vehicles.indicator_lead_time
+    is_due = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
+    is_due = is_due & (decision_index >= interval)
+    # While a driver may still cancel its lane change.
+    moves_over = state.path.elapsed < constants.abort_until * state.path.duration
+    is_due = is_due | (moves_over & (decision_index % int(constants.glance_moving) == 0))
+    has_indicated = choice.time_wanted >= vehicles.indicator_lead_time
     # These drivers overtake by gap acceptance; the others change lanes by MOBIL.
     slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
-    signalled[slots] = state.overtake.time_indicating[slots] > vehicles.indicator_lead_time[slots]
-    checks_mirrors = regular | ((state.lane_choice.wanted_side != 0) & signalled)
-    # A driver in the opposing lane looks all the time.
-    return checks_mirrors | (
-        (state.lane_choice.lane >= np.float32(1.0)) & params.road.has_oncoming_traffic
-    )
+    time_indicating = state.overtake.time_indicating[slots]
+    has_indicated[slots] = time_indicating > vehicles.indicator_lead_time[slots]
+    checks_mirrors = is_due | ((choice.wanted_side != 0) & has_indicated)
+    return checks_mirrors | ((choice.lane >= ONE) & params.road.has_oncoming_traffic)
 
 
 def draw_shoulder_check(
-    state: State, params: StepParameters, drawn: Mask, decision_index: int
+    state: State, params: StepParameters, is_drawn: Mask, decision_index: int
 ) -> None:
-    """Draw whether the masked drivers look over the shoulder before their next lane change."""
-    vehicles = params.vehicles
-    if not drawn.any():
+    """Draw whether the selected drivers look over the shoulder before their next lane change."""
+    if not is_drawn.any():
         return
-    slots = np.arange(state.motion.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
-    word = uniform_from_word(
-        philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)[0]
-    )
-    checks = np.where(word < vehicles.checks_blind_spot, np.float32(1.0), np.float32(0.0))
-    state.lane_choice.checks_blind_spot = np.where(
-        drawn, checks, state.lane_choice.checks_blind_spot
-    )
+    slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
+    words = philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
+    checks = np.where(uniform_from_word(words[0]) < params.vehicles.checks_blind_spot, ONE, ZERO)
+    choice = state.lane_choice
+    choice.checks_blind_spot = np.where(is_drawn, checks, choice.checks_blind_spot)
 
 
 def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbours) -> Extinction:
     """Extinction around each driver and in the spray ahead of it."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, vx = params.constants, state.motion.vx
-    rain_factor = _ONE + vx / constants.rain_speed
+    rain_factor = ONE + vx / constants.rain_speed
     air = simulations.fog_extinction + simulations.rain_extinction * rain_factor
-    path = value_of_lane(params.road.film_path, state.lane_choice.lane, params.road.num_lanes)
-    water = road_surface.lane_film(
-        simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
+    path_factor = value_of_lane(
+        params.road.film_path, state.lane_choice.lane, params.road.num_lanes
+    )
+    film = road_surface.lane_film(
+        simulations.min_wet_film,
+        simulations.film_rain_factor,
+        path_factor,
+        simulations.texture_depth,
     )
     leader = neighbours.slot[LEADER]
-    speed = value_at_slot(vx, leader) / constants.spray_speed
-    wetness = minimum(water / constants.spray_film, _ONE)
-    spray_size = value_at_slot(vehicles.spray, leader)
-    spray = constants.spray_coefficient * wetness * (speed * speed) * spray_size
+    relative_speed = value_at_slot(vx, leader) / constants.spray_speed
+    wetness = minimum(film / constants.spray_film, ONE)
+    vehicle_factor = value_at_slot(vehicles.spray, leader)
+    spray = (
+        constants.spray_coefficient * wetness * (relative_speed * relative_speed) * vehicle_factor
+    )
     is_close = (leader >= 0) & (neighbours.gap[LEADER] < constants.spray_reach)
-    return Extinction(air=air, spray=np.where(is_close, spray, _ZERO))
+    return Extinction(air=air, spray=np.where(is_close, spray, ZERO))
 
 
 def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
     """Whether a tall leader stands between a driver and the neighbour ahead in `role`."""
-    vehicles = params.vehicles
-    lead, other = neighbours.slot[LEADER], neighbours.slot[role]
-    reach = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    vehicles, lateral_distance = params.vehicles, neighbours.lateral_distance
+    leader, slot = neighbours.slot[LEADER], neighbours.slot[role]
     distance = neighbours.distance[role]
-    crossing = neighbours.lateral_distance[role] * (reach / maximum(distance, MIN_SIGHT_LINE))
-    offset = np.abs(crossing - neighbours.lateral_distance[LEADER])
-    blocked = (
-        (distance > reach) & (offset < value_at_slot(vehicles.half_width, lead)) & (other != lead)
-    )
-    return (lead >= 0) & (value_at_slot(vehicles.blocks_view, lead) > 0) & blocked
+    rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    # Where the line of sight to the neighbour passes the leader's rear.
+    crossing = lateral_distance[role] * (rear / maximum(distance, MIN_SIGHT_LINE))
+    offset = np.abs(crossing - lateral_distance[LEADER])
+    is_behind_leader = (distance > rear) & (slot != leader)
+    is_blocked = is_behind_leader & (offset < value_at_slot(vehicles.half_width, leader))
+    return (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0) & is_blocked
 
 
 def sight_range_ratio(
@@ -180,17 +180,17 @@ def sight_range_ratio(
     *,
     is_front: bool,
 ) -> F32:
-    """Distance of a vehicle over the range at which it can be seen; below 1 it can be seen [1].
+    """Distance of a vehicle over the range at which it can be seen; up to 1 it can be seen [1].
 
-    By contrast this is the distance over the range of sight (Koschmieder), by lamps the root of
-    threshold over illuminance (Allard), which in clear air is the distance over the range as well.
+    By contrast this is the distance over the range of sight (Koschmieder). By lamps it is the root
+    of threshold over illuminance (Allard), which in clear air is the distance over the range, too.
 
     Args:
         params: Parameters of the batch.
         gap: Gap to the vehicle [m].
         conspicuity: How well the vehicle can be seen.
         extinction: Extinction between driver and vehicle.
-        is_front: Whether the driver sees it ahead, not in the mirrors.
+        is_front: Whether the vehicle is ahead of the driver, not in its mirrors.
     """
     simulations, constants = params.simulations, params.constants
     distance = clamp(gap, _NEAREST_GAP, _FARTHEST_GAP)
@@ -208,9 +208,9 @@ def sight_range_ratio(
 
 
 def detection_time(params: StepParameters, ratio: F32) -> F32:
-    """Time for which a vehicle at this share of the sight range is in view before detection [s]."""
+    """Time for which a vehicle at a share of the sight range is in view before detection [s]."""
     growth = params.constants.detection_growth * (ratio * ratio * ratio)
-    return params.simulations.detection_time * (_ONE + growth)
+    return params.simulations.detection_time * (ONE + growth)
 
 
 def detect(
@@ -235,7 +235,7 @@ def detect(
     # Drivers have watched the traffic before the first frame.
     is_first_look = gaze.known_slots[role] == NEVER_LOOKED
     time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + gained)
-    time = np.where(is_visible, time, _ZERO)
+    time = np.where(is_visible, time, ZERO)
     attention = state.attention
     attention.time_in_view[role] = np.where(gaze.looks, time, attention.time_in_view[role])
     attention.slot_in_view[role] = np.where(gaze.looks, slot, attention.slot_in_view[role])
@@ -269,8 +269,8 @@ def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
     """One over the intensity of the tail or stop lamps of a vehicle [1/cd]."""
     vehicles, constants = params.vehicles, params.constants
     lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
-    brakes = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
-    return np.where(brakes, minimum(lamp, constants.inverse_stop_lamp), lamp)
+    is_braking = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
+    return np.where(is_braking, minimum(lamp, constants.inverse_stop_lamp), lamp)
 
 
 def _is_visible(
@@ -281,14 +281,14 @@ def _is_visible(
     slot, gap = neighbours.slot[role], neighbours.gap[role]
     is_front = is_leader_role(role)
     max_range = vehicles.attention_range if is_front else constants.mirror_range
-    is_visible = (slot >= 0) & (ratio <= _ONE) & (gap < max_range)
+    is_visible = (slot >= 0) & (ratio <= ONE) & (gap < max_range)
     if is_front:
         is_visible = is_visible & ~is_occluded(params, neighbours, role)
     # The blind spot reaches from the rear bumper backwards; a leader is in it only alongside.
     # A body that comes very near sideways is seen from the corner of the eye.
     half_widths = vehicles.half_width + value_at_slot(vehicles.half_width, slot)
     lateral_gap = np.abs(neighbours.lateral_distance[role]) - half_widths
-    is_beside = gap < (_ZERO if is_front else constants.blind_spot)
+    is_beside = gap < (ZERO if is_front else constants.blind_spot)
     is_in_blind_spot = is_beside & (lateral_gap > constants.alongside)
     return is_visible & ~(is_in_blind_spot & (state.lane_choice.checks_blind_spot == 0))
 
@@ -304,7 +304,7 @@ def recall_motion(state: State, decision_index: F32, slot: F32) -> tuple[F32, F3
 def extrapolate_motion(
     state: State, params: StepParameters, slot: F32, delay: F32, decision_index: int
 ) -> RecalledMotion:
-    """Where drivers expect vehicles that they saw a reaction delay ago, at constant speed.
+    """Expected motion of vehicles that drivers saw a reaction delay ago, at constant speed.
 
     Args:
         state: State at a decision.
@@ -316,7 +316,7 @@ def extrapolate_motion(
     Source:
         Treiber, Kesting and Helbing 2006 (human driver model).
     """
-    observed_at = maximum(np.float32(decision_index) - delay, _ZERO)
+    observed_at = maximum(np.float32(decision_index) - delay, ZERO)
     elapsed = (np.float32(decision_index) - observed_at) * params.constants.decision
     s, speed = recall_motion(state, observed_at, slot)
     return RecalledMotion(s=s + speed * elapsed, speed=speed, observed_at=observed_at)
@@ -325,7 +325,7 @@ def extrapolate_motion(
 def sense_looming(
     state: State, params: StepParameters, gap: F32, closing_speed: F32, width: F32
 ) -> Looming:
-    """How an approach looms to each driver.
+    """Looming of an approaching vehicle: the growth of its image.
 
     Args:
         state: State at a decision.
@@ -339,17 +339,18 @@ def sense_looming(
     """
     simulations, constants = params.simulations, params.constants
     distance = maximum(gap, _NEAREST_GAP)
-    expansion = width * np.abs(closing_speed) / (distance * distance)
-    excess = expansion - constants.looming_threshold
+    # Rate of change of the visual angle w / s of a width w at a distance s.
+    expansion_rate = width * np.abs(closing_speed) / (distance * distance)
+    excess = expansion_rate - constants.looming_threshold
     span = maximum(constants.looming_growth * constants.looming_threshold, _MIN_LOOMING)
-    fading = maximum(closing_speed * constants.error_fade_time, _NEAREST_GAP)
-    error_share = minimum(distance / fading, _ONE)
+    fading_distance = maximum(closing_speed * constants.error_fade_time, _NEAREST_GAP)
+    error_share = minimum(distance / fading_distance, ONE)
     error = error_share * (simulations.speed_error * state.noise.speed_error)
     return Looming(
         exceeds_threshold=excess > 0,
-        noticed_share=clamp(excess / span, _ZERO, _ONE),
+        noticed_share=clamp(excess / span, ZERO, ONE),
         error_share=error_share,
-        closing_speed=closing_speed * (_ONE + error),
+        closing_speed=closing_speed * (ONE + error),
     )
 
 
@@ -360,22 +361,23 @@ def form_beliefs(
     decision_index: int,
     checks_mirrors: Mask,
 ) -> Beliefs:
-    """What each driver believes about its six neighbours.
+    """Beliefs of each driver about its six neighbours.
 
     Drivers watch the leader, and while they change lanes also the vehicles ahead on either side.
-    They glance at the others; vehicles outside the current glance are ignored, and nothing is
-    decided about them then.
+    They glance at the other neighbours, and ignore them between two glances.
 
-    Drivers see the others as they were a reaction delay ago and extrapolate their motion; they
+    Drivers see the others as they were a reaction delay ago and extrapolate their motion. They
     misjudge distance and closing speed by slowly varying factors. They notice an approach above the
     threshold of looming, a little at first. The misjudgement fades as contact comes near, since the
-    expansion of the image alone tells the time that is left.
+    growth of the image shows the time to contact.
     """
     vehicles, constants = params.vehicles, params.constants
     extinction = extinction_ahead(state, params, neighbours)
     own_speed, _ = state.road_velocity()
     distance_factor = exp(params.simulations.distance_error * state.noise.distance_error)
-    known = state.attention.slot_in_view.copy(), state.attention.time_in_view.copy()
+    # Copies, as `detect` updates the attention role by role.
+    known_slots = state.attention.slot_in_view.copy()
+    known_times = state.attention.time_in_view.copy()
     is_changing_lanes = state.path.elapsed < state.path.duration
     detected, gaps, closing_speeds, accels = [], [], [], []
     for role in range(6):
@@ -385,26 +387,26 @@ def form_beliefs(
             extinction=extinction,
             watches=watches,
             looks=checks_mirrors | watches,
-            known_slots=known[0],
-            known_times=known[1],
+            known_slots=known_slots,
+            known_times=known_times,
         )
         is_detected = detect(state, params, neighbours, role, gaze)
         is_imminent = _is_imminent(state, params, neighbours, role)
         delay = np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
-        seen = extrapolate_motion(state, params, slot, delay, decision_index)
-        distance = seen.s - state.motion.s if is_front else state.motion.s - seen.s
+        recalled = extrapolate_motion(state, params, slot, delay, decision_index)
+        distance = recalled.s - state.motion.s if is_front else state.motion.s - recalled.s
         half_lengths = neighbours.half_length[role] + vehicles.half_length
         gap = nearest_image(params, distance) - half_lengths
-        closing_speed = own_speed - seen.speed if is_front else seen.speed - own_speed
+        closing_speed = own_speed - recalled.speed if is_front else recalled.speed - own_speed
         width = value_at_slot(vehicles.looming_width, slot)
         looming = sense_looming(state, params, gap, closing_speed, width)
-        error = (distance_factor - _ONE) * looming.error_share
-        sensed = looming.noticed_share * looming.closing_speed
-        braking = _believed_braking(state, params, slot, seen.observed_at, looming)
+        believed_gap = gap + gap * ((distance_factor - ONE) * looming.error_share)
+        believed_closing_speed = looming.noticed_share * looming.closing_speed
+        accel = _believed_braking(state, params, slot, recalled.observed_at, looming)
         detected.append(is_detected)
-        gaps.append(np.where(is_detected, gap + gap * error, constants.unseen_gap))
-        closing_speeds.append(np.where(is_detected, sensed, _ZERO))
-        accels.append(np.where(is_detected & is_front, braking, _ZERO))
+        gaps.append(np.where(is_detected, believed_gap, constants.unseen_gap))
+        closing_speeds.append(np.where(is_detected, believed_closing_speed, ZERO))
+        accels.append(np.where(is_detected & is_front, accel, ZERO))
     return Beliefs(
         is_detected=np.stack(detected),
         gap=np.stack(gaps),
@@ -427,14 +429,16 @@ def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, r
 def _believed_braking(
     state: State, params: StepParameters, slot: F32, observed_at: F32, looming: Looming
 ) -> F32:
-    """Acceleration of vehicles ahead as it seemed a reaction delay ago, never positive [m/s^2].
+    """Believed acceleration of vehicles ahead a reaction delay ago, never positive [m/s^2].
 
-    Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms.
+    Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms. Until
+    then they assume at least the deceleration `lamp_decel`.
     """
     constants = params.constants
-    before = maximum(observed_at - constants.brake_memory, _ZERO)
-    _, late = recall_motion(state, observed_at, slot)
-    _, early = recall_motion(state, before, slot)
-    change = minimum((late - early) / (constants.brake_memory * constants.decision), _ZERO)
-    sees_lamps_only = (change < -constants.stop_lamp_decel) & ~looming.exceeds_threshold
-    return np.where(sees_lamps_only, minimum(change, -constants.lamp_decel), change)
+    earlier = maximum(observed_at - constants.brake_memory, ZERO)
+    _, speed = recall_motion(state, observed_at, slot)
+    _, earlier_speed = recall_motion(state, earlier, slot)
+    accel = (speed - earlier_speed) / (constants.brake_memory * constants.decision)
+    accel = minimum(accel, ZERO)
+    sees_lamps_only = (accel < -constants.stop_lamp_decel) & ~looming.exceeds_threshold
+    return np.where(sees_lamps_only, minimum(accel, -constants.lamp_decel), accel)

@@ -1,11 +1,24 @@
-"""What the weather does to each vehicle at a decision: friction under it, wind beside it."""
+"""Road and weather at each vehicle: friction, course of the road, speed limits and wind."""
 
 import dataclasses
 
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.float32_math import atan, clamp, exp, maximum, minimum, sincos
+from overtaking.core.float32_math import (
+    HALF,
+    HALF_PI,
+    ONE,
+    TAU,
+    TWO,
+    ZERO,
+    atan,
+    clamp,
+    exp,
+    maximum,
+    minimum,
+    sincos,
+)
 from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.sim.reference.state import NO_ACCEL_LIMIT, State
 from overtaking.world import road_surface
@@ -15,88 +28,85 @@ from overtaking.world.step_parameters import StepParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 
-
-_TAU = np.float32(6.283_185_5)
-
-
-_HALF_PI = np.float32(1.570_796_4)
-
-
 _MIN_RADIUS_SHARE = np.float32(0.25)  # Keeps the path finite for a vehicle inside the bend.
-
 
 _MIN_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
 
 
-def _ornstein_uhlenbeck_step(process: F32, keep: F32, word: F32) -> F32:
+def _ornstein_uhlenbeck_step(process: F32, kept_share: F32, uniform_number: F32) -> F32:
     """One step of an Ornstein-Uhlenbeck process of unit variance with uniform innovations.
 
     Over a correlation time of dozens of steps the sum of the innovations is normal to within 2 % in
-    kurtosis (Berry-Esseen), and a uniform number is a single word.
+    kurtosis (Berry-Esseen), and a uniform number takes a single random word.
+
+    Args:
+        process: Present value [1].
+        kept_share: Correlation of the new value with it, 0 to 1.
+        uniform_number: Uniform random number, 0 to 1.
     """
-    innovation = _ROOT_3 * (np.float32(2.0) * word - np.float32(1.0))
-    return keep * process + np.sqrt(np.float32(1.0) - keep * keep) * innovation
+    innovation = _ROOT_3 * (TWO * uniform_number - ONE)
+    return kept_share * process + np.sqrt(ONE - kept_share * kept_share) * innovation
 
 
-def update_random_processes(
-    state: State,
-    params: StepParameters,
-    decision_index: int,
-) -> None:
+def update_random_processes(state: State, params: StepParameters, decision_index: int) -> None:
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    slots = np.arange(state.motion.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
-    draw = [
+    constants, noise = params.constants, state.noise
+    slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
+    gust, distance, speed, wander = (
         uniform_from_word(word)
         for word in philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
-    ]
+    )
     along = state.motion.vx - vehicles.travel_sign * simulations.wind_along
     air_speed = np.sqrt(along * along + simulations.wind_across * simulations.wind_across)
-    # The first draw is the stationary state: nothing of a past is kept.
-    kept = np.float32(0.0 if decision_index == 0 else 1.0)
-    keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale)
-    state.noise.gust = _ornstein_uhlenbeck_step(state.noise.gust, keep, draw[0])
-    keep_error = kept * exp(-constants.decision / constants.error_time)
-    state.noise.distance_error = _ornstein_uhlenbeck_step(
-        state.noise.distance_error, keep_error, draw[1]
-    )
-    state.noise.speed_error = _ornstein_uhlenbeck_step(state.noise.speed_error, keep_error, draw[2])
-    state.noise.lane_wander = _ornstein_uhlenbeck_step(
-        state.noise.lane_wander, kept * exp(-constants.decision / constants.lane_time), draw[3]
-    )
+    # The first draw keeps nothing of the past, so the processes start in their stationary state.
+    has_past = np.float32(0.0 if decision_index == 0 else 1.0)
+    decision = constants.decision
+    kept_gust = has_past * exp(-(air_speed * decision) / constants.gust_length_scale)
+    kept_error = has_past * exp(-decision / constants.error_time)
+    kept_wander = has_past * exp(-decision / constants.lane_time)
+    noise.gust = _ornstein_uhlenbeck_step(noise.gust, kept_gust, gust)
+    noise.distance_error = _ornstein_uhlenbeck_step(noise.distance_error, kept_error, distance)
+    noise.speed_error = _ornstein_uhlenbeck_step(noise.speed_error, kept_error, speed)
+    noise.lane_wander = _ornstein_uhlenbeck_step(noise.lane_wander, kept_wander, wander)
 
 
-def value_of_lane(values: F32, lane: F32, count: int) -> F32:
-    """`values[lane]` for whole-number lanes, the first or last value outside 0 to count - 1."""
-    chosen = np.zeros_like(lane) + values[0]
-    for k in range(1, count):
-        chosen = np.where(lane >= np.float32(k), values[k], chosen)
-    return chosen
+def value_of_lane(values: F32, lane: F32, num_lanes: int) -> F32:
+    """`values[lane]` for whole-number lanes; outside 0 to `num_lanes - 1` the nearest value."""
+    value = np.zeros_like(lane) + values[0]
+    for k in range(1, num_lanes):
+        value = np.where(lane >= np.float32(k), values[k], value)
+    return value
 
 
 def update_friction(state: State, params: StepParameters) -> None:
-    """Friction under the wheels of either side."""
+    """Compute the friction under the wheels of either side."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
+    # The lane that the centre is in; a lane change does not count before the centre has crossed.
     lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
-    path = value_of_lane(road.film_path, lane, road.num_lanes)
-    water = road_surface.lane_film(
-        simulations.min_wet_film, simulations.film_rain_factor, path, simulations.texture_depth
+    path_factor = value_of_lane(road.film_path, lane, road.num_lanes)
+    film = road_surface.lane_film(
+        simulations.min_wet_film,
+        simulations.film_rain_factor,
+        path_factor,
+        simulations.texture_depth,
     )
-    columns = road_surface.friction_at_speed(
+    friction_columns = road_surface.friction_at_speed(
         constants, state.motion.vx, vehicles.tyre_wear, vehicles.has_truck_tyres
     )
-    width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
-    sides = []
+    # Each lane has two wheel paths, which hold puddles of their own.
+    path_width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(
+        2 * road.num_lanes
+    )
     s, d = state.road_position(params)
-    for offset in (vehicles.half_track, -vehicles.half_track):
-        wheel_path = road_surface.floor(
-            (d + vehicles.travel_sign * offset - road.boundaries[0]) / width
-        )
-        depth = road_surface.puddle_depth_share(
+
+    def friction_at(offset: F32) -> F32:
+        wheel_d = d + vehicles.travel_sign * offset
+        wheel_path = road_surface.floor((wheel_d - road.boundaries[0]) / path_width)
+        depth_share = road_surface.puddle_depth_share(
             constants,
             s,
             wheel_path,
@@ -104,191 +114,191 @@ def update_friction(state: State, params: StepParameters) -> None:
             simulations.puddle_phase_2,
             simulations.puddle_threshold,
         )
-        found = road_surface.friction_at_film(
-            constants, columns, water + simulations.puddle_film * depth
-        )
-        sides.append(minimum(found, vehicles.max_friction))
-    state.friction_and_wind.mu_left, state.friction_and_wind.mu_right = sides
+        local_film = film + simulations.puddle_film * depth_share
+        friction = road_surface.friction_at_film(constants, friction_columns, local_film)
+        return minimum(friction, vehicles.max_friction)
+
+    state.friction_and_wind.mu_left = friction_at(vehicles.half_track)
+    state.friction_and_wind.mu_right = friction_at(-vehicles.half_track)
 
 
 def update_road_course(state: State, params: StepParameters) -> None:
-    """Curvature, slope and sight at each vehicle until the next decision.
+    """Compute curvature, slope and sight at each vehicle until the next decision.
 
-    Values are those of the middle of that time. For an oncoming vehicle a bend to the left is one
-    to the right, and a rise is a fall.
+    The values hold for the middle of that time. For an oncoming vehicle a bend to the left becomes
+    one to the right, and a rise a fall.
     """
     vehicles, simulations = params.vehicles, params.simulations
-    constants, road = params.constants, params.road
+    constants, road, motion = params.constants, params.road, state.motion
     if not road.varies_along_road:
         return
-    one, half, table = np.float32(1.0), np.float32(0.5), road.course_table
-    high = vehicles.has_truck_tyres > 0
-    turned = vehicles.travel_sign < 0
-    offset = np.where(turned, state.motion.d - road.edge_sum, state.motion.d)
-    soon = half * constants.decision
-    late = np.where(
-        vehicles.two_wheeler > 0,
-        constants.two_wheeler_lag,
-        constants.steering_lag + vehicles.side_lag * state.motion.vx,
-    )
-    here = state.motion.s + soon * state.motion.vx
-    there = state.motion.s + (soon + late) * state.motion.vx
+    table, local_road = road.course_table, state.road
+    is_opposite = vehicles.travel_sign < 0
+    d = np.where(is_opposite, motion.d - road.edge_sum, motion.d)
+    half_decision = HALF * constants.decision
+    car_lag = constants.steering_lag + vehicles.side_lag * motion.vx
+    steering_lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
+    s_mid = motion.s + half_decision * motion.vx
+    s_ahead = motion.s + (half_decision + steering_lag) * motion.vx
 
-    def at(row: F32, s: F32) -> F32:
-        return interpolate_course(row, np.where(turned, road.length - s, s) * constants.per_station)
+    def value_at(row: F32, s: F32) -> F32:
+        road_s = np.where(is_opposite, road.length - s, s)
+        return interpolate_course(row, road_s * constants.per_station)
 
-    def stretch(bend: F32) -> F32:
-        return one / maximum(one - bend * offset, _MIN_RADIUS_SHARE)
+    def station_per_metre(curvature: F32) -> F32:
+        # Inside of a bend a metre driven is more than a metre of the reference line.
+        return ONE / maximum(ONE - curvature * d, _MIN_RADIUS_SHARE)
 
-    bend, ahead = (vehicles.travel_sign * at(table.curvature, s) for s in (here, there))
-    state.road.station_per_metre = stretch(bend)
-    state.road.curvature = bend * state.road.station_per_metre
-    state.road.curvature_ahead = ahead * stretch(ahead)
-    state.road.sin_slope = vehicles.travel_sign * at(table.sine_of_slope, here)
-    by_car, by_truck = (
-        np.where(turned, at(against, state.motion.s), at(along, state.motion.s))
-        for along, against in (
-            (table.sight_along, table.sight_against),
-            (table.truck_sight_along, table.truck_sight_against),
-        )
+    curvature, curvature_ahead = (
+        vehicles.travel_sign * value_at(table.curvature, s) for s in (s_mid, s_ahead)
     )
-    state.road.bend_speed = bend_speed(
-        constants, road, simulations.max_lateral_accel, state.motion.s, turned
+    local_road.station_per_metre = station_per_metre(curvature)
+    local_road.curvature = curvature * local_road.station_per_metre
+    local_road.curvature_ahead = curvature_ahead * station_per_metre(curvature_ahead)
+    local_road.sin_slope = vehicles.travel_sign * value_at(table.sine_of_slope, s_mid)
+    local_road.bend_speed = bend_speed(
+        constants, road, simulations.max_lateral_accel, motion.s, is_opposite
     )
-    state.road.sight_distance = np.where(high, by_truck, by_car)
+    car_sight = np.where(
+        is_opposite,
+        value_at(table.sight_against, motion.s),
+        value_at(table.sight_along, motion.s),
+    )
+    # The eyes of a truck driver are higher, so crests hide less.
+    truck_sight = np.where(
+        is_opposite,
+        value_at(table.truck_sight_against, motion.s),
+        value_at(table.truck_sight_along, motion.s),
+    )
+    local_road.sight_distance = np.where(vehicles.has_truck_tyres > 0, truck_sight, car_sight)
 
 
 def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
     """Parameters with the speeds that drivers want by the limits at and ahead of them.
 
-    Ahead of a lower limit the wanted speed falls. The driver brakes at the rate at which it falls,
+    Ahead of a lower limit the desired speed falls. The driver brakes at the rate at which it falls,
     less the remaining difference over a time constant, but no harder than its comfortable
-    deceleration. The driver thus approaches the wanted speed from below.
+    deceleration. The driver thus approaches the desired speed from below.
 
     Args:
         state: State at a decision; `LocalRoad.accel_limit` is set.
         params: Parameters of the batch.
     """
     vehicles, simulations = params.vehicles, params.simulations
-    constants, road = params.constants, params.road
+    constants, road, motion = params.constants, params.road, state.motion
     if not road.varies_along_road:
         return params
-    turned = vehicles.travel_sign < 0
-    wish = DesiredSpeedFactors(
+    is_opposite = vehicles.travel_sign < 0
+    factors = DesiredSpeedFactors(
         vehicles.free_speed,
         vehicles.speed_limit_compliance,
         vehicles.caution,
         simulations.rain_slowing,
         simulations.stoppable_speed,
     )
-    allowed, coming = (
-        allowed_speed(constants, road, s, turned)
-        for s in (state.motion.s, state.motion.s + constants.decision * state.motion.vx)
+    next_s = motion.s + constants.decision * motion.vx
+    speed_limit, next_speed_limit = (
+        allowed_speed(constants, road, s, is_opposite) for s in (motion.s, next_s)
     )
-    here, soon = (
-        minimum(adapted_speed(wish, limit), vehicles.desired_speed) for limit in (allowed, coming)
+    desired_speed, next_desired_speed = (
+        minimum(adapted_speed(factors, limit), vehicles.desired_speed)
+        for limit in (speed_limit, next_speed_limit)
     )
-    change = (soon - here) / constants.decision
-    eased = change + (here - state.motion.vx) * constants.per_approach
-    state.road.accel_limit = np.where(change < 0, maximum(eased, -vehicles.decel), NO_ACCEL_LIMIT)
-    passing = minimum(here * constants.passing_speed_factor, vehicles.passing_speed)
-    local = vehicles._replace(desired_speed=here, passing_speed=passing, speed_limit=allowed)
-    return dataclasses.replace(params, local_vehicles=local)
+    change_rate = (next_desired_speed - desired_speed) / constants.decision
+    accel = change_rate + (desired_speed - motion.vx) * constants.per_approach
+    state.road.accel_limit = np.where(
+        change_rate < 0, maximum(accel, -vehicles.decel), NO_ACCEL_LIMIT
+    )
+    passing_speed = minimum(desired_speed * constants.passing_speed_factor, vehicles.passing_speed)
+    local_vehicles = vehicles._replace(
+        desired_speed=desired_speed, passing_speed=passing_speed, speed_limit=speed_limit
+    )
+    return dataclasses.replace(params, local_vehicles=local_vehicles)
 
 
 def wind_shelter(state: State, params: StepParameters) -> F32:
     """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation).
 
     Source:
-        Full beside the body, back as a smooth step over a part of its length (a choice); side winds
-        on what passes a truck: Coleman and Baker 1990.
+        Coleman and Baker 1990 (side winds on vehicles that pass a truck). The share is full beside
+        the body and returns as a smooth step over a part of its length (a choice).
     """
-    vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    share = np.ones_like(state.motion.s)
-    one = np.float32(1.0)
-    for j in range(state.motion.s.shape[0]):
-        other_s, other_d = state.position_seen_by_each(params, j)
-        beyond = np.abs(state.motion.s - other_s) - vehicles.half_length[j]
-        u = clamp(
-            beyond / (constants.shelter_release * np.float32(2.0) * vehicles.half_length[j]),
-            np.float32(0.0),
-            one,
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    wind_across = vehicles.travel_sign * params.simulations.wind_across
+    share = np.ones_like(motion.s)
+    for other_slot in range(len(motion.s)):
+        other_s, other_d = state.position_seen_by_each(params, other_slot)
+        half_length = vehicles.half_length[other_slot]
+        distance_past_body = np.abs(motion.s - other_s) - half_length
+        u = clamp(distance_past_body / (constants.shelter_release * TWO * half_length), ZERO, ONE)
+        smooth_step = u * u * (np.float32(3.0) - TWO * u)
+        open_share = constants.shelter_factor + (ONE - constants.shelter_factor) * smooth_step
+        lateral_distance = motion.d - other_d
+        reach = constants.shelter_reach + vehicles.half_width + vehicles.half_width[other_slot]
+        is_upwind = lateral_distance * wind_across > 0
+        is_sheltered = (
+            (vehicles.shelters_wind[other_slot] > 0)
+            & (vehicles.valid[other_slot] > 0)
+            & is_upwind
+            & (np.abs(lateral_distance) < reach)
         )
-        open_share = constants.shelter_factor + (one - constants.shelter_factor) * (
-            u * u * (np.float32(3.0) - np.float32(2.0) * u)
-        )
-        aside = state.motion.d - other_d
-        reach = constants.shelter_reach + vehicles.half_width + vehicles.half_width[j]
-        upwind = aside * (vehicles.travel_sign * simulations.wind_across) > 0
-        beside = (
-            (vehicles.shelters_wind[j] > 0)
-            & (vehicles.valid[j] > 0)
-            & upwind
-            & (np.abs(aside) < reach)
-        )
-        beside[j] = False
-        share = np.where(beside, minimum(share, open_share), share)
+        is_sheltered[other_slot] = False
+        share = np.where(is_sheltered, minimum(share, open_share), share)
     return share
 
 
 def discrete_gust(state: State, params: StepParameters) -> F32:
-    """The single gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped.
+    """Strength of the single gusts at bridges and cuttings, 0 to 1.
+
+    There is one in each interval of `gust_spacing`, with the shape of 1 - cos.
 
     Source:
         The shape of discrete gusts in certification rules, such as EASA CS-25.341.
     """
-    simulations = params.simulations
-    constants = params.constants
+    simulations, constants = params.simulations, params.constants
     s, _ = state.road_position(params)
-    cell = s / constants.gust_spacing + simulations.gust_phase
-    inside = (cell - road_surface.floor(cell)) * constants.gust_spacing / simulations.gust_length
-    _, cosine = sincos(_TAU * minimum(inside, np.float32(1.0)))
-    return np.where(
-        inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0)
-    )
+    interval = s / constants.gust_spacing + simulations.gust_phase
+    distance = (interval - road_surface.floor(interval)) * constants.gust_spacing
+    gust_share = distance / simulations.gust_length
+    _, cosine = sincos(TAU * minimum(gust_share, ONE))
+    return np.where(gust_share < ONE, HALF - HALF * cosine, ZERO)
 
 
 def update_wind(state: State, params: StepParameters) -> None:
-    """Side force, yaw moment and tail wind of each vehicle.
+    """Compute side force, yaw moment and tail wind of each vehicle.
 
     Source:
         Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 4: coefficients on the side area
         at the relative wind, growing with its angle; the growth saturates (a choice).
     """
     vehicles, simulations = params.vehicles, params.simulations
-    constants = params.constants
-    one = np.float32(1.0)
-    bumps = simulations.gust_gain * discrete_gust(state, params)
-    strength = one + constants.turbulence_intensity * state.noise.gust + bumps
-    strength = maximum(strength, np.float32(0.0))
+    constants, wind = params.constants, state.friction_and_wind
+    gust = simulations.gust_gain * discrete_gust(state, params)
+    strength = ONE + constants.turbulence_intensity * state.noise.gust + gust
+    strength = maximum(strength, ZERO)
     across = vehicles.travel_sign * simulations.wind_across * strength * wind_shelter(state, params)
-    state.friction_and_wind.tail_wind = vehicles.travel_sign * simulations.wind_along * strength
-    along = maximum(state.motion.vx - state.friction_and_wind.tail_wind, _MIN_AIR_SPEED)
+    wind.tail_wind = vehicles.travel_sign * simulations.wind_along * strength
+    along = maximum(state.motion.vx - wind.tail_wind, _MIN_AIR_SPEED)
     angle = atan(np.abs(across) / along)
-    sine, _ = sincos(minimum(constants.wind_angle_factor * angle, _HALF_PI))
+    sine, _ = sincos(minimum(constants.wind_angle_factor * angle, HALF_PI))
     force = vehicles.side_wind * (along * along + across * across) * sine
-    state.friction_and_wind.wind_force = np.where(across < 0, -force, force)
+    wind.wind_force = np.where(across < 0, -force, force)
+    # The centre of pressure moves back as the wind comes more from the side.
     cosine = along / np.sqrt(along * along + across * across)
-    state.friction_and_wind.wind_moment = state.friction_and_wind.wind_force * (
-        vehicles.wind_centre * cosine + vehicles.wind_arm
-    )
+    wind.wind_moment = wind.wind_force * (vehicles.wind_centre * cosine + vehicles.wind_arm)
 
 
 def apply_study_push(state: State, params: StepParameters, decision_index: int) -> None:
-    """Push sideways for a part of each interval, unannounced: after drivers answered the wind.
+    """Add the pushes of the study to the wind force: sideways, for a part of each interval.
 
     Source:
         Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, at longer
         intervals for less rain and wind. Size and duration are choices of the specification.
     """
     vehicles, simulations = params.vehicles, params.simulations
-    cell = np.float32(decision_index) * simulations.push_rate + simulations.push_phase
-    pushed = (simulations.push_accel != 0) & (
-        cell - road_surface.floor(cell) < simulations.push_duty_cycle
-    )
-    force = (
-        state.friction_and_wind.wind_force
-        + vehicles.travel_sign * simulations.push_accel * vehicles.mass
-    )
-    state.friction_and_wind.wind_force = np.where(pushed, force, state.friction_and_wind.wind_force)
+    wind = state.friction_and_wind
+    interval = np.float32(decision_index) * simulations.push_rate + simulations.push_phase
+    is_within_push = interval - road_surface.floor(interval) < simulations.push_duty_cycle
+    is_pushed = (simulations.push_accel != 0) & is_within_push
+    force = wind.wind_force + vehicles.travel_sign * simulations.push_accel * vehicles.mass
+    wind.wind_force = np.where(is_pushed, force, wind.wind_force)

@@ -23,6 +23,7 @@ from overtaking.sim.reference import (
     vehicle_dynamics,
 )
 from overtaking.sim.reference.acceleration import accel_for_oncoming
+from overtaking.sim.reference.collisions import RoadVector, SweptStep, VehiclePair
 from overtaking.sim.reference.decision_context import DecisionContext
 from overtaking.sim.reference.ego_action import (
     EgoAction,
@@ -144,7 +145,7 @@ def run(
     """
     state = State.at_start(params)
     recorder = Recorder(scenario, params)
-    pairs: collisions.Pairs = {}
+    pairs: list[VehiclePair] = []
     action: EgoAction | None = None
     steps_at_once = _steps_at_once(params)
     step = 0
@@ -202,7 +203,7 @@ def decide(
     step: int,
     action: EgoAction | None = None,
     recorder: Recorder | None = None,
-) -> collisions.Pairs:
+) -> list[VehiclePair]:
     """Compute everything that happens 20 times a second: weather, perception, decisions.
 
     Args:
@@ -236,7 +237,7 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     road_conditions.update_friction(state, params)
     road_conditions.update_wind(state, params)
     steering.update_wind_trim(state, params, step)
-    # After the drivers have answered the wind: nobody foresees the pushes of the study.
+    # After the reaction to the wind, as drivers do not foresee the pushes of the study.
     road_conditions.apply_study_push(state, params, decision_index)
     neighbours = find_neighbours(state, params)
     if step == 0:
@@ -265,7 +266,7 @@ def act(
     step: int,
     action: EgoAction | None = None,
     recorder: Recorder | None = None,
-) -> collisions.Pairs:
+) -> list[VehiclePair]:
     """Let all drivers decide; with an external driver, the ego carries out its action.
 
     Args:
@@ -297,7 +298,7 @@ def act(
 def advance(
     state: State,
     params: StepParameters,
-    pairs: collisions.Pairs,
+    pairs: list[VehiclePair],
     *,
     step: int,
     steps_at_once: int,
@@ -315,9 +316,10 @@ def advance(
     """
     constants, simulations = params.constants, params.simulations
     step_length = constants.step if steps_at_once == 1 else constants.decision
-    before = (state.motion.s, state.motion.d)
-    angle = steering.steer(
+    start = RoadVector(state.motion.s, state.motion.d)
+    wheel_angle = steering.steer(
         state, params, simulations.max_lateral_accel, step_length, requested_wheel_angle(action)
     )
-    vehicle_dynamics.advance_motion(state, params, angle, step_length)
-    collisions.resolve_contacts(state, params, pairs, before, step, step_length)
+    vehicle_dynamics.advance_motion(state, params, wheel_angle, step_length)
+    swept = SweptStep(index=step, length=step_length, start=start)
+    collisions.resolve_contacts(state, params, pairs, swept)

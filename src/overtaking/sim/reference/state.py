@@ -72,12 +72,12 @@ class Motion:
 
 @dataclass(slots=True, kw_only=True)
 class Controls:
-    """What drivers operate; arrays of shape (vehicle, simulation).
+    """Controls of drivers; arrays of shape (vehicle, simulation).
 
     Attributes:
-        requested_accel: Acceleration asked of the vehicle [m/s^2].
+        requested_accel: Acceleration that the driver requests by its pedals [m/s^2].
         wheel_angle: Front wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2].
-        wind_trim: Part of it that holds against the wind, same unit.
+        wind_trim: Part of the wheel angle that holds against the wind, same unit.
         indicator: 1 to the left, -1 to the right, 0 off.
         flashes_high_beam: 1 while the driver flashes at a vehicle in its lane, else 0.
     """
@@ -106,13 +106,13 @@ class LateralPath:
 
 @dataclass(slots=True, kw_only=True)
 class LaneChoice:
-    """The lane of each vehicle and the change that its driver wants; (vehicle, simulation).
+    """The lane of each vehicle, and the lane change that its driver wants; (vehicle, simulation).
 
     Attributes:
-        lane: Index of the lane driven in or being changed to, from the right.
+        lane: Index of the lane that it drives in or changes to, from the right.
         time_since_lane_change: Time since the last lane change began [s].
         wanted_side: Side of the lane change that the driver wants, as `Controls.indicator`.
-        time_wanted: Time for which a MOBIL driver has wanted it [s].
+        time_wanted: Time for which a MOBIL driver has wanted that side [s].
         checks_blind_spot: 1 if the driver looks over the shoulder before the next lane change.
         edge_shift: How far the driver keeps to the edge of its lane for another vehicle [m].
     """
@@ -127,9 +127,9 @@ class LaneChoice:
 
 @dataclass(slots=True, kw_only=True)
 class OvertakeState:
-    """Where drivers are in an overtake; (vehicle, simulation), of the ego alone (simulation,).
+    """Progress of drivers in an overtake; arrays of shape (vehicle, simulation).
 
-    On one-way roads only the ego overtakes so; the stage of the others is `FOLLOW` there.
+    On one-way roads only the ego passes through stages; the others stay in `FOLLOW` there.
 
     Attributes:
         stage: A `Stage`.
@@ -139,7 +139,7 @@ class OvertakeState:
         time_indicating: Time for which the driver has indicated its next manoeuvre [s].
         must_abort: 1 while the driver falls back behind its target, else 0.
         must_return_urgently: 1 while the driver hurries back into its lane, else 0.
-        has_attempted: 1 once the ego has begun an overtake, else 0; shape (simulation,).
+        has_attempted: 1 once the ego has begun an overtake, else 0, (simulation,).
     """
 
     stage: F32
@@ -157,10 +157,10 @@ class RandomProcesses:
     """Ornstein-Uhlenbeck processes of unit variance; arrays of shape (vehicle, simulation).
 
     Attributes:
-        gust: Of the wind.
-        distance_error: Of the driver's judgement of distances.
-        speed_error: Of its judgement of speeds.
-        lane_wander: Of its lateral position in the lane.
+        gust: Turbulence of the wind at the vehicle.
+        distance_error: Error of the driver's judgement of distances.
+        speed_error: Error of its judgement of speeds.
+        lane_wander: Deviation of the driver's aim from its lateral path.
     """
 
     gust: F32
@@ -193,12 +193,12 @@ class LocalRoad:
 
     Attributes:
         curvature: Curvature of the vehicle's path along the road, positive to the left [1/m].
-        curvature_ahead: The same where the vehicle will be when it answers its steering [1/m].
+        curvature_ahead: The same at the place where the vehicle will follow its steering [1/m].
         station_per_metre: Stations passed for each metre driven along the road [1].
         sin_slope: Sine of the slope, positive uphill.
         bend_speed: Largest speed that the driver chooses for the bends ahead [m/s].
         accel_limit: Largest acceleration on the way to a lower speed limit [m/s^2].
-        sight_distance: How far bends and crests let the driver see [m].
+        sight_distance: Sight distance along the road, limited by bends and crests [m].
     """
 
     curvature: F32
@@ -212,15 +212,16 @@ class LocalRoad:
 
 @dataclass(slots=True, kw_only=True)
 class Attention:
-    """What drivers have seen and remember.
+    """Attention and memory of drivers.
 
     Attributes:
         slot_in_view: Neighbour in each role at the last look, `NEVER_LOOKED` at first,
             (role, vehicle, simulation).
-        time_in_view: Time for which it has been in view, same shape [s].
-        oncoming_slot: Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at
-            first, `NO_SLOT` for none, (2, vehicle, simulation).
-        oncoming_time_in_view: Time for which the view has been the same, same shape [s].
+        time_in_view: Time for which the neighbour has been in view, same shape [s].
+        oncoming_slot: Oncoming vehicle in view in any lane and in the driver's own lane,
+            `NEVER_LOOKED` at first, `NO_SLOT` without a vehicle, (2, vehicle, simulation).
+        oncoming_time_in_view: Time for which the same vehicle, or none, has been in view, same
+            shape [s].
         past_s, past_speed: Station [m] and speed along the road [m/s] of all vehicles at the last
             decisions, (HISTORY_LENGTH, vehicle, simulation).
     """
@@ -278,20 +279,20 @@ class State:
         vehicles, simulations = params.vehicles, params.simulations
         shape = vehicles.start_s.shape
         state = cls(
-            motion=_filled(Motion, shape),
-            controls=_filled(Controls, shape),
+            motion=_group(Motion, shape),
+            controls=_group(Controls, shape),
             path=LateralPath(
                 coefficients=_full((6, *shape), 0.0),
                 elapsed=_full(shape, 1.0),
                 duration=_full(shape, 1.0),
             ),
             # No lane change holds a driver back before its first decision.
-            lane_choice=_filled(LaneChoice, shape, time_since_lane_change=10.0),
-            overtake=_filled(OvertakeState, shape, stage=Stage.FOLLOW, target_slot=NO_SLOT),
-            noise=_filled(RandomProcesses, shape),
+            lane_choice=_group(LaneChoice, shape, time_since_lane_change=10.0),
+            overtake=_group(OvertakeState, shape, stage=Stage.FOLLOW, target_slot=NO_SLOT),
+            noise=_group(RandomProcesses, shape),
             # Overwritten at the first decision; a friction above zero keeps divisions finite.
-            friction_and_wind=_filled(FrictionAndWind, shape, mu_left=0.8, mu_right=0.8),
-            road=_filled(
+            friction_and_wind=_group(FrictionAndWind, shape, mu_left=0.8, mu_right=0.8),
+            road=_group(
                 LocalRoad,
                 shape,
                 station_per_metre=1.0,
@@ -307,7 +308,7 @@ class State:
                 past_s=_full((HISTORY_LENGTH, *shape), 0.0),
                 past_speed=_full((HISTORY_LENGTH, *shape), 0.0),
             ),
-            first_contact=_filled(FirstContact, shape, partner=NO_SLOT),
+            first_contact=_group(FirstContact, shape, partner=NO_SLOT),
             end_step=simulations.last_step.copy(),
             num_percepts=np.zeros_like(simulations.last_step),
         )
@@ -321,7 +322,7 @@ class State:
     def position_seen_by_each(self, params: StepParameters, slot: int) -> tuple[F32, F32]:
         """Station and lateral position of a vehicle in the frame of each vehicle [m].
 
-        The frame of oncoming vehicles is turned by half a turn.
+        The frames of opposite directions differ by half a turn.
 
         Args:
             params: Parameters of the batch.
@@ -343,23 +344,23 @@ class State:
         return s, np.where(is_opposite, road.edge_sum - motion.d, motion.d)
 
     def road_velocity(self) -> tuple[F32, F32]:
-        """Velocity along and across the road, in each vehicle's own direction [m/s]."""
+        """Velocity along and across the road, in each vehicle's direction of travel [m/s]."""
         motion = self.motion
         sine, cosine = sincos(motion.heading)
         along = motion.vx * cosine - motion.vy * sine
         return along, motion.vx * sine + motion.vy * cosine
 
     def is_in_stage(self, stage: Stage, slots: SlotSelection) -> Mask:
-        """Whether drivers are in a stage of their overtake; the driver of a wreck is in none."""
+        """Whether drivers are in a stage of their overtake; false for wrecks."""
         is_sound = self.motion.is_wreck[slots] == 0
         return is_sound & (self.overtake.stage[slots] == np.float32(stage))
 
     def is_before_return(self, slots: SlotSelection) -> Mask:
-        """Whether drivers pull out or pass."""
+        """Whether drivers pull out or pass, and have not begun to return or abort."""
         return self.is_in_stage(Stage.PULL_OUT, slots) | self.is_in_stage(Stage.PASS, slots)
 
     def is_overtaking(self) -> Mask:
-        """Whether drivers overtake or return from it, (vehicle, simulation)."""
+        """Whether drivers are between pulling out and being back, (vehicle, simulation)."""
         stage = self.overtake.stage
         is_away = (stage != np.float32(Stage.FOLLOW)) & (stage != np.float32(Stage.DONE))
         return is_away & (self.motion.is_wreck == 0)
@@ -373,14 +374,14 @@ def _full(shape: tuple[int, ...], value: float | np.float32) -> F32:
     return np.full(shape, value, np.float32)
 
 
-def _filled(group: type[Group], shape: tuple[int, ...], **values: float | np.float32) -> Group:
-    """A group of arrays of one shape with the given values, and zero in the others."""
-    names = group.__annotations__
-    return group(**{name: _full(shape, values.get(name, 0.0)) for name in names})
+def _group(group_type: type[Group], shape: tuple[int, ...], **values: float | np.float32) -> Group:
+    """A group of arrays of one shape with some values; the other arrays are zero."""
+    names = group_type.__annotations__
+    return group_type(**{name: _full(shape, values.get(name, 0.0)) for name in names})
 
 
 def value_at_slot(values: F32, slot: F32) -> F32:
-    """The value of vehicle `slot` in each simulation; slot 0's without a vehicle.
+    """The value of one vehicle in each simulation; without a vehicle the value of slot 0.
 
     Args:
         values: Shape (vehicle, simulation).
@@ -391,5 +392,5 @@ def value_at_slot(values: F32, slot: F32) -> F32:
 
 
 def is_leader_role(role: int) -> bool:
-    """Whether a role is that of a vehicle ahead: leaders have even numbers."""
+    """Whether the role is one of the three leaders, which have even numbers."""
     return role % 2 == 0

@@ -1,199 +1,212 @@
-"""Where in the lane to be, and the wheel angle that gets there."""
+"""Lateral path of a lane change, and the wheel angle that follows it."""
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import atan, clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_NOW = np.float32(0.0)
 
+def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
+    """Start a quintic path from the present path to another lateral position.
 
-def start_path(state: State, moved: Mask, centre: F32, duration: F32) -> None:
-    """Lay a quintic from where a vehicle's path is now to the centre of another lane.
+    Position, velocity and acceleration are continuous; at the end velocity and acceleration are 0.
 
-    Position, velocity and acceleration are continuous; the path ends at rest sideways.
+    Args:
+        state: Its `path` and the time since the last lane change are changed.
+        starts: Whether the vehicle starts a path, (vehicle, simulation).
+        end_d: Lateral position at the end [m].
+        duration: Duration of the path [s].
 
     Source:
         Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
     """
-    (place, speed), accel = path_position(state), path_accel(state)
+    (d, velocity), accel = path_position(state), path_accel(state)
     t = duration
-    rest = centre - place - speed * t - np.float32(0.5) * accel * (t * t)
-    lost = -(speed + accel * t)
-    bend = -accel
+    # Changes that the terms of third to fifth order make up until the end.
+    d_change = end_d - d - velocity * t - HALF * accel * (t * t)
+    velocity_change = -(velocity + accel * t)
+    accel_change = -accel
     t2 = t * t
     t3 = t2 * t
     c3 = (
-        np.float32(10.0) * rest - np.float32(4.0) * (lost * t) + np.float32(0.5) * (bend * t2)
+        np.float32(10.0) * d_change
+        - np.float32(4.0) * (velocity_change * t)
+        + HALF * (accel_change * t2)
     ) / t3
-    c4 = (np.float32(-15.0) * rest + np.float32(7.0) * (lost * t) - bend * t2) / (t3 * t)
-    c5 = (np.float32(6.0) * rest - np.float32(3.0) * (lost * t) + np.float32(0.5) * (bend * t2)) / (
-        t3 * t2
-    )
-    for k, value in enumerate((place, speed, np.float32(0.5) * accel, c3, c4, c5)):
-        state.path.coefficients[k] = np.where(moved, value, state.path.coefficients[k])
-    state.path.elapsed = np.where(moved, np.float32(0.0), state.path.elapsed)
-    state.path.duration = np.where(moved, duration, state.path.duration)
-    state.lane_choice.time_since_lane_change = np.where(
-        moved, np.float32(0.0), state.lane_choice.time_since_lane_change
-    )
+    c4 = (
+        np.float32(-15.0) * d_change + np.float32(7.0) * (velocity_change * t) - accel_change * t2
+    ) / (t3 * t)
+    c5 = (
+        np.float32(6.0) * d_change
+        - np.float32(3.0) * (velocity_change * t)
+        + HALF * (accel_change * t2)
+    ) / (t3 * t2)
+    path, choice = state.path, state.lane_choice
+    for k, coefficient in enumerate((d, velocity, HALF * accel, c3, c4, c5)):
+        path.coefficients[k] = np.where(starts, coefficient, path.coefficients[k])
+    path.elapsed = np.where(starts, ZERO, path.elapsed)
+    path.duration = np.where(starts, duration, path.duration)
+    choice.time_since_lane_change = np.where(starts, ZERO, choice.time_since_lane_change)
 
 
-def path_position(state: State, ahead: np.float32 = _NOW) -> tuple[F32, F32]:
-    """Position and velocity of the lateral path now, or a time `ahead` [s]."""
-    t = minimum(state.path.elapsed + ahead, state.path.duration)
+def path_position(state: State, lookahead: np.float32 = ZERO) -> tuple[F32, F32]:
+    """Position [m] and velocity [m/s] of the lateral path now, or `lookahead` seconds ahead."""
+    t = minimum(state.path.elapsed + lookahead, state.path.duration)
     c0, c1, c2, c3, c4, c5 = state.path.coefficients
-    two, three, four, five = (np.float32(k) for k in (2.0, 3.0, 4.0, 5.0))
-    place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
-    speed = c1 + t * (two * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
-    return place, speed
+    three, four, five = (np.float32(k) for k in (3.0, 4.0, 5.0))
+    d = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+    velocity = c1 + t * (TWO * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
+    return d, velocity
 
 
-def path_accel(state: State, ahead: F32 | np.float32 = _NOW) -> F32:
-    """Acceleration of the lateral path now, or a time `ahead` [s]."""
-    t = minimum(state.path.elapsed + ahead, state.path.duration)
+def path_accel(state: State, lookahead: F32 | np.float32 = ZERO) -> F32:
+    """Acceleration of the lateral path now, or `lookahead` seconds ahead [m/s^2]."""
+    t = minimum(state.path.elapsed + lookahead, state.path.duration)
     _, _, c2, c3, c4, c5 = state.path.coefficients
-    return np.float32(2.0) * c2 + t * (
+    return TWO * c2 + t * (
         np.float32(6.0) * c3 + t * (np.float32(12.0) * c4 + t * (np.float32(20.0) * c5))
     )
 
 
-def wind_trim(vehicle: VehicleParameters, force: F32, context: F32) -> F32:
-    """Wheel angle, or lean, that holds a straight course in a side wind [rad or m/s^2].
+def wind_trim(vehicle: VehicleParameters, force: F32, moment: F32) -> F32:
+    """Wheel angle [rad], or lean [m/s^2], that holds a straight course in a side wind.
 
     The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
     delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K.
+
+    Args:
+        vehicle: Parameters of the vehicles.
+        force: Lateral force of the wind [N].
+        moment: Its yaw moment [N m].
     """
-    pushed = force * vehicle.inverse_mass
-    angle = vehicle.understeer * pushed + context * vehicle.moment_angle
-    return -np.where(vehicle.two_wheeler > 0, pushed, angle)
+    wind_accel = force * vehicle.inverse_mass
+    angle = vehicle.understeer * wind_accel + moment * vehicle.moment_angle
+    return -np.where(vehicle.two_wheeler > 0, wind_accel, angle)
 
 
 def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
-    """Answer the side wind after a lag; at the first frame it is held already."""
-    vehicles, constants = params.vehicles, params.constants
-    target = wind_trim(
-        vehicles, state.friction_and_wind.wind_force, state.friction_and_wind.wind_moment
-    )
+    """Follow the side wind with a lag; at the first frame drivers hold against it already."""
+    wind, constants, controls = state.friction_and_wind, params.constants, state.controls
+    target = wind_trim(params.vehicles, wind.wind_force, wind.wind_moment)
     if step == 0:
-        state.controls.wind_trim = target
-    state.controls.wind_trim = state.controls.wind_trim + (target - state.controls.wind_trim) * (
-        constants.decision / constants.wind_lag
-    )
+        controls.wind_trim = target
+    lag_share = constants.decision / constants.wind_lag
+    controls.wind_trim = controls.wind_trim + (target - controls.wind_trim) * lag_share
 
 
 def settle_into_bend(state: State, params: StepParameters) -> None:
-    """Drive steadily along the bend at the first frame, as if the vehicle had entered it before.
+    """Let vehicles drive steadily along the bend at the first frame, as if they had entered before.
 
-    The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
+    The vehicle turns with the road; its rear points outwards by the slip of the rear tyres.
 
     Source:
         Steady-state cornering of the single-track model (Gillespie 1992, chapter 6).
     """
-    vehicles, constants = params.vehicles, params.constants
-    rides, v = vehicles.two_wheeler > 0, state.motion.vx
-    rate = state.road.curvature * v
-    accel = rate * v
-    slips = vehicles.cg_rear * rate - v * (accel / (constants.gravity * vehicles.rear_stiffness))
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    is_two_wheeler, v = vehicles.two_wheeler > 0, motion.vx
+    yaw_rate = state.road.curvature * v
+    accel_lat = yaw_rate * v
+    rear_slip = accel_lat / (constants.gravity * vehicles.rear_stiffness)
+    vy = vehicles.cg_rear * yaw_rate - v * rear_slip
     angle = state.road.curvature * (vehicles.wheelbase + vehicles.understeer * (v * v))
-    state.controls.wheel_angle = np.where(rides, accel, angle)
-    state.motion.vy = np.where(rides, _NOW, slips)
-    state.motion.heading = -atan(state.motion.vy / maximum(v, constants.slip_speed))
-    state.motion.yaw_rate, state.motion.accel_lat = rate, accel
+    state.controls.wheel_angle = np.where(is_two_wheeler, accel_lat, angle)
+    motion.vy = np.where(is_two_wheeler, ZERO, vy)
+    motion.heading = -atan(motion.vy / maximum(v, constants.slip_speed))
+    motion.yaw_rate, motion.accel_lat = yaw_rate, accel_lat
 
 
 def steer(
     state: State,
     params: StepParameters,
-    side_accel: F32,
+    max_accel_lat: F32,
     step_length: np.float32,
-    wheel: F32 | None = None,
+    ego_wheel_angle: F32 | None = None,
 ) -> F32:
     """Turn the front wheels, or lean, towards the path for one step.
 
-    Wheels and leaning answer with a lag, by the linearly implicit step of the motion: to what is
-    asked for in the middle of the step, where the last step's accelerations lead.
+    Wheels and lean follow with a lag, by the linearly implicit step of the motion: they move
+    towards the request in the middle of the step, which the last step's accelerations predict.
 
     Args:
-        state: State; its accelerations are those of the last step.
+        state: State with the accelerations of the last step; it changes.
         params: Parameters of the batch.
-        side_accel: Largest lateral acceleration that drivers ask for [m/s^2].
+        max_accel_lat: Largest lateral acceleration that drivers request [m/s^2].
         step_length: Length of the step [s].
-        wheel: Angle of the ego's front wheels that another driver asks for, (simulation,) [rad].
+        ego_wheel_angle: Wheel angle by an external driver of the ego, (simulation,) [rad]; None if
+            the model's driver steers.
 
     Returns:
-        Wheel angle, or lean, in the middle of the step.
+        Wheel angle [rad], or lean [m/s^2], in the middle of the step.
     """
-    vehicles, constants = params.vehicles, params.constants
-    half = np.float32(0.5) * step_length
-    angle, lean = _requested_steering(state, params, side_accel, half)
-    if wheel is not None:
-        angle[EGO_SLOT] = clamp(wheel, -constants.steering_limit, constants.steering_limit)
-    most = constants.steering_rate * step_length
-    turn = clamp(
-        (angle - state.controls.wheel_angle) * (step_length / (constants.steering_lag + half)),
-        -most,
-        most,
+    constants, controls = params.constants, state.controls
+    half_step = HALF * step_length
+    angle, lean = _requested_steering(state, params, max_accel_lat, half_step)
+    if ego_wheel_angle is not None:
+        limit = constants.steering_limit
+        angle[EGO_SLOT] = clamp(ego_wheel_angle, -limit, limit)
+    max_turn = constants.steering_rate * step_length
+    turn = (angle - controls.wheel_angle) * (step_length / (constants.steering_lag + half_step))
+    turn = clamp(turn, -max_turn, max_turn)
+    lean_change = (lean - controls.wheel_angle) * (
+        step_length / (constants.two_wheeler_lag + half_step)
     )
-    lean = (lean - state.controls.wheel_angle) * (step_length / (constants.two_wheeler_lag + half))
-    moved = np.where(vehicles.two_wheeler > 0, lean, turn)
-    before = state.controls.wheel_angle
+    change = np.where(params.vehicles.two_wheeler > 0, lean_change, turn)
     is_sound = state.motion.is_wreck == 0
-    state.controls.wheel_angle = np.where(is_sound, before + moved, np.float32(0.0))
+    start_angle = controls.wheel_angle
+    controls.wheel_angle = np.where(is_sound, start_angle + change, ZERO)
     state.path.elapsed = state.path.elapsed + step_length
-    return np.where(is_sound, before + np.float32(0.5) * moved, np.float32(0.0))
+    return np.where(is_sound, start_angle + HALF * change, ZERO)
 
 
 def _requested_steering(
-    state: State, params: StepParameters, side_accel: F32, ahead: np.float32
+    state: State, params: StepParameters, max_accel_lat: F32, lookahead: np.float32
 ) -> tuple[F32, F32]:
-    """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s].
+    """Wheel angle [rad] and lean [m/s^2] that drivers request `lookahead` seconds ahead.
 
-    The acceleration of the path is asked for as much earlier as the vehicle answers later: by the
-    lag of the wheels and the time m v / (C_f + C_r) in which tyres build up the side force.
+    A vehicle follows its steering late: by the lag of the wheels and the time m v / (C_f + C_r) in
+    which its tyres build up the side force. Drivers therefore request the acceleration of the path
+    earlier by this time.
 
     Source:
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
-    vehicles, constants = params.vehicles, params.constants
-    place, speed = path_position(state, ahead)
-    turns_late = constants.steering_lag + vehicles.side_lag * state.motion.vx
-    late = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, turns_late)
-    accel = path_accel(state, ahead + late)
-    sine, cosine = sincos(state.motion.heading)
-    sideways = state.motion.vx * sine + state.motion.vy * cosine
-    d = state.motion.d + ahead * sideways
-    sideways = sideways + ahead * (state.motion.accel_lon * sine + state.motion.accel_lat * cosine)
-    vx = state.motion.vx + ahead * state.motion.accel_lon
-    vy = state.motion.vy + ahead * (
-        state.motion.accel_lat - state.motion.vx * state.motion.yaw_rate
-    )
-    r = state.motion.yaw_rate + ahead * state.motion.yaw_accel
-    wanted = accel + constants.velocity_gain * (speed - sideways)
-    wanted = wanted + constants.position_gain * (
-        place + constants.lane_deviation * state.noise.lane_wander - d
-    )
-    wanted = clamp(wanted, -side_accel, side_accel) + state.road.curvature_ahead * (vx * vx)
-    inverse_speed = np.float32(1.0) / maximum(vx, constants.slip_speed)
-    felt = wanted + constants.yaw_gain * (wanted - vx * r)
-    angle = (
-        felt * (vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer)
-        + state.controls.wind_trim
-    )
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    path_d, path_velocity = path_position(state, lookahead)
+    car_lag = constants.steering_lag + vehicles.side_lag * motion.vx
+    lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
+    feedforward = path_accel(state, lookahead + lag)
+
+    # State after the lookahead, by the accelerations of the last step.
+    sine, cosine = sincos(motion.heading)
+    velocity_d = motion.vx * sine + motion.vy * cosine
+    d = motion.d + lookahead * velocity_d
+    velocity_d = velocity_d + lookahead * (motion.accel_lon * sine + motion.accel_lat * cosine)
+    vx = motion.vx + lookahead * motion.accel_lon
+    vy = motion.vy + lookahead * (motion.accel_lat - motion.vx * motion.yaw_rate)
+    yaw_rate = motion.yaw_rate + lookahead * motion.yaw_accel
+
+    wander = constants.lane_deviation * state.noise.lane_wander
+    accel = feedforward + constants.velocity_gain * (path_velocity - velocity_d)
+    accel = accel + constants.position_gain * (path_d + wander - d)
+    # The limit holds for moves within the road; drivers follow its bends in any case.
+    accel = clamp(accel, -max_accel_lat, max_accel_lat) + state.road.curvature_ahead * (vx * vx)
+    inverse_speed = ONE / maximum(vx, constants.slip_speed)
+    damped_accel = accel + constants.yaw_gain * (accel - vx * yaw_rate)
+    angle_per_accel = vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer
+    angle = damped_accel * angle_per_accel + state.controls.wind_trim
+
     # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
-    slip = (vy + vehicles.cg_front * r) * inverse_speed
+    slip = (vy + vehicles.cg_front * yaw_rate) * inverse_speed
+    friction = state.friction_and_wind
     reach = (
         constants.slip_share
-        * np.float32(0.5)
-        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
+        * HALF
+        * (friction.mu_left + friction.mu_right)
         / vehicles.front_stiffness
     )
-    angle = clamp(
-        clamp(angle, slip - reach, slip + reach),
-        -constants.steering_limit,
-        constants.steering_limit,
-    )
-    return angle, wanted + state.controls.wind_trim
+    limit = constants.steering_limit
+    angle = clamp(clamp(angle, slip - reach, slip + reach), -limit, limit)
+    return angle, accel + state.controls.wind_trim

@@ -1,32 +1,41 @@
-"""Motion over one step: single-track with Fiala tyres, point mass on two wheels, wreck.
+"""Motion over one step: single-track model with Fiala tyres, leaning point mass, sliding wreck.
 
-Beside a step of 50 ms the sideways motion on four wheels is quick, and stiff at low speed. So side
-speed and yaw rate are advanced together by a linearly implicit step: forces and their slopes once,
-two linear equations solved once. The derivation is in docs/explanation/model.md.
+The sideways motion on four wheels is fast beside a step of 50 ms, and stiff at low speed. A
+linearly implicit step therefore advances side speed and yaw rate together: it computes the forces
+and their slopes once, and solves two linear equations. docs/explanation/model.md derives it.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.core.arrays import F32
-from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import HALF, ONE, ZERO, clamp, maximum, minimum, sincos
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
-_ONE = np.float32(1.0)
-
-
-_ZERO = np.float32(0.0)
-
-
-_HALF = np.float32(0.5)
-
-
 _MIN_SLIDING_SPEED = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
+_MIN_LATERAL_GRIP = np.float32(1.0)  # Squared side force left at full braking, a divisor [N^2].
 
 
-_MIN_LATERAL_GRIP = np.float32(1.0)  # Left sideways by full braking, squared, to divide by [N^2].
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MidStep:
+    """Motion and controls in the middle of a step; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        speed: Speed, extrapolated by the acceleration of the last step [m/s].
+        inverse_speed: One over the speed, which is bounded from below [s/m].
+        wheel_angle: Front wheel angle [rad], or requested lean of a two-wheeler [m/s^2].
+        level_resistance: Air drag and rolling resistance [N].
+        resistance: The same and the pull of the slope [N].
+    """
+
+    speed: F32
+    inverse_speed: F32
+    wheel_angle: F32
+    level_resistance: F32
+    resistance: F32
 
 
 @dataclass(slots=True, kw_only=True)
@@ -36,7 +45,7 @@ class Axle:
     Attributes:
         load: Load [N].
         force_lon: Longitudinal force [N].
-        force_difference: That of the slow side minus that of the fast side [N].
+        force_difference: Longitudinal force of the right side minus the left side's [N].
         max_lateral_force: Largest lateral force [N].
     """
 
@@ -46,14 +55,28 @@ class Axle:
     max_lateral_force: F32
 
 
+class Axles(NamedTuple):
+    """Both axles of each vehicle."""
+
+    front: Axle
+    rear: Axle
+
+
+class TyreForce(NamedTuple):
+    """Lateral force of an axle."""
+
+    force: F32  # Against the slip [N].
+    slope: F32  # Growth of its size with the slip [N].
+
+
 @dataclass(slots=True, kw_only=True)
 class MotionStep:
-    """What a step comes to; arrays of shape (vehicle, simulation).
+    """Result of a step; arrays of shape (vehicle, simulation).
 
     Attributes:
         accel_lon, accel_lat: Mean acceleration by tyre and wind forces, in the vehicle's axes
             [m/s^2].
-        vx, vy, yaw_rate: Velocity and yaw rate at its end.
+        vx, vy, yaw_rate: Velocity [m/s] and yaw rate [rad/s] at the end.
         mean_yaw_rate: Mean yaw rate [rad/s].
     """
 
@@ -65,161 +88,170 @@ class MotionStep:
     mean_yaw_rate: F32
 
 
-def fiala_force(stiffness: F32, across: F32, along: F32, limit: F32) -> tuple[F32, F32]:
-    """Lateral force of an axle [N], against the slip, and how fast it grows with the slip [N].
+def fiala_force(
+    stiffness: F32, velocity_across: F32, velocity_along: F32, max_force: F32
+) -> TyreForce:
+    """Lateral force of an axle, and its slope.
 
     Args:
         stiffness: Cornering stiffness of the axle [N/rad].
-        across: Velocity of its wheels across their planes, of any unit.
-        along: The same along them, > 0.
-        limit: Largest lateral force, > 0 [N].
+        velocity_across: Velocity of its wheels across their planes, of any unit.
+        velocity_along: Velocity along them, > 0, in the same unit.
+        max_force: Largest lateral force, > 0 [N].
 
     Source:
-        Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2: of the
-        contact patch the share `sticks`, the rest slides.
+        Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2.
     """
-    z = stiffness * across / (np.float32(3.0) * limit * along)
-    sticks = maximum(_ONE - np.abs(z), _ZERO)
-    size = limit * (_ONE - sticks * sticks * sticks)
-    return np.where(z < 0, size, -size), stiffness * (sticks * sticks)
+    z = stiffness * velocity_across / (np.float32(3.0) * max_force * velocity_along)
+    # Share of the contact patch that sticks; the rest slides.
+    sticking_share = maximum(ONE - np.abs(z), ZERO)
+    size = max_force * (ONE - sticking_share * sticking_share * sticking_share)
+    force = np.where(z < 0, size, -size)
+    return TyreForce(force, stiffness * (sticking_share * sticking_share))
 
 
-def requested_force(
-    params: StepParameters,
-    accel: F32,
-    resistance: F32,
-    speed: F32,
-    inverse_speed: F32,
-) -> F32:
-    """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
+def requested_force(params: StepParameters, requested_accel: F32, mid: MidStep) -> F32:
+    """Tyre force requested for an acceleration, within engine, governor and brakes [N]."""
     vehicles, constants = params.vehicles, params.constants
-    wanted = vehicles.mass * accel + resistance
-    engine = minimum(vehicles.launch_force, vehicles.power * inverse_speed)
-    left = (vehicles.max_speed + constants.governor_band - speed) * (_ONE / constants.governor_band)
-    throttle = clamp(left, _ZERO, _ONE)
-    return maximum(minimum(wanted, engine * throttle), -vehicles.max_brake_force)
+    force = vehicles.mass * requested_accel + mid.resistance
+    engine_force = minimum(vehicles.launch_force, vehicles.power * mid.inverse_speed)
+    # The governor closes the throttle over a band of speeds above the largest speed.
+    speed_margin = vehicles.max_speed + constants.governor_band - mid.speed
+    throttle = clamp(speed_margin * (ONE / constants.governor_band), ZERO, ONE)
+    return maximum(minimum(force, engine_force * throttle), -vehicles.max_brake_force)
 
 
 def axle_forces(params: StepParameters, state: State, force: F32, load: F32) -> Axle:
-    """Forces of one axle under a load [N] that is asked for a longitudinal force [N].
+    """Forces of one axle for a requested longitudinal force [N] under a load [N].
 
-    Each side transmits what its own friction allows, which turns the vehicle on split friction. Of
-    that, traction control lets the engine have less than anti-lock brakes let the brakes have:
-    driven wheels that use all of it would have none left to keep the vehicle on its course.
-
+    Each side transmits as much as its own friction allows, which turns the vehicle on split
+    friction. Traction control lets the engine use a smaller share of the friction than anti-lock
+    brakes let the brakes use: driven wheels at their limit could not keep the vehicle on course.
     """
-    vehicles, constants = params.vehicles, params.constants
-    half_load = _HALF * load
-    controlled = (force > 0) & (vehicles.two_wheeler == 0)
-    share = np.where(controlled, constants.traction_share, constants.abs_share)
-    bound_fast = share * state.friction_and_wind.mu_left * half_load
-    bound_slow = share * state.friction_and_wind.mu_right * half_load
-    fast = clamp(_HALF * force, -bound_fast, bound_fast)
-    slow = clamp(_HALF * force, -bound_slow, bound_slow)
-    total = fast + slow
-    grip = (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right) * half_load
-    left = maximum(grip * grip - total * total, _MIN_LATERAL_GRIP)
+    constants, friction = params.constants, state.friction_and_wind
+    half_load = HALF * load
+    has_traction_control = (force > 0) & (params.vehicles.two_wheeler == 0)
+    share = np.where(has_traction_control, constants.traction_share, constants.abs_share)
+    max_left = share * friction.mu_left * half_load
+    max_right = share * friction.mu_right * half_load
+    left = clamp(HALF * force, -max_left, max_left)
+    right = clamp(HALF * force, -max_right, max_right)
+    force_lon = left + right
+    # Friction circle: longitudinal and lateral force together are at most the grip.
+    grip = (friction.mu_left + friction.mu_right) * half_load
+    squared_lateral_grip = maximum(grip * grip - force_lon * force_lon, _MIN_LATERAL_GRIP)
     return Axle(
-        load=load, force_lon=total, force_difference=slow - fast, max_lateral_force=np.sqrt(left)
+        load=load,
+        force_lon=force_lon,
+        force_difference=right - left,
+        max_lateral_force=np.sqrt(squared_lateral_grip),
     )
 
 
 def advance_motion(
-    state: State, params: StepParameters, angle: F32, step_length: np.float32
+    state: State, params: StepParameters, wheel_angle: F32, step_length: np.float32
 ) -> None:
-    """Advance every vehicle by one step: new velocity first, then the position by the trapezoid.
+    """Advance every vehicle by one step: first its velocity, then its position by the trapezoid.
 
     Args:
-        state: State; its acceleration is that of the last step.
+        state: State with the acceleration of the last step; it changes.
         params: Parameters of the batch.
-        angle: Front wheel angle, or lean of a two-wheeler, in the middle of the step.
+        wheel_angle: Front wheel angle [rad], or lean of a two-wheeler [m/s^2], in the middle of the
+            step.
         step_length: Length of the step [s].
     """
-    vehicles, constants = params.vehicles, params.constants
-    wrecked = state.motion.is_wreck > 0
-    speed = maximum(state.motion.vx + _HALF * step_length * state.motion.accel_lon, _ZERO)
-    inverse_speed = _ONE / maximum(speed, constants.slip_speed)
-    air = speed - state.friction_and_wind.tail_wind
-    held_back = vehicles.drag * air * np.abs(air) + vehicles.rolling
-    resistance = held_back + constants.gravity * vehicles.mass * state.road.sin_slope
-    force = requested_force(
-        params, state.controls.requested_accel, resistance, speed, inverse_speed
+    vehicles = params.vehicles
+    mid = _mid_step(state, params, wheel_angle, step_length)
+    force = requested_force(params, state.controls.requested_accel, mid)
+    axles = _axles(state, params, force, mid)
+    on_four_wheels = _single_track_step(state, params, axles, mid, step_length)
+    tyre_force = axles.front.force_lon + axles.rear.force_lon
+    accel_lon = (tyre_force - mid.resistance) * vehicles.inverse_mass
+    on_two_wheels = _leaning_step(state, params, accel_lon, mid, step_length)
+    motion_step = _select(vehicles.two_wheeler > 0, on_two_wheels, on_four_wheels)
+    motion_step.vx = maximum(motion_step.vx, ZERO)
+    _stop_when_creeping(state, params, motion_step)
+    _update_position(state, params, motion_step, step_length)
+
+
+def _mid_step(
+    state: State, params: StepParameters, wheel_angle: F32, step_length: np.float32
+) -> MidStep:
+    """Speed and resistance in the middle of the step, by the acceleration of the last one."""
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    speed = maximum(motion.vx + HALF * step_length * motion.accel_lon, ZERO)
+    air_speed = speed - state.friction_and_wind.tail_wind
+    level_resistance = vehicles.drag * air_speed * np.abs(air_speed) + vehicles.rolling
+    slope_force = constants.gravity * vehicles.mass * state.road.sin_slope
+    return MidStep(
+        speed=speed,
+        inverse_speed=ONE / maximum(speed, constants.slip_speed),
+        wheel_angle=wheel_angle,
+        level_resistance=level_resistance,
+        resistance=level_resistance + slope_force,
     )
-    front, rear = _axles(state, params, force, held_back, angle)
-    drives = _single_track_step(
-        state, params, (front, rear), resistance, (speed, inverse_speed), angle, step_length
-    )
-    straight = (front.force_lon + rear.force_lon - resistance) * vehicles.inverse_mass
-    leans = _leaning_step(state, params, straight, inverse_speed, angle, step_length)
-    motion = _select(vehicles.two_wheeler > 0, leans, drives)
-    motion.vx = maximum(motion.vx, _ZERO)
-    _stop_when_creeping(state, params, motion)
-    _update_position(state, params, motion, wrecked, step_length)
 
 
-def _axles(
-    state: State, params: StepParameters, force: F32, resistance: F32, angle: F32
-) -> tuple[Axle, Axle]:
-    """Loads and forces of the front and the rear axle.
+def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Axles:
+    """Loads and forces of both axles for a requested force [N].
 
-    Loads follow the acceleration of this step, as far as it is known before the forces are: what
-    the pedals ask for and friction allows under the loads of the last step, less what the turned
-    wheels hold back of the side force, which is that of the last step.
+    The loads follow the acceleration of this step, which depends on the loads. It is estimated by
+    the requested force within the friction under the loads of the last step, minus the part of the
+    last step's side force that the turned wheels hold back.
 
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
     """
     vehicles, constants = params.vehicles, params.constants
-    rides = vehicles.two_wheeler > 0
-    weight = _front_load_share(params, state.motion.accel_lon)
-    share = np.where(force < 0, weight, vehicles.front_drive)
-    limit = np.where(
-        (force > 0) & ~rides, constants.traction_share, constants.abs_share
+    is_two_wheeler = vehicles.two_wheeler > 0
+    front_load_share = _front_load_share(params, state.motion.accel_lon)
+    front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
+    max_accel = np.where(
+        (force > 0) & ~is_two_wheeler, constants.traction_share, constants.abs_share
     ) * _max_friction_accel(state, params)
-    asked = force * vehicles.inverse_mass
-    front, rear = limit * weight, limit * (_ONE - weight)
-    asked = clamp(share * asked, -front, front) + clamp((_ONE - share) * asked, -rear, rear)
-    held = np.where(rides, _ZERO, state.motion.accel_lat * weight * angle)
-    weight = _front_load_share(params, asked - resistance * vehicles.inverse_mass - held)
-    # Brakes follow the load, so that no axle locks before the other (UN R13-H asks for it).
-    share = np.where(force < 0, weight, vehicles.front_drive)
-    whole = constants.gravity * vehicles.mass
-    return (
-        axle_forces(params, state, share * force, whole * weight),
-        axle_forces(params, state, (_ONE - share) * force, whole * (_ONE - weight)),
+    accel = force * vehicles.inverse_mass
+    max_front, max_rear = max_accel * front_load_share, max_accel * (ONE - front_load_share)
+    front_accel = clamp(front_force_share * accel, -max_front, max_front)
+    rear_accel = clamp((ONE - front_force_share) * accel, -max_rear, max_rear)
+    accel = front_accel + rear_accel
+    steering_loss = np.where(
+        is_two_wheeler, ZERO, state.motion.accel_lat * front_load_share * mid.wheel_angle
+    )
+    # The pull of a slope acts at the centre of gravity, so it shifts no load.
+    front_load_share = _front_load_share(
+        params, accel - mid.level_resistance * vehicles.inverse_mass - steering_loss
+    )
+    # Brakes follow the load, so that no axle locks before the other (required by UN R13-H).
+    front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
+    weight = constants.gravity * vehicles.mass
+    return Axles(
+        front=axle_forces(params, state, front_force_share * force, weight * front_load_share),
+        rear=axle_forces(
+            params, state, (ONE - front_force_share) * force, weight * (ONE - front_load_share)
+        ),
     )
 
 
 def _front_load_share(params: StepParameters, accel: F32) -> F32:
     """Share of the load on the front axle at an acceleration, 0 to 1.
 
-    It is never negative: an axle can leave the road, but not pull at it.
+    It is never negative: an axle can lift off the road, but not pull at it.
     """
     vehicles, constants = params.vehicles, params.constants
-    lifted = accel * vehicles.cg_height * (_ONE / constants.gravity)
+    shift = accel * vehicles.cg_height * (ONE / constants.gravity)
     return vehicles.inverse_wheelbase * (
-        vehicles.cg_rear - clamp(lifted, -vehicles.cg_front, vehicles.cg_rear)
+        vehicles.cg_rear - clamp(shift, -vehicles.cg_front, vehicles.cg_rear)
     )
 
 
 def _max_friction_accel(state: State, params: StepParameters) -> F32:
     """Largest acceleration that friction allows [m/s^2]."""
-    constants = params.constants
-    return (
-        constants.gravity
-        * _HALF
-        * (state.friction_and_wind.mu_left + state.friction_and_wind.mu_right)
-    )
+    friction = state.friction_and_wind
+    return params.constants.gravity * HALF * (friction.mu_left + friction.mu_right)
 
 
 def _single_track_step(
-    state: State,
-    params: StepParameters,
-    axles: tuple[Axle, Axle],
-    resistance: F32,
-    speeds: tuple[F32, F32],
-    angle: F32,
-    step_length: np.float32,
+    state: State, params: StepParameters, axles: Axles, mid: MidStep, step_length: np.float32
 ) -> MotionStep:
     """A step of the single-track model; side speed and yaw rate by the linearised equations.
 
@@ -227,173 +259,193 @@ def _single_track_step(
         Hairer and Wanner, Solving Ordinary Differential Equations II (1996), section IV.7: the
         Rosenbrock method of one stage with gamma = 1/2.
     """
-    vehicles = params.vehicles
-    (front, rear), (speed, inverse_speed) = axles, speeds
-    half = _HALF * step_length
-    sine, cosine = sincos(angle)
-    u = (state.motion.vy + vehicles.cg_front * state.motion.yaw_rate) * inverse_speed
-    front_y, front_k = fiala_force(
+    vehicles, motion, wind = params.vehicles, state.motion, state.friction_and_wind
+    front, rear, inverse_speed = axles.front, axles.rear, mid.inverse_speed
+    half_step = HALF * step_length
+    sine, cosine = sincos(mid.wheel_angle)
+
+    # Side speed of each axle over the speed; the front wheels are turned by the wheel angle.
+    u = (motion.vy + vehicles.cg_front * motion.yaw_rate) * inverse_speed
+    front_tyre = fiala_force(
         vehicles.front_stiffness * front.load,
         u * cosine - sine,
         cosine + u * sine,
         front.max_lateral_force,
     )
-    u = (state.motion.vy - vehicles.cg_rear * state.motion.yaw_rate) * inverse_speed
-    rear_y, rear_k = fiala_force(
+    u = (motion.vy - vehicles.cg_rear * motion.yaw_rate) * inverse_speed
+    rear_tyre = fiala_force(
         vehicles.rear_stiffness * rear.load, u, np.ones_like(u), rear.max_lateral_force
     )
-    front_k, rear_k = front_k * inverse_speed, rear_k * inverse_speed
-    side = front_y * cosine + front.force_lon * sine
-    context = vehicles.half_track * (front.force_difference + rear.force_difference)
-    across = (
-        side + rear_y + state.friction_and_wind.wind_force
-    ) * vehicles.inverse_mass - speed * state.motion.yaw_rate
-    context = context + _stability_control(state, params, speed, angle)
-    turn = (
-        vehicles.cg_front * side
-        - vehicles.cg_rear * rear_y
-        + state.friction_and_wind.wind_moment
-        + context
+    front_slope, rear_slope = front_tyre.slope * inverse_speed, rear_tyre.slope * inverse_speed
+
+    # Rates of change of side speed and yaw rate at the start of the step.
+    front_side_force = front_tyre.force * cosine + front.force_lon * sine
+    split_moment = vehicles.half_track * (front.force_difference + rear.force_difference)
+    side_force = front_side_force + rear_tyre.force + wind.wind_force
+    vy_rate = side_force * vehicles.inverse_mass - mid.speed * motion.yaw_rate
+    extra_moment = split_moment + _stability_control(state, params, mid.speed, mid.wheel_angle)
+    moment = (
+        vehicles.cg_front * front_side_force
+        - vehicles.cg_rear * rear_tyre.force
+        + wind.wind_moment
+        + extra_moment
     )
-    turn = turn * vehicles.inverse_inertia
-    ahead, behind = vehicles.cg_front * (front_k * cosine), vehicles.cg_rear * rear_k
-    by_mass, by_inertia = half * vehicles.inverse_mass, half * vehicles.inverse_inertia
-    a11 = _ONE + by_mass * (front_k * cosine + rear_k)
-    a12 = by_mass * (ahead - behind) + half * speed
-    a21 = by_inertia * (ahead - behind)
-    a22 = _ONE + by_inertia * (vehicles.cg_front * ahead + vehicles.cg_rear * behind)
-    share = step_length / (a11 * a22 - a12 * a21)
-    more_vy = share * (a22 * across - a12 * turn)
-    more_r = share * (a11 * turn - a21 * across)
-    r = state.motion.yaw_rate + _HALF * more_r
-    middle_y = front_y - front_k * (_HALF * (more_vy + vehicles.cg_front * more_r))
-    along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance
-    a_lon = along * vehicles.inverse_mass
+    yaw_accel = moment * vehicles.inverse_inertia
+
+    # (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates), with the Jacobian J.
+    front_arm = vehicles.cg_front * (front_slope * cosine)
+    rear_arm = vehicles.cg_rear * rear_slope
+    per_mass, per_inertia = half_step * vehicles.inverse_mass, half_step * vehicles.inverse_inertia
+    a11 = ONE + per_mass * (front_slope * cosine + rear_slope)
+    a12 = per_mass * (front_arm - rear_arm) + half_step * mid.speed
+    a21 = per_inertia * (front_arm - rear_arm)
+    a22 = ONE + per_inertia * (vehicles.cg_front * front_arm + vehicles.cg_rear * rear_arm)
+    scale = step_length / (a11 * a22 - a12 * a21)
+    vy_change = scale * (a22 * vy_rate - a12 * yaw_accel)
+    yaw_rate_change = scale * (a11 * yaw_accel - a21 * vy_rate)
+
+    # The side force of the front tyres in the middle of the step, which turned wheels hold back.
+    slip_change = HALF * (vy_change + vehicles.cg_front * yaw_rate_change)
+    front_force_mid = front_tyre.force - front_slope * slip_change
+    force_lon = front.force_lon * cosine - front_force_mid * sine + rear.force_lon - mid.resistance
+    accel_lon = force_lon * vehicles.inverse_mass
+    mean_yaw_rate = motion.yaw_rate + HALF * yaw_rate_change
+    mean_vy = motion.vy + HALF * vy_change
     return MotionStep(
-        accel_lon=a_lon,
-        accel_lat=more_vy * (_ONE / step_length) + speed * r,
-        vx=state.motion.vx + step_length * (a_lon + (state.motion.vy + _HALF * more_vy) * r),
-        vy=state.motion.vy + more_vy,
-        yaw_rate=state.motion.yaw_rate + more_r,
-        mean_yaw_rate=r,
+        accel_lon=accel_lon,
+        accel_lat=vy_change * (ONE / step_length) + mid.speed * mean_yaw_rate,
+        vx=motion.vx + step_length * (accel_lon + mean_vy * mean_yaw_rate),
+        vy=motion.vy + vy_change,
+        yaw_rate=motion.yaw_rate + yaw_rate_change,
+        mean_yaw_rate=mean_yaw_rate,
     )
 
 
-def _stability_control(state: State, params: StepParameters, speed: F32, angle: F32) -> F32:
+def _stability_control(state: State, params: StepParameters, speed: F32, wheel_angle: F32) -> F32:
     """Yaw moment of stability control, which brakes single wheels [N m].
 
-    It answers a yaw rate that is off, by more than a threshold, from what the wheel angle asks for
-    and friction allows, with at most the braking force of one wheel. What that takes from the speed
-    is left out.
+    It reacts to a yaw rate that differs by more than a threshold from the one that the wheel angle
+    requests and friction allows. It uses at most the braking force of one wheel. The loss of speed
+    by this braking is neglected.
 
     Source:
         van Zanten, Erhardt and Pfaff 1995 (control of the yaw rate by the single-track model).
     """
     vehicles, constants = params.vehicles, params.constants
-    grip = _max_friction_accel(state, params)
-    reach = grip / maximum(speed, constants.slip_speed)
-    asked = speed * angle / (vehicles.wheelbase + vehicles.understeer * (speed * speed))
-    off = state.motion.yaw_rate - clamp(asked, -reach, reach)
-    off = off - clamp(off, -constants.stability_threshold, constants.stability_threshold)
-    most = np.float32(0.25) * grip * vehicles.mass * vehicles.half_track
-    return clamp(-off * (_ONE / constants.stability_time) / vehicles.inverse_inertia, -most, most)
+    max_accel = _max_friction_accel(state, params)
+    max_yaw_rate = max_accel / maximum(speed, constants.slip_speed)
+    requested = speed * wheel_angle / (vehicles.wheelbase + vehicles.understeer * (speed * speed))
+    error = state.motion.yaw_rate - clamp(requested, -max_yaw_rate, max_yaw_rate)
+    threshold = constants.stability_threshold
+    error = error - clamp(error, -threshold, threshold)
+    max_moment = np.float32(0.25) * max_accel * vehicles.mass * vehicles.half_track
+    moment = -error * (ONE / constants.stability_time) / vehicles.inverse_inertia
+    return clamp(moment, -max_moment, max_moment)
 
 
 def _leaning_step(
-    state: State,
-    params: StepParameters,
-    a_lon: F32,
-    inverse_speed: F32,
-    angle: F32,
-    step_length: np.float32,
+    state: State, params: StepParameters, accel_lon: F32, mid: MidStep, step_length: np.float32
 ) -> MotionStep:
-    """A step of a point mass that leans as far as its driver and the wind ask, and grip allows.
+    """A step of a point mass that leans by its driver's request and the wind, within friction.
 
-    It turns at once as it leans, so its yaw rate is that of the middle of the step.
+    It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step.
     """
     vehicles = params.vehicles
-    grip = _max_friction_accel(state, params)
-    lean = clamp(angle + state.friction_and_wind.wind_force * vehicles.inverse_mass, -grip, grip)
-    vx = state.motion.vx + step_length * a_lon
-    r = lean * inverse_speed
+    max_accel = _max_friction_accel(state, params)
+    wind_accel = state.friction_and_wind.wind_force * vehicles.inverse_mass
+    accel_lat = clamp(mid.wheel_angle + wind_accel, -max_accel, max_accel)
+    vx = state.motion.vx + step_length * accel_lon
+    yaw_rate = accel_lat * mid.inverse_speed
     return MotionStep(
-        accel_lon=a_lon, accel_lat=lean, vx=vx, vy=np.zeros_like(vx), yaw_rate=r, mean_yaw_rate=r
+        accel_lon=accel_lon,
+        accel_lat=accel_lat,
+        vx=vx,
+        vy=np.zeros_like(vx),
+        yaw_rate=yaw_rate,
+        mean_yaw_rate=yaw_rate,
     )
 
 
-def _select(mask: np.ndarray, a: MotionStep, b: MotionStep) -> MotionStep:
-    names = MotionStep.__slots__
+def _select(mask: Mask, step_if: MotionStep, step_else: MotionStep) -> MotionStep:
+    """Field by field the first step where the mask is set, else the second."""
     return MotionStep(
-        **{name: np.where(mask, getattr(a, name), getattr(b, name)) for name in names}
+        **{
+            name: np.where(mask, getattr(step_if, name), getattr(step_else, name))
+            for name in MotionStep.__slots__
+        }
     )
 
 
-def _stop_when_creeping(state: State, params: StepParameters, motion: MotionStep) -> None:
-    """Stop vehicles that hardly move and are not asked to accelerate."""
-    constants = params.constants
-    creeps = (motion.vx < constants.standstill) & (np.abs(motion.vy) < constants.standstill)
-    stands = creeps & (state.controls.requested_accel <= 0)
+def _stop_when_creeping(state: State, params: StepParameters, motion_step: MotionStep) -> None:
+    """Stop vehicles that hardly move and are not to accelerate."""
+    standstill = params.constants.standstill
+    creeps = (motion_step.vx < standstill) & (np.abs(motion_step.vy) < standstill)
+    stops = creeps & (state.controls.requested_accel <= 0)
     for name in ("vx", "vy", "yaw_rate"):
-        setattr(motion, name, np.where(stands, _ZERO, getattr(motion, name)))
-    motion.mean_yaw_rate = np.where(stands, _HALF * state.motion.yaw_rate, motion.mean_yaw_rate)
+        setattr(motion_step, name, np.where(stops, ZERO, getattr(motion_step, name)))
+    # From the present yaw rate to 0.
+    motion_step.mean_yaw_rate = np.where(
+        stops, HALF * state.motion.yaw_rate, motion_step.mean_yaw_rate
+    )
 
 
 def _update_position(
-    state: State,
-    params: StepParameters,
-    motion: MotionStep,
-    wrecked: np.ndarray,
-    step_length: np.float32,
+    state: State, params: StepParameters, motion_step: MotionStep, step_length: np.float32
 ) -> None:
-    """New place with the mean of the old and the new velocity.
+    """Move vehicles by the mean of the old and the new velocity, and store the new motion.
 
-    In a bend the road turns under the vehicle by the curvature of its way times that way. A wreck
+    In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck
     slides straight on with locked wheels, however it and the road turn, and comes to rest.
 
     Source:
         The equations of motion along a curve, in the frame of its tangent: Rajamani, Vehicle
         Dynamics and Control (2012), section 2.7.
     """
-    vehicles, constants = params.vehicles, params.constants
-    half = _HALF * step_length
-    sine, cosine = sincos(state.motion.heading)
-    along = state.motion.vx * cosine - state.motion.vy * sine
-    across = state.motion.vx * sine + state.motion.vy * cosine
-    friction = constants.sliding_ratio * _max_friction_accel(state, params)
+    vehicles, constants, motion = params.vehicles, params.constants, state.motion
+    is_wreck, half_step, per_second = motion.is_wreck > 0, HALF * step_length, ONE / step_length
+    sine, cosine = sincos(motion.heading)
+    along = motion.vx * cosine - motion.vy * sine
+    across = motion.vx * sine + motion.vy * cosine
+
+    # Sliding friction takes a share of a wreck's speed, and turns against its spin.
+    sliding_decel = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
-    lost = minimum(friction * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
-    spin = (
-        friction
+    lost_share = minimum(sliding_decel * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
+    max_spin_change = (
+        sliding_decel
         * vehicles.mass
         * vehicles.inverse_inertia
-        * _HALF
+        * HALF
         * vehicles.wheelbase
         * step_length
     )
-    r = np.where(
-        wrecked, state.motion.yaw_rate - clamp(state.motion.yaw_rate, -spin, spin), motion.yaw_rate
+    spin_change = clamp(motion.yaw_rate, -max_spin_change, max_spin_change)
+    yaw_rate = np.where(is_wreck, motion.yaw_rate - spin_change, motion_step.yaw_rate)
+    sliding_rate = -(lost_share * per_second)
+    motion.accel_lon = np.where(is_wreck, sliding_rate * motion.vx, motion_step.accel_lon)
+    motion.accel_lat = np.where(is_wreck, sliding_rate * motion.vy, motion_step.accel_lat)
+    mean_yaw_rate = np.where(
+        is_wreck, HALF * (motion.yaw_rate + yaw_rate), motion_step.mean_yaw_rate
     )
-    state.motion.accel_lon = np.where(
-        wrecked, -(lost * (_ONE / step_length)) * state.motion.vx, motion.accel_lon
-    )
-    state.motion.accel_lat = np.where(
-        wrecked, -(lost * (_ONE / step_length)) * state.motion.vy, motion.accel_lat
-    )
-    mean_r = np.where(wrecked, _HALF * (state.motion.yaw_rate + r), motion.mean_yaw_rate)
-    turned = step_length * (state.road.curvature * (along + half * state.motion.accel_lon))
-    state.motion.heading = state.motion.heading + step_length * mean_r - turned
-    aside, ahead = sincos(turned)
-    sine, cosine = sincos(state.motion.heading)
-    kept = _ONE - lost
+
+    road_turn = step_length * (state.road.curvature * (along + half_step * motion.accel_lon))
+    motion.heading = motion.heading + step_length * mean_yaw_rate - road_turn
+    turn_sine, turn_cosine = sincos(road_turn)
+    sine, cosine = sincos(motion.heading)
+    kept_share = ONE - lost_share
     new_along = np.where(
-        wrecked, (along * ahead + across * aside) * kept, motion.vx * cosine - motion.vy * sine
+        is_wreck,
+        (along * turn_cosine + across * turn_sine) * kept_share,
+        motion_step.vx * cosine - motion_step.vy * sine,
     )
     new_across = np.where(
-        wrecked, (across * ahead - along * aside) * kept, motion.vx * sine + motion.vy * cosine
+        is_wreck,
+        (across * turn_cosine - along * turn_sine) * kept_share,
+        motion_step.vx * sine + motion_step.vy * cosine,
     )
-    state.motion.s = state.motion.s + half * (along + new_along) * state.road.station_per_metre
-    state.motion.d = state.motion.d + half * (across + new_across)
-    state.motion.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
-    state.motion.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)
-    state.motion.yaw_accel = (r - state.motion.yaw_rate) * (_ONE / step_length)
-    state.motion.yaw_rate = r
+    motion.s = motion.s + half_step * (along + new_along) * state.road.station_per_metre
+    motion.d = motion.d + half_step * (across + new_across)
+    motion.vx = np.where(is_wreck, new_along * cosine + new_across * sine, motion_step.vx)
+    motion.vy = np.where(is_wreck, new_across * cosine - new_along * sine, motion_step.vy)
+    motion.yaw_accel = (yaw_rate - motion.yaw_rate) * per_second
+    motion.yaw_rate = yaw_rate
