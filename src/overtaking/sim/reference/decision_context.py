@@ -62,7 +62,8 @@ class OncomingVehicle:
         is_certain: Whether the driver has looked long enough to know if a vehicle is coming.
         believed_gap: Believed gap, `ModelConstants.oncoming_range` without a detected vehicle [m].
         closing_speed: Believed closing speed, the expected one without a detected vehicle [m/s].
-        sight_distance: How far the driver sees along the opposing lane [m].
+        sight_distance: Sight distance in the lane of the vehicle: the opposing lane, or for
+            `in_own_lane` the driver's own [m].
     """
 
     slot: F32

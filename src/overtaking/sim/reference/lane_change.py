@@ -123,11 +123,12 @@ def mobil_incentives(
         return minimum(acc_accel(constants, driver, leader), accel_limit)
 
     accel_left, accel_right = accel_behind(LEFT_LEADER), accel_behind(RIGHT_LEADER)
+    # No driver passes on the right at speed, so the left lane limits both accelerations.
     keeps_behind_left = speed > constants.no_passing_right_speed
     reference_accel = np.where(keeps_behind_left, minimum(accel, accel_left), accel)
     accel_right = np.where(keeps_behind_left, minimum(accel_right, accel), accel_right)
     length = TWO * vehicle.half_length
-    # The new follower, with the driver ahead of it and without.
+    # The new follower, with the driver ahead of it and without: it then follows the left leader.
     follower_gap, follower_closing = gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]
     new_follower_accel = imposed_accel_on_follower(
         params, vehicle, speed, follower_gap, follower_closing
@@ -139,7 +140,7 @@ def mobil_incentives(
         follower_gap + gap[LEFT_LEADER] + length,
         follower_closing + closing_speed[LEFT_LEADER],
     )
-    # The old follower, without the driver ahead of it and with.
+    # The old follower, with the driver ahead of it and without: it then follows the leader.
     old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length
     old_follower_accel = imposed_accel_on_follower(
         params, vehicle, speed, gap[FOLLOWER], closing_speed[FOLLOWER]

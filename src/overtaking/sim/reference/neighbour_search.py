@@ -5,10 +5,8 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.decision_context import Neighbours
 from overtaking.sim.reference.road_conditions import value_of_lane
-from overtaking.sim.reference.state import NO_SLOT, State, value_at_slot
+from overtaking.sim.reference.state import FAR, NO_SLOT, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
-
-_FAR = np.float32(1e9)  # Distance without a neighbour [m].
 
 _LANE_OFFSETS = (0.0, 1.0, -1.0)
 """The vehicle's own lane, the left and the right one, in the order of the roles."""
@@ -95,7 +93,7 @@ class _NearestByRole:
     def __init__(self, shape: tuple[int, ...]) -> None:
         """Start without any vehicle."""
         self.slot = np.full((6, *shape), NO_SLOT)
-        self.distance = np.full((6, *shape), _FAR)
+        self.distance = np.full((6, *shape), FAR)
         self.lateral_distance = np.zeros((6, *shape), np.float32)
 
     def consider(

@@ -24,10 +24,15 @@ from overtaking.sim.reference.perception import (
     sense_looming,
     sight_range_ratio,
 )
-from overtaking.sim.reference.state import LEADER, NEVER_LOOKED, NO_SLOT, State, value_at_slot
+from overtaking.sim.reference.state import (
+    FAR,
+    LEADER,
+    NEVER_LOOKED,
+    NO_SLOT,
+    State,
+    value_at_slot,
+)
 from overtaking.world.step_parameters import StepParameters
-
-_FAR = np.float32(1e9)  # Distance without a vehicle, and sight past no leader [m].
 
 # Where drivers look for oncoming vehicles: rows of `Attention.oncoming_slot`.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
@@ -50,7 +55,7 @@ class Sighting:
         gap: Gap between the front bumpers [m].
         sight_range_ratio: Distance over the range at which the vehicle can be seen [1].
         is_visible: Whether it can be seen.
-        sight_distance: Sight distance along the opposing lane [m].
+        sight_distance: Sight distance in the lane of the vehicle [m].
     """
 
     slot: F32
@@ -76,13 +81,10 @@ def observe_oncoming(
     no_exception = np.full_like(state.motion.s, NO_SLOT)
     nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, no_exception)
     sight_distance = _sight_distance(state, params, neighbours)
+    any_lane = _sighting(state, params, neighbours, nearest_in_any_lane, sight_distance)
     # A tall leader hides the opposing lane, not the driver's own lane.
-    any_lane = _sighting(
-        state, params, neighbours, nearest_in_any_lane, (sight_distance, sight_distance)
-    )
-    own_lane = _sighting(
-        state, params, neighbours, nearest_in_own_lane, (state.road.sight_distance, sight_distance)
-    )
+    own_sight_distance = state.road.sight_distance
+    own_lane = _sighting(state, params, neighbours, nearest_in_own_lane, own_sight_distance)
     update_time_in_view(state, params, _IN_ANY_LANE, any_lane)
     update_time_in_view(state, params, _IN_OWN_LANE, own_lane)
     knows_any_lane = _is_certain(state, params, any_lane, _IN_ANY_LANE)
@@ -107,8 +109,7 @@ def observe_second_oncoming(
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     first = context.oncoming.nearest
     second, _ = nearest_oncoming(state, params, first.slot)
-    ranges = first.sight_distance, first.sight_distance
-    sighting = _sighting(state, params, context.neighbours, second, ranges)
+    sighting = _sighting(state, params, context.neighbours, second, first.sight_distance)
     return _believe(state, params, sighting, first.is_detected, context.decision_index)
 
 
@@ -127,7 +128,7 @@ def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours
     opposing_lane = middle - state.motion.d - constants.eye_offset
     is_tall = (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0)
     hides = is_tall & (corner > 0) & (opposing_lane > 0)
-    past_leader = np.where(hides, opposing_lane * (rear / maximum(corner, MIN_SIGHT_LINE)), _FAR)
+    past_leader = np.where(hides, opposing_lane * (rear / maximum(corner, MIN_SIGHT_LINE)), FAR)
     by_bends = minimum(by_road, state.road.sight_distance)
     return minimum(minimum(by_bends, past_leader), params.simulations.oncoming_sight)
 
@@ -144,7 +145,7 @@ def _sighting(
     params: StepParameters,
     neighbours: Neighbours,
     oncoming: NearestOncoming,
-    ranges: tuple[F32, F32],
+    sight_distance: F32,
 ) -> Sighting:
     """Visibility of one oncoming vehicle for each driver.
 
@@ -153,10 +154,9 @@ def _sighting(
         params: Parameters of the batch.
         neighbours: Neighbours of the drivers.
         oncoming: The vehicle.
-        ranges: Sight distance in the lane of the vehicle, and in the opposing lane [m].
+        sight_distance: Sight distance in the lane of the vehicle [m].
     """
     vehicles, slot = params.vehicles, oncoming.slot
-    sight_distance, opposing_sight_distance = ranges
     half_lengths = value_at_slot(vehicles.half_length, slot) + vehicles.half_length
     gap = oncoming.distance - half_lengths
     conspicuity = Conspicuity(
@@ -171,7 +171,7 @@ def _sighting(
         gap=gap,
         sight_range_ratio=ratio,
         is_visible=(slot >= 0) & (ratio <= ONE) & (gap < max_range),
-        sight_distance=opposing_sight_distance,
+        sight_distance=sight_distance,
     )
 
 
@@ -298,7 +298,7 @@ def nearest_oncoming(
     road_edges = road.boundaries[0], road.boundaries[road.num_lanes]
     borders = road_edges, lane_borders(state, params, 0.0)
     slot = np.full((2, *state.motion.s.shape), NO_SLOT)
-    distance = np.full_like(slot, _FAR)
+    distance = np.full_like(slot, FAR)
     for other_slot in range(len(state.motion.s)):
         s, d = state.position_seen_by_each(params, other_slot)
         distance_ahead = s - state.motion.s

@@ -7,7 +7,7 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import HALF, ONE, ZERO, maximum, minimum
-from overtaking.model.trajectories import ManoeuvreKind, Stage
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.decision_context import Beliefs, DecisionContext, Neighbours
 from overtaking.sim.reference.ego_action import (
@@ -22,13 +22,9 @@ from overtaking.sim.reference.pass_continuation import (
     decide_pass_continuation,
     overtakes_next_vehicle,
 )
-from overtaking.sim.reference.recorder import RecordedPercepts, Recorder
+from overtaking.sim.reference.recorder import Recorder
 from overtaking.sim.reference.state import (
     LEADER,
-    LEFT_FOLLOWER,
-    LEFT_LEADER,
-    ONCOMING_ROLE,
-    RIGHT_FOLLOWER,
     RIGHT_LEADER,
     SlotSelection,
     State,
@@ -68,7 +64,7 @@ def decide_ego(
         intent = intent_from_action(state, params, action)
     _count_waiting_time(state, params, context.beliefs, EGO_SLOT)
     if recorder is not None:
-        _record_manoeuvres(state, context, intent, step, recorder)
+        recorder.record_manoeuvres(state, context, intent, step)
     # The next stage is stored last: the calls in between read the present one.
     next_stage = _next_stage(state, params, context.neighbours, EGO_SLOT, intent)
     _carry_out_intent(state, params, context, EGO_SLOT, intent)
@@ -92,24 +88,6 @@ def decide_others(state: State, params: StepParameters, context: DecisionContext
     time_waiting = state.overtake.time_waiting
     time_waiting[OTHERS] = np.where(is_done, ZERO, time_waiting[OTHERS])
     _set_stage(state, OTHERS, np.where(is_done, np.float32(Stage.FOLLOW), next_stage))
-
-
-def _record_manoeuvres(
-    state: State, context: DecisionContext, intent: Intent, step: int, recorder: Recorder
-) -> None:
-    """Record the ego's percepts at each manoeuvre that it starts or cancels."""
-    left = (LEADER, LEFT_LEADER, LEFT_FOLLOWER)
-    right = (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)
-    # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
-    entered = left if context.oncoming is None else (LEADER, ONCOMING_ROLE, LEFT_FOLLOWER)
-    for is_made, kind, roles in (
-        (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, entered),
-        (intent.cancels_pull_out, ManoeuvreKind.CANCEL, right),
-        (intent.cancels_return, ManoeuvreKind.CANCEL, left),
-        (intent.starts_return, ManoeuvreKind.RETURN, right),
-    ):
-        percepts = RecordedPercepts(is_made=is_made, kind=kind, roles=roles, step=step)
-        recorder.record_percepts(state, context, percepts)
 
 
 def _set_stage(state: State, slots: SlotSelection, stage: F32) -> None:

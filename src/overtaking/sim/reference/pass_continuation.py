@@ -23,6 +23,7 @@ from overtaking.sim.reference.passing import (
     time_to_pass,
 )
 from overtaking.sim.reference.state import (
+    FAR,
     NO_ACCEL_LIMIT,
     RIGHT_FOLLOWER,
     RIGHT_LEADER,
@@ -33,8 +34,6 @@ from overtaking.sim.reference.state import (
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_FAR = np.float32(1e9)  # Time until a driver without an oncoming vehicle meets one [s].
-
 
 @dataclass(slots=True, kw_only=True)
 class PassContinuation:
@@ -43,10 +42,9 @@ class PassContinuation:
     Attributes:
         must_abort: The driver falls back behind its target.
         must_return_urgently: The driver hurries to be back in its lane.
-        accepts_small_gap: The driver returns into a gap that is smaller than it would usually ask
-            for.
-        fits_into_lane: Behind the target there is a gap to it and to the next leader, once the
-            driver has braked to their speed.
+        accepts_small_gap: The driver returns into a smaller gap than usual.
+        fits_into_lane: A driver that falls back will have gaps to its target and to the leader of
+            its lane once it has braked.
     """
 
     must_abort: Mask
@@ -59,7 +57,7 @@ class TargetLead(NamedTuple):
     """How far the target's centre is ahead of the driver's [m]."""
 
     now: F32
-    needed: F32  # At which the driver fits in behind the target.
+    needed: F32  # With the smallest gap that the driver needs behind the target.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +91,7 @@ class ReturnSpace(NamedTuple):
     """Space in the right lane beside a passing driver."""
 
     size: F32  # Gap to the leader plus gap to the follower [m].
-    is_cramped: Mask  # Whether it is smaller than the driver would ask for.
+    is_cramped: Mask  # Whether it is smaller than the driver's usual demand.
 
 
 def decide_pass_continuation(
@@ -125,7 +123,7 @@ def decide_pass_continuation(
     must_abort = is_out & (
         _aborts_early(params, motion, times)
         | (must_return_now & _is_trapped(params, motion, times, space))
-        | (state.overtake.must_abort[slots] > 0)  # Not taken back while the driver is out.
+        | (state.overtake.must_abort[slots] > 0)  # Final while the driver is in the other lane.
     )
     goes_on = (is_out | state.is_in_stage(Stage.RETURN, slots)) & ~must_abort
     has_little_time = times.meet - times.complete < params.constants.urgent_return_margin
@@ -207,7 +205,7 @@ def _time_to_meet(oncoming: OncomingVehicle, slots: SlotSelection) -> F32:
     """Time until the driver meets the oncoming vehicle, as it believes [s]."""
     closing_speed = maximum(oncoming.closing_speed[slots], MIN_CLOSING_SPEED)
     time = oncoming.believed_gap[slots] / closing_speed
-    return np.where(oncoming.is_detected[slots], time, _FAR)
+    return np.where(oncoming.is_detected[slots], time, FAR)
 
 
 def _return_space(
@@ -217,7 +215,7 @@ def _return_space(
     motion: RelativeMotion,
     slots: SlotSelection,
 ) -> ReturnSpace:
-    """The space between the two vehicles beside each driver, and what it would ask for."""
+    """The space between the two vehicles beside each driver, compared with its usual demand."""
     gap = context.neighbours.gap
     size = gap[RIGHT_LEADER, slots] + gap[RIGHT_FOLLOWER, slots]
     # Large vehicles get a longer return gap than cars.
@@ -281,7 +279,7 @@ def _fits_after_braking(
 def _distance_gained_while_braking(
     constants: ModelConstants, closing_speed: F32, decel: F32
 ) -> F32:
-    """Distance that is still gained on a vehicle until braking has taken the closing speed [m]."""
+    """Distance that a braking driver still gains on a vehicle until both are equally fast [m]."""
     closing_speed = maximum(closing_speed, ZERO)
     return closing_speed * (constants.brake_ramp + closing_speed / (TWO * decel))
 
@@ -331,7 +329,7 @@ def overtakes_next_vehicle(
 
 
 def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether drivers who pass on a two-way road are still far enough behind their target."""
+    """Whether passing drivers on a two-way road are still far enough behind their target."""
     lead = _target_lead(state, params, slots)
     return (
         state.is_before_return(slots)
@@ -346,8 +344,8 @@ def accel_limit_while_passing(
     """Largest acceleration of drivers in the opposing lane [m/s^2].
 
     An aborting driver brakes below its target's speed. A driver past its target that lacks the time
-    to pass the next vehicle, too, keeps behind that one, as it has to fit in between: with a share
-    of its time gap, or in the middle of the space if that is nearer.
+    to pass the next vehicle as well must fit in between the two. It follows the next vehicle with a
+    share of its time gap, or in the middle of the space if that is nearer.
 
     Returns:
         Shape (vehicle, simulation).

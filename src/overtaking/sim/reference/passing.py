@@ -11,14 +11,13 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, maximum, minimum
 from overtaking.sim.reference.decision_context import DecisionContext
-from overtaking.sim.reference.state import LEADER, SlotSelection, State, value_at_slot
+from overtaking.sim.reference.state import FAR, LEADER, SlotSelection, State, value_at_slot
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 MIN_CLOSING_SPEED = np.float32(0.5)
 """Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s]."""
 
-_FAR = np.float32(1e9)  # Gap without a vehicle [m].
 _MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 
 
@@ -247,7 +246,7 @@ def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSel
     vehicles, s = params.vehicles, state.motion.s
     centre = value_at_slot(s, slot)
     front = centre + value_at_slot(vehicles.half_length, slot)
-    gap = np.full_like(front, _FAR)
+    gap = np.full_like(front, FAR)
     driver_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
     for candidate in range(len(s)):
         is_same_direction = vehicles.travel_sign[candidate] == vehicles.travel_sign[slots]

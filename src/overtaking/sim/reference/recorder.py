@@ -29,7 +29,18 @@ from overtaking.sim.reference.decision_context import (
     Neighbours,
     OncomingVehicle,
 )
-from overtaking.sim.reference.state import ONCOMING_ROLE, State, is_leader_role, value_at_slot
+from overtaking.sim.reference.gap_acceptance import Intent
+from overtaking.sim.reference.state import (
+    LEADER,
+    LEFT_FOLLOWER,
+    LEFT_LEADER,
+    ONCOMING_ROLE,
+    RIGHT_FOLLOWER,
+    RIGHT_LEADER,
+    State,
+    is_leader_role,
+    value_at_slot,
+)
 from overtaking.world.constants import STEP_MS
 from overtaking.world.step_parameters import StepParameters
 
@@ -250,7 +261,24 @@ class Recorder:
             lights = lights + np.where(is_on, np.int32(light), np.int32(0))
         return lights
 
-    def record_percepts(
+    def record_manoeuvres(
+        self, state: State, context: DecisionContext, intent: Intent, step: int
+    ) -> None:
+        """Record the ego's percepts at each manoeuvre that it starts or cancels."""
+        left = (LEADER, LEFT_LEADER, LEFT_FOLLOWER)
+        right = (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)
+        # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
+        entered = left if context.oncoming is None else (LEADER, ONCOMING_ROLE, LEFT_FOLLOWER)
+        for is_made, kind, roles in (
+            (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, entered),
+            (intent.cancels_pull_out, ManoeuvreKind.CANCEL, right),
+            (intent.cancels_return, ManoeuvreKind.CANCEL, left),
+            (intent.starts_return, ManoeuvreKind.RETURN, right),
+        ):
+            percepts = RecordedPercepts(is_made=is_made, kind=kind, roles=roles, step=step)
+            self._record_percepts(state, context, percepts)
+
+    def _record_percepts(
         self, state: State, context: DecisionContext, percepts: RecordedPercepts
     ) -> None:
         """Record the ego's beliefs at a manoeuvre, up to `MAX_PERCEPTS` of a simulation."""

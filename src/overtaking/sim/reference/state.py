@@ -33,6 +33,9 @@ NO_SLOT = np.float32(-1.0)
 NO_ACCEL_LIMIT = np.float32(1e9)
 """An acceleration that limits nothing [m/s^2]."""
 
+FAR = np.float32(1e9)
+"""A distance without a vehicle [m], or the time until a driver meets none [s]."""
+
 SlotSelection = int | slice
 """Slots of drivers. An int gives arrays of shape (simulation,), a slice (vehicle, simulation)."""
 
