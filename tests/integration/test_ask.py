@@ -175,7 +175,7 @@ def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
         ("&diff{a-b} <= 3", "a theory atom"),
         ("simulation(S", "at its end"),
         ("simulation(S), )", "unexpected ) at column 16"),
-        ("simulations(S)", "or simulation(S) or"),
+        ("simulations(S)", "expected simulation(S) or"),
         ("lane(S,V,F,L)", "lane(S, V, Lane, First, Last), got lane with 4 arguments at column 1"),
         ("event(S,start,F)", "got start"),
         ("vehicle(S,fast,_,_,_)", "V in vehicle(S, V, Kind, Length, Width) to be a number"),
@@ -243,10 +243,11 @@ def test_a_proof_names_article_frames_and_facts(data: Dataset, capsys: pytest.Ca
     assert (proof.first_frame, proof.last_frame) == (first, int(broken["last_frame"]))
 
 
-def test_the_words_are_listed(data: Dataset, capsys: pytest.CaptureFixture[str]):
+def test_the_predicates_are_listed(data: Dataset, capsys: pytest.CaptureFixture[str]):
     assert main(["ask", str(data.path), "--predicates", "--json"]) == 0
-    words = json.loads(capsys.readouterr().out)["predicates"]
-    assert {"overtakes(S, A, B, F)", "illegal(S, Rule)"} <= {one["predicate"] for one in words}
+    entries = json.loads(capsys.readouterr().out)["predicates"]
+    names = {entry["predicate"] for entry in entries}
+    assert {"overtakes(S, A, B, F)", "illegal(S, Rule)"} <= names
     assert main(["ask", str(data.path)]) == 2
     assert "expected a query, --why N or --predicates, got none" in capsys.readouterr().err
 

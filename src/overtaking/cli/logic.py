@@ -51,10 +51,10 @@ def ask(
 
     _check_one(query, why, predicates)
     if predicates:
-        words = list(_words())
-        cells = [(one["predicate"], one["from"], one["about"]) for one in words]
-        header = ("predicate", "from", "says")
-        output.result({"predicates": words}, lambda _: drawn_rows(header, cells))
+        entries = list(_predicates())
+        cells = [(entry["predicate"], entry["from"], entry["meaning"]) for entry in entries]
+        header = ("predicate", "from", "meaning")
+        output.result({"predicates": entries}, lambda _: drawn_rows(header, cells))
     elif why is not None:
         proofs = logic.prove(data, why)
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
@@ -122,7 +122,7 @@ def _cell(value: Any, kind: str | None, interval_ms: int) -> str:
     return str(value)
 
 
-def _words() -> "Iterator[dict[str, Any]]":
+def _predicates() -> "Iterator[dict[str, Any]]":
     """Every predicate with its origin."""
     from overtaking.analysis.logic.fact_files import FACTS
     from overtaking.analysis.logic.programs import LAW_PREDICATES, THEORY_PREDICATES
@@ -133,7 +133,7 @@ def _words() -> "Iterator[dict[str, Any]]":
             yield {
                 "predicate": predicate.signature_text,
                 "from": source,
-                "about": predicate.meaning,
+                "meaning": predicate.meaning,
                 "arguments": [
                     {"name": label, "type": argument_type.name}
                     for label, argument_type in predicate.arguments.items()

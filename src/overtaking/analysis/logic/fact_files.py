@@ -229,13 +229,13 @@ def file_header(title: str, requested: RequestedFacts, language: str) -> str:
         lines.append(f"%     {argument_type.name:<10} {argument_type.meaning}: {values}")
     lines += ["%", f"% No sum or product of a program leaves integers of {INT_BITS} bits.", ""]
     for fact in facts:
-        names = ", ".join(argument_type.name for argument_type in fact.types)
-        lines += [f"% {fact.signature_text}: {fact.meaning}", f"%: {fact.name}({names})"]
-        lines += _declarations(fact, language)
+        arguments = (f"{label}: {of_type.name}" for label, of_type in fact.arguments.items())
+        lines.append(f"%: {fact.name}({', '.join(arguments)})  {fact.meaning}")
+        lines += _directives(fact, language)
     return "\n".join(lines) + "\n\n"
 
 
-def _declarations(predicate: Predicate, language: str) -> list[str]:
+def _directives(predicate: Predicate, language: str) -> list[str]:
     """Directives by which a predicate without facts is empty, not an error."""
     name, arity = predicate.signature
     if language == "asp":

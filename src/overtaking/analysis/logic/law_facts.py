@@ -64,7 +64,7 @@ def _ego_speed(source: FactSource) -> FactColumns:
 
 @fact(
     LAW_FACTS,
-    "reach",
+    "ego_edges",
     "Lateral positions of the right and the left side of the ego's body, rounded outwards.",
     S=SIMULATION,
     F=FRAME,
@@ -84,7 +84,7 @@ def _ego_edges(source: FactSource) -> FactColumns:
     "Gap between the bumpers of ego and neighbour, rounded down; speed at which it closes; gap "
     "that Article 18(1) requires of the rear vehicle, rounded so that it compares as before.",
     S=SIMULATION,
-    Place=ROLE,
+    Role=ROLE,
     F=FRAME,
     Gap=MM,
     Closing=SPEED,
@@ -142,9 +142,9 @@ def _instants_with_vehicle(source: FactSource, role_code: int) -> tuple[IndexArr
     LAW_FACTS,
     "forced_braking",
     "Deceleration that a closing gap forces on the neighbour behind, rounded up; at most 1 km/s2.",
-    unused_constants={"Place": ("leader", "left_leader", "right_leader", "target")},
+    unused_constants={"Role": ("leader", "left_leader", "right_leader", "target")},
     S=SIMULATION,
-    Place=ROLE,
+    Role=ROLE,
     F=FRAME,
     Braking=BRAKING,
 )
@@ -167,9 +167,7 @@ def _forced_braking_of(source: FactSource, role: NeighbourRole) -> FactColumns:
     return source.simulation_ids[simulation], np.full(len(simulation), int(role)), frame, decel
 
 
-@fact(
-    LAW_FACTS, "target_lead", "How far the ego is ahead of its target.", S=SIMULATION, F=FRAME, X=MM
-)
+@fact(LAW_FACTS, "ego_lead", "How far the ego is ahead of its target.", S=SIMULATION, F=FRAME, X=MM)
 def _ego_lead(source: FactSource) -> FactColumns:
     simulation, slot, frame = _target_instants(source)
     s = source.states.s
@@ -193,7 +191,7 @@ def _target_instants(source: FactSource) -> tuple[IndexArray, IndexArray, IndexA
 
 @fact(
     LAW_FACTS,
-    "ego_place",
+    "ego_position",
     "Position of the ego's centre along a road that changes, or has oncoming traffic.",
     S=SIMULATION,
     F=FRAME,
@@ -210,7 +208,7 @@ def _ego_position(source: FactSource) -> FactColumns:
 
 @fact(
     LAW_FACTS,
-    "oncomer",
+    "approaching",
     "A vehicle that approaches the ego: gap between the bumpers, rounded down, and its speed.",
     S=SIMULATION,
     F=FRAME,
@@ -227,7 +225,7 @@ def _approaching_vehicles(source: FactSource) -> FactColumns:
 
 @fact(
     LAW_FACTS,
-    "oncomer_brakes",
+    "approaching_brakes",
     "Deceleration of a vehicle that approaches the ego, if it brakes.",
     S=SIMULATION,
     F=FRAME,
@@ -245,7 +243,7 @@ def _braking_of_approaching_vehicles(source: FactSource) -> FactColumns:
 
 @fact(
     LAW_FACTS,
-    "oncomer_leaves",
+    "approaching_leaves_lane",
     "How far an approaching vehicle reaches over the outer edge of its lane, rounded up.",
     S=SIMULATION,
     F=FRAME,
@@ -265,7 +263,7 @@ def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
 
 @fact(
     LAW_FACTS,
-    "target_reach",
+    "target_left_edge",
     "Lateral position of the target's left side as the attempt begins, rounded up.",
     S=SIMULATION,
     Left=MM,

@@ -231,9 +231,9 @@ def _variable_types(tree: Any) -> dict[str, ArgumentType]:
         for position, (label, argument_type) in enumerate(predicate.arguments.items()):
             argument = function.arguments[position]
             possible = possible_constants().get((*predicate.signature, position), frozenset())
-            place = f"{label} in {predicate.signature_text}"
+            argument_text = f"{label} in {predicate.signature_text}"
             if node_kind(argument) != "Variable":
-                _check_constants(argument, argument_type, possible, place)
+                _check_constants(argument, argument_type, possible, argument_text)
             if node_kind(argument) != "Variable" or argument.name == "_":
                 continue
             name = argument.name
@@ -309,15 +309,15 @@ def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _check_constants(
-    term: Any, argument_type: ArgumentType, possible: frozenset[str], place: str
+    term: Any, argument_type: ArgumentType, possible: frozenset[str], argument_text: str
 ) -> None:
     """Call `_check_constant` for each alternative of a pool, or for the term itself."""
     for alternative in _alternatives(term):
-        _check_constant(alternative, argument_type, possible, place)
+        _check_constant(alternative, argument_type, possible, argument_text)
 
 
 def _check_constant(
-    term: Any, argument_type: ArgumentType, possible: frozenset[str], place: str
+    term: Any, argument_type: ArgumentType, possible: frozenset[str], argument_text: str
 ) -> None:
     """Refuse a constant that an argument can never have.
 
@@ -325,7 +325,7 @@ def _check_constant(
         term: The argument, or the term with which its variable is compared.
         argument_type: Type of the argument.
         possible: Constants that the argument can have.
-        place: Label of the argument and its atom, for the message.
+        argument_text: Label of the argument and its atom, for the message.
 
     Raises:
         ConfigError: The constant is impossible.
@@ -337,7 +337,7 @@ def _check_constant(
         if str(term) not in possible:
             names = [name for name in argument_type.constants if name in possible]
             ordered = _nearest_first(str(term), names)
-            raise query_error(str(term), f"{place} to be one of {', '.join(ordered)}")
+            raise query_error(str(term), f"{argument_text} to be one of {', '.join(ordered)}")
         return
     if str(term) == "ego":  # The programs define it as 0.
         return
@@ -345,13 +345,11 @@ def _check_constant(
         node_kind(term) == "SymbolicTerm" and term.symbol.type != import_clingo().SymbolType.Number
     )
     if is_symbol or node_kind(term) == "Function":
-        raise query_error(str(term), f"{place} to be a number, {argument_type.meaning}")
+        raise query_error(str(term), f"{argument_text} to be a number, {argument_type.meaning}")
     low, high = term_range(term, {})
     if high < argument_type.low or low > argument_type.high:
-        raise query_error(
-            str(term),
-            f"{place} to be {argument_type.low} to {argument_type.high}, {argument_type.meaning}",
-        )
+        expected_range = f"{argument_type.low} to {argument_type.high}, {argument_type.meaning}"
+        raise query_error(str(term), f"{argument_text} to be {expected_range}")
 
 
 def _nearest_first(unknown_name: str, names: list[str]) -> list[str]:

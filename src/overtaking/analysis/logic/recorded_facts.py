@@ -388,7 +388,12 @@ def _num_lanes(source: FactSource) -> FactColumns:
     return (np.array([source.road.num_lanes]),)
 
 
-@fact(ROAD_FACTS, "oncoming", "The lane beyond the fastest one is for oncoming traffic.", Lane=LANE)
+@fact(
+    ROAD_FACTS,
+    "opposing_lane",
+    "The lane beyond the fastest one is for oncoming traffic.",
+    Lane=LANE,
+)
 def _opposing_lane(source: FactSource) -> FactColumns:
     return (np.full(int(source.road.is_two_way), source.road.num_lanes),)
 
@@ -518,7 +523,7 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
 
 @fact(
     ROAD_FACTS,
-    "place",
+    "zone",
     "A stretch of road with a crest, a bend, a crossing or a sign for the direction of travel.",
     Kind=ZONE_KIND,
     From=MM,
@@ -681,7 +686,7 @@ def _runs_of_frames(values: NDArray[np.integer], valid: Mask) -> tuple[I64, ...]
 
 @fact(
     SIMULATION_FACTS,
-    "present",
+    "recorded",
     "The vehicle was recorded from frame to frame.",
     S=SIMULATION,
     V=VEHICLE,
@@ -739,10 +744,10 @@ def _indicator_spans(source: FactSource) -> FactColumns:
 @fact(
     SIMULATION_FACTS,
     "neighbour",
-    "The nearest vehicle in a place around the ego.",
-    unused_constants={"Place": ("target",)},
+    "The nearest vehicle in a role around the ego.",
+    unused_constants={"Role": ("target",)},
     S=SIMULATION,
-    Place=ROLE,
+    Role=ROLE,
     V=VEHICLE,
     First=FRAME,
     Last=FRAME,
@@ -802,7 +807,7 @@ def _original_lanes(source: FactSource) -> FactColumns:
 
 @fact(
     SIMULATION_FACTS,
-    "against",
+    "drives_against",
     "The vehicle drives in the opposite direction of the road.",
     S=SIMULATION,
     V=VEHICLE,

@@ -93,11 +93,11 @@ BRAKING = ArgumentType("mm_per_s2", "deceleration in millimetres per second squa
 KIND = _enumeration("kind", "class of vehicle", *(kind.code for kind in VehicleKind))
 EVENT = _enumeration("event", "event of an overtake", *EVENT_NAMES)
 ROLE = _enumeration(
-    "place", "place around the ego", *(role.name for role in NeighbourRole), "target"
+    "role", "role of a vehicle beside the ego", *(role.name for role in NeighbourRole), "target"
 )
 SIDE = _enumeration("side", "left is the overtaking side", *SIDES)
 MARK = _enumeration("mark", "line as seen from one side", *(mark.name for mark in RoadMark))
-ZONE_KIND = _enumeration("place_kind", "kind of zone", *(kind.name for kind in ZoneKind))
+ZONE_KIND = _enumeration("zone_kind", "kind of zone", *(kind.name for kind in ZoneKind))
 ROAD = _enumeration("road", "kind of road", "motorway", "other", "town")
 POLICY = _enumeration("policy", "set of rules that count", *(p.name for p in STORED_POLICIES))
 CLASS = _enumeration("class", "class of a simulation", *(c.title for c in OvertakeClass))

@@ -23,7 +23,7 @@ from overtaking.analysis.logic.fact_files import (
     file_header,
     simulation_facts,
 )
-from overtaking.analysis.logic.programs import THEORY_PREDICATES
+from overtaking.analysis.logic.programs import THEORY_PREDICATES, declared_predicates
 from overtaking.analysis.logic.vocabulary import (
     MAX_INT,
     limits_beside,
@@ -122,8 +122,11 @@ def test_every_predicate_is_declared_above_the_facts_and_no_measurement_of_the_l
     for language in ("asp", "prolog"):
         text = file_header("Title", all_facts(with_law=True), language)
         for fact in FACTS.values():
-            assert f"%: {fact.name}({', '.join(kind.name for kind in fact.types)})" in text
             assert f"{fact.name}/{len(fact.arguments)}" in text
+        assert [predicate.name for predicate in declared_predicates(text)] == [*FACTS]
+        for predicate in declared_predicates(text):
+            fact = FACTS[predicate.name]
+            assert (predicate.arguments, predicate.meaning) == (fact.arguments, fact.meaning)
         assert "verdict" not in text
     assert all(kind.high <= MAX_INT for fact in FACTS.values() for kind in fact.types)
 
@@ -156,9 +159,7 @@ def test_prolog_draws_the_same_conclusions(tmp_path):
 def test_an_oncoming_vehicle_is_opposite_to_the_others_and_ahead_of_no_vehicle():
     atoms = solve(facts_text(rural(meeting(60.0)), frame_step=20) + THEORY_TEXT)
     assert atoms["opposite"] == {(0, 0, 2), (0, 2, 0), (0, 1, 2), (0, 2, 1)}
-    # The fact `oncoming` of the road has one argument.
-    pairs = {row[1:3] for row in atoms["oncoming"] if len(row) > 1}
-    assert pairs == {(2, 0), (2, 1)}
+    assert {row[1:3] for row in atoms["oncoming"]} == {(2, 0), (2, 1)}
     assert atoms["ahead"]
     assert not {row for row in atoms["ahead"] if 2 in row[1:3]}
     assert {row[1:3] for row in atoms["overtakes"]} == {(0, 1)}

@@ -133,7 +133,7 @@ def test_the_program_leaves_breaches_of_trucks_open_where_kinds_are_unknown():
     ("law", "code", "old", "new"),
     [
         ("pt", "L1", "L <= K.", "L < K-5."),
-        ("pt", "L2", "D-R > 50, A <= F", "D-R > 90, A <= F"),
+        ("pt", "L2", "ego_edges(S,F,R,_), D-R > 50", "ego_edges(S,F,R,_), D-R > 90"),
         ("pt", "L3", "C <= F, F <= C+N", "C <= F, F <= C"),
         ("pt", "L5", "left_follower,F,G,_,R), G < R.", "left_follower,F,G,_,R), G > R."),
         ("pt", "L8", "follower,F,G,_,R), G < R.", "follower,F,G,_,R), G < -R."),
@@ -142,16 +142,21 @@ def test_the_program_leaves_breaches_of_trucks_open_where_kinds_are_unknown():
         (
             "pt",
             "L12",
-            "lower_limit(P,Q,L), ego_place(S,F,X), P <= X",
-            "lower_limit(P,Q,L), ego_place(S,F,X), P < X+9",
+            "lower_limit(P,Q,L), ego_position(S,F,X), P <= X",
+            "lower_limit(P,Q,L), ego_position(S,F,X), P < X+9",
         ),
         ("pt", "L12", "X < Q, ego_speed", "X < Q-9, ego_speed"),
         ("pt", "L12", "over_lower(S,F), A <= F", "over_lower(S,F), A > F"),
         ("pt", "L13", "36*V < 500000", "36*V < 300000"),
         ("pt", "L16", "W-M < 400", "W-M < 0"),
-        ("pt", "L2", "beside_solid(S,F), reach", "reach"),
+        ("pt", "L2", "beside_solid(S,F), ego_edges", "ego_edges"),
         ("pt", "L17", "2*X+L > 2*P-100000", "2*X+L > 2*P"),
-        ("pt", "L24", "back_frame(S,F), oncomer(S,F,_,_,_)", "back_frame(S,F), oncomer(S,F,0,_,_)"),
+        (
+            "pt",
+            "L24",
+            "back_frame(S,F), approaching(S,F,_,_,_)",
+            "back_frame(S,F), approaching(S,F,0,_,_)",
+        ),
         ("pt", "L25", "G-(Y-X)-U-W < W*T/100", "G-(Y-X)-U-W < 0"),
         ("pt", "L26", "V,B), B > 2000", "V,B), B > 9000"),
         ("pt", "L28", "G < 50000", "G < 30000"),
@@ -209,7 +214,7 @@ def test_both_judge_simulations_alike(law: str, profile: str, num_simulations: i
 def test_the_law_reads_measurements_and_no_label():
     facts = set(program_of_law().requested_facts.patterns)
     assert facts.isdisjoint({"class", "outcome"})
-    assert {"spacing", "reach", "ego_speed", "event", "lane"} <= facts
+    assert {"spacing", "ego_edges", "ego_speed", "event", "lane"} <= facts
 
 
 @pytest.mark.parametrize("law", TEXTS)

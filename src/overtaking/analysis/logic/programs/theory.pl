@@ -29,13 +29,13 @@ apart(S, A, B, F, D, T) :-
 
 % opposite(S,A,B): A and B drive in opposite directions.
 opposite(S, A, B) :-
-    against(S, A), vehicle(S, B, _, _, _), \+ against(S, B).
+    drives_against(S, A), vehicle(S, B, _, _, _), \+ drives_against(S, B).
 opposite(S, A, B) :-
-    against(S, B), vehicle(S, A, _, _, _), \+ against(S, A).
+    drives_against(S, B), vehicle(S, A, _, _, _), \+ drives_against(S, A).
 
 % oncoming(S,A,B,F): A comes towards B, which drives along the road.
 oncoming(S, A, B, F) :-
-    against(S, A), opposite(S, A, B),
+    drives_against(S, A), opposite(S, A, B),
     position(S, A, F, X), position(S, B, F, Y), X > Y.
 
 % ahead(S,A,B,F): A is ahead of B in the same lane and direction.
