@@ -16,6 +16,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.support.forces import SPEED_ERROR, bounds
+from tests.support.transformations import (
+    mirror_lights,
+    mirror_scenario,
+    new_slots,
+    reorder_scenario,
+)
 
 from overtaking.model.batch import concatenate
 from overtaking.model.known_roads import known_road
@@ -115,24 +121,13 @@ def test_joining_batches_changes_nothing(seed: int, index: list[int]):
     np.testing.assert_array_equal(joined.trace_hash, engine.simulate(world).trace_hash)
 
 
-def mirrored(world: Scenario) -> Scenario:
-    """Left and right swapped: the road, the wind and the sun."""
-    weather = world.weather
-    return world.replace(
-        road=world.road.mirror(),
-        weather=weather.replace(
-            wind_direction=-weather.wind_direction, sun_azimuth=-weather.sun_azimuth
-        ),
-    )
-
-
 @pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=15)
 def test_a_mirrored_world_gives_the_mirror_image_bit_for_bit(seed: int, index: list[int]):
     # Left-hand traffic is right-hand traffic in a mirror: not one rounding may differ.
     world = drawn(seed, index)
-    one, other = engine.simulate(world), engine.simulate(mirrored(world))
+    one, other = engine.simulate(world), engine.simulate(mirror_scenario(world))
     for name in ("s", "speed", "accel_lon", "lane", "x"):
         np.testing.assert_array_equal(getattr(one.states, name), getattr(other.states, name), name)
     for name in ("d", "y", "wheel_angle", "accel_lat", "yaw_rate"):
@@ -142,24 +137,11 @@ def test_a_mirrored_world_gives_the_mirror_image_bit_for_bit(seed: int, index: l
     assert (np.abs(one.states.heading[turned]) >= round(math.pi * 1e4)).all()
     np.testing.assert_array_equal(one.stage, other.stage)
     np.testing.assert_array_equal(one.num_frames, other.num_frames)
-    np.testing.assert_array_equal(swapped_indicators(one.states.lights), other.states.lights)
+    np.testing.assert_array_equal(mirror_lights(one.states.lights), other.states.lights)
     for field in dataclasses.fields(one.contacts):
         np.testing.assert_array_equal(
             getattr(one.contacts, field.name), getattr(other.contacts, field.name)
         )
-
-
-def swapped_indicators(lights: np.ndarray) -> np.ndarray:
-    left, right = lights & 1, (lights & 2) >> 1
-    return (lights & ~np.uint8(3)) | (left << 1) | right
-
-
-def without_places(world: Scenario) -> Scenario:
-    """The same without what is fixed to places on the road: puddles."""
-    weather = world.weather
-    return world.replace(
-        weather=weather.replace(puddles=np.minimum(weather.puddles, np.float32(50.0)))
-    )
 
 
 @given(seed=seeds, index=indices, steps=st.integers(1, 400))
@@ -217,13 +199,7 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
     # neighbours do not occur in drawn scenarios.
     world = drawn(seed, index)
     shuffle = np.array([0, *order])
-    other = world.replace(
-        vehicles=permuted(world.vehicles, shuffle),
-        drivers=permuted(world.drivers, shuffle),
-        start_s=world.start_s[:, shuffle],
-        start_lane=world.start_lane[:, shuffle],
-        start_speed=world.start_speed[:, shuffle],
-    )
+    other = reorder_scenario(world, shuffle)
     one, two = (engine.run(each, without_errors(each)) for each in (world, other))
     # Which of two vehicles comes first decides the rounding of the impulse between them, so the
     # equality of bits ends with the first contact in a simulation.
@@ -235,20 +211,10 @@ def test_the_order_of_the_other_vehicles_is_irrelevant(
             recorded[untouched], getattr(two.states, name)[untouched], name
         )
     np.testing.assert_array_equal(one.num_frames, two.num_frames)
-    partners = np.append(np.argsort(shuffle), np.full(256 - len(shuffle), NO_VEHICLE)).astype(
-        np.uint8
-    )
-    renamed = partners[one.contacts.partner[:, shuffle]]
+    renamed = new_slots(shuffle)[one.contacts.partner[:, shuffle]]
     np.testing.assert_array_equal(renamed == NO_VEHICLE, two.contacts.partner == NO_VEHICLE)
     first = two.contacts.time == until[:, None]
     np.testing.assert_array_equal(renamed[first], two.contacts.partner[first])
-
-
-def permuted(batch, order: np.ndarray):
-    changes = {
-        field.name: getattr(batch, field.name)[:, order] for field in dataclasses.fields(batch)
-    }
-    return batch.replace(**changes)
 
 
 def without_errors(world: Scenario):
