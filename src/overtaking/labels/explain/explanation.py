@@ -9,7 +9,6 @@ from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believed_margin
-from overtaking.labels.law.following import L3
 from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.remedies import BreachContext, Remedy
@@ -54,7 +53,6 @@ class Breach:
 _MARGINS: dict[
     tuple[ManoeuvreKind, PerceivedVehicle], tuple[Callable[[Case], Finding], GapMargin]
 ] = {
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): (L3.check, margin_to_leader),
     (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, entry_margin_ahead),
     (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, entry_margin_behind),
     (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_to_leader),

@@ -1,11 +1,11 @@
-"""Remedies of rules about distances along the road: L3, L4, L5, L8, L23, L24."""
+"""Remedies of rules about distances along the road: L4, L5, L8, L23, L24."""
 
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray
 from overtaking.core.float32_math import TWO
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.law.case import is_regaining_gap, opposing_lane_span
+from overtaking.labels.law.case import opposing_lane_span
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, MAX_FORCED_BRAKING
 from overtaking.labels.law.oncoming_traffic import (
     back_frame,
@@ -20,13 +20,13 @@ from overtaking.labels.law.remedies import (
     RemedyQuantity,
     RequiredChange,
     gap_and_closing_speed,
+    margins_to_neighbour,
     max_following_speed,
     min_speed_before_follower,
     more_gap,
     single_change,
 )
 from overtaking.labels.law.safe_distance import (
-    GapMargin,
     decel_for_safe_distance,
     entry_margin_behind,
     margin_to_leader,
@@ -36,16 +36,6 @@ from overtaking.labels.snapshots import other_vehicles_at
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.world.surrogate_safety import drac
-
-
-def safe_distance(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L3: more distance throughout, or so much slower at the same distances."""
-    frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
-    frames = frames[~is_regaining_gap(facts.case)[0, frames]]
-    margins = _margins(facts, NeighbourRole.LEADER, frames, margin_to_leader)
-    worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = more_gap(facts, NeighbourRole.LEADER, frames[worst], margins[worst])
-    return *farther, *facts.remedy_slower_ego(broken, _followable(facts, broken))
 
 
 def room_ahead(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -78,7 +68,7 @@ def safe_return(facts: BreachContext) -> tuple[Remedy, ...]:
         (NeighbourRole.FOLLOWER, entry_margin_behind),
         (NeighbourRole.LEADER, margin_to_leader),
     ):
-        margin_of_finding = float(_margins(facts, neighbour, frame, margin)[0])
+        margin_of_finding = float(margins_to_neighbour(facts, neighbour, frame, margin)[0])
         if (
             facts.case.signals.neighbour_slot[0, neighbour, facts.first_frame] != NO_VEHICLE
             and margin_of_finding < 0
@@ -126,30 +116,6 @@ def to_return(facts: BreachContext) -> tuple[Remedy, ...]:
     """L27: more distance between the two vehicles between which the ego would return."""
     gap = float(return_gap(facts.case)[1][0])
     return single_change(RemedyQuantity.GAP_TO_RETURN, gap, gap - facts.margin, facts.first_frame)
-
-
-def slow_vehicle(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L28: farther behind the vehicle ahead."""
-    frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
-    gap, _ = gap_and_closing_speed(facts, NeighbourRole.LEADER, frames)
-    # The smallest gap may lie in a frame in which the ego is too fast for the rule (above 40 km/h).
-    # The frame that decides is the one whose gap gives the margin of the finding.
-    worst = int(np.abs(gap - constant("law.slow.distance") - facts.margin).argmin())
-    return more_gap(facts, NeighbourRole.LEADER, frames[worst], facts.margin)
-
-
-def _followable(facts: BreachContext, frames: IndexArray) -> F32:
-    """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
-    gap, closing = gap_and_closing_speed(facts, NeighbourRole.LEADER, frames)
-    ahead = facts.case.signals.speed[0, frames] - closing
-    return np.where(gap < 0, NO_SPEED, max_following_speed(gap, ahead, _decel(facts, frames)))
-
-
-def _margins(
-    facts: BreachContext, neighbour: NeighbourRole, frames: IndexArray, margin: GapMargin
-) -> F32:
-    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
-    return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
 
 
 def _decel(facts: BreachContext, frames: IndexArray) -> F32:

@@ -12,17 +12,6 @@ from overtaking.labels.explain.remedies import (
     elsewhere,
     see_oncoming_traffic,
 )
-from overtaking.labels.law.case import is_regaining_gap
-from overtaking.labels.law.germany.distances import (
-    A1,
-    A2,
-    A3,
-    A4,
-    courts_distance,
-    fined_distance,
-    room_for_another,
-    truck_distance,
-)
 from overtaking.labels.law.germany.driving import V2, V3, limits
 from overtaking.labels.law.germany.opposite import O9, O16, O17
 from overtaking.labels.law.germany.overtaking import (
@@ -37,24 +26,9 @@ from overtaking.model.neighbours import NeighbourRole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.core.arrays import F32
     from overtaking.labels.explain.remedies import Find
     from overtaking.labels.law.remedies import BreachContext, Remedy
     from overtaking.model.verdicts import Case, Finding
-
-
-def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:
-    """A1, A3 and A4: more distance to the leader, in the frame with the smallest margin."""
-
-    def find(facts: BreachContext) -> tuple[Remedy, ...]:
-        frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
-        frames = frames[~is_regaining_gap(facts.case)[0, frames]]
-        signals = facts.case.signals
-        margins = signals.gap[0, NeighbourRole.LEADER, frames] - required(signals.speed[0, frames])
-        worst = frames[int(np.abs(margins - facts.margin).argmin())]
-        return more_gap(facts, NeighbourRole.LEADER, worst, facts.margin)
-
-    return find
 
 
 def _at_limit(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -82,22 +56,6 @@ def _more_optical_range(facts: BreachContext) -> tuple[Remedy, ...]:
     )
 
 
-def _fined_gap(facts: BreachContext) -> tuple[Remedy, ...]:
-    """A2: a gap that is not fined, in the frame in which most of it is missing.
-
-    The margin of the rule is a time, so the missing distance is computed here.
-    """
-    frames = facts.frames_with_neighbour(NeighbourRole.LEADER)
-    signals = facts.case.signals
-    # Between two parts of a breach there may be frames that the rule exempts.
-    is_fast = signals.speed[0, frames] > constant("law_de.distance.fined_above")
-    frames = frames[is_fast & ~is_regaining_gap(facts.case)[0, frames]]
-    gaps_ahead, speed = signals.gap[0, NeighbourRole.LEADER, frames], signals.speed[0, frames]
-    lacking = fined_distance(speed) - gaps_ahead
-    worst = int(lacking.argmax())
-    return more_gap(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
-
-
 def _behind(neighbour: NeighbourRole) -> Callable[[BreachContext], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the vehicle behind."""
     return lambda facts: more_gap(facts, neighbour, facts.first_frame, facts.margin)
@@ -106,10 +64,6 @@ def _behind(neighbour: NeighbourRole) -> Callable[[BreachContext], tuple[Remedy,
 GERMAN: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
-        (A1, _more_distance_ahead(courts_distance)),
-        (A2, _fined_gap),
-        (A3, _more_distance_ahead(truck_distance)),
-        (A4, _more_distance_ahead(room_for_another)),
         (O2, _faster),
         (O5, _more_optical_range),
         (O6, _behind(NeighbourRole.LEFT_FOLLOWER)),

@@ -2,29 +2,20 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from overtaking.core.arrays import F32, F64
+from overtaking.core.arrays import F64
 from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.labels.law.case import (
-    is_regaining_gap,
     judged_span,
-    span_after_gap_recovery,
 )
-from overtaking.labels.law.following import L3
-from overtaking.labels.law.germany import distances, driving
+from overtaking.labels.law.germany import driving
 from overtaking.labels.law.margins import margins_within_span
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack, Rule
 from overtaking.labels.law.safe_distance import (
-    decel_for_safe_distance,
-    margin_to_leader,
     stopping_distance_for_sight,
 )
 from overtaking.labels.law.sight import L14, L14s
 from overtaking.labels.law.speed import L12, Limits, speed_limits, to_recorded_resolution
-from overtaking.model.neighbours import NeighbourRole
-from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case, Finding, Verdict
 
 
@@ -58,32 +49,6 @@ def _margins_by_frame(rule: Rule, case: Case) -> F64 | None:
     return _MARGINS[rule.check](case) if rule.check in _MARGINS else None
 
 
-def _safe_distance(case: Case) -> F64:
-    signals, neighbour = case.signals, NeighbourRole.LEADER
-    gap, closing = signals.gap[:, neighbour], signals.closing_speed[:, neighbour]
-    margin = margin_to_leader(
-        gap, signals.speed, closing, decel_for_safe_distance(signals.friction)
-    )
-    return _behind_leader(case, margin)
-
-
-def _leader_distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
-    """Margins of a rule that requires a gap to the leader [m] as a function of speed [m/s]."""
-
-    def margins_of(case: Case) -> F64:
-        signals = case.signals
-        return _behind_leader(case, signals.gap[:, NeighbourRole.LEADER] - required(signals.speed))
-
-    return margins_of
-
-
-def _behind_leader(case: Case, margin: F32) -> F64:
-    """Keep margins [m] in frames with a leader, except shortly after it cut in."""
-    has_leader = case.signals.neighbour_slot[0, NeighbourRole.LEADER] != NO_VEHICLE
-    is_judged = has_leader & ~is_regaining_gap(case)[0]
-    return np.where(is_judged, margins_within_span(span_after_gap_recovery(case), margin), np.nan)
-
-
 def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
     """Margins of a law's speed limits [m/s]."""
     return lambda case: margins_within_span(
@@ -103,11 +68,9 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
 
 
 _MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
-    L3.check: _safe_distance,
     L12.check: _speed_limit(speed_limits),
     L14.check: _stop_within("sight_lit"),
     L14s.check: _stop_within("sight_unlit"),
-    distances.A1.check: _leader_distance(distances.courts_distance),
     driving.V2.check: _speed_limit(driving.limits),
 }
 """Margins by the check of a rule; both read the same numbers of the law."""

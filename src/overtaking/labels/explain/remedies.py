@@ -9,7 +9,6 @@ from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
 from overtaking.labels.law.case import signed_lane
-from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
 from overtaking.labels.law.margins import SAME_MARGIN_M
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, LINE_TOLERANCE, STOPPING_REACTION_TIME
@@ -174,7 +173,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
         (L2, off_the_line),
-        (L3, gaps.safe_distance),
         (L4, gaps.room_ahead),
         (L5, gaps.room_behind),
         (L6, let_them_pass),
@@ -196,7 +194,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L25, gaps.time_to_pass),
         (L26, oncoming_drives_on),
         (L27, gaps.to_return),
-        (L28, gaps.slow_vehicle),
         (L29, elsewhere),
     )
 }

@@ -119,8 +119,8 @@ def amount(path: str, *, unit: str = "", times: float = 1.0) -> str:
     Sentences about a rule print the number that its check reads, so that the two cannot differ.
 
     Args:
-        path: File without suffix and dotted name of the entry: `law.slow.distance` is
-            `slow.distance` in `law.toml`.
+        path: File without suffix and dotted name of the entry: `law.width.border` is
+            `width.border` in `law.toml`.
         unit: Unit to print; the unit of the file if left out.
         times: Factor on the number.
     """
@@ -136,7 +136,7 @@ def bare(path: str, *, unit: str = "", times: float = 1.0) -> str:
 
 
 def fill_placeholders(text: str) -> str:
-    """Replace each placeholder such as `{law.slow.distance}` by its `amount`."""
+    """Replace each placeholder such as `{law.width.border}` by its `amount`."""
     return _PLACEHOLDER.sub(lambda match: amount(match[1]), text)
 
 

@@ -6,8 +6,8 @@ from overtaking.labels.law.criteria.alongside import (
     PassingSide,
     TargetSpeed,
 )
+from overtaking.labels.law.criteria.following import SafeDistance, SlowVehicleDistance
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
-from overtaking.labels.law.following import L3, L28
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
@@ -41,6 +41,22 @@ L1 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="36(1) quoted by dinheirovivo.pt (2021); 38(3) and 42 read in the decree "
     "(pages 69, 70); 37 not found",
+)
+
+L3 = Rule(
+    id="pt.ce.18-1@2013",
+    code="L3",
+    article="Article 18(1)",
+    title="Safe distance",
+    gloss="Keep a distance to the vehicle ahead that avoids a collision if it stops or slows "
+    "suddenly.",
+    criterion=SafeDistance(),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the lawful gap to the vehicle ahead",
+    text_source=TextSource.SECONDARY,
+    consulted_source="18(1) quoted by pplware.sapo.pt and circulaseguro.pt; the same words in the "
+    "bill (Diário, II-A 92, 2 March 2013, page 30)",
 )
 
 L10 = Rule(
@@ -138,6 +154,33 @@ L22 = Rule(
     limit_phrase="the speed it had",
     text_source=TextSource.READ,
     consulted_source="39 in the decree (page 69)",
+)
+
+_SLOW_VEHICLE_GAP = quantity(50.0, "m", "pt-highway-code-2013")
+
+L28 = Rule(
+    id="pt.ce.40@2013",
+    code="L28",
+    article="Article 40",
+    title="Slow vehicles leave room",
+    gloss="Outside localities, on roads with one lane in each direction, heavy and other vehicles "
+    f"that drive slowly keep at least {_SLOW_VEHICLE_GAP} to the vehicle ahead, so that they can "
+    "be overtaken; not who is about to overtake.",
+    criterion=SlowVehicleDistance(
+        max_speed=quantity(
+            40.0,
+            "km/h",
+            why="The Code says 'slowly'; a vehicle that cannot go faster than this must show a "
+            "lamp for it",
+        ),
+        min_gap=_SLOW_VEHICLE_GAP,
+    ),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase=f"the {_SLOW_VEHICLE_GAP} to the vehicle ahead",
+    text_source=TextSource.RECALLED,
+    consulted_source="the beginning of 40(1) read in the decree (page 69); the distance and "
+    "paragraph 2 not found",
 )
 
 # fmt: off

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F32, IndexArray
 from overtaking.core.float32_math import TWO, as_f32
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, REACTION_TIME
+from overtaking.labels.law.safe_distance import GapMargin, decel_for_safe_distance
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case
@@ -203,6 +204,15 @@ def gap_and_closing_speed(
     """Gap to a neighbour [m] and closing speed [m/s], each of shape (frame,)."""
     signals = breach.case.signals
     return signals.gap[0, neighbour, frames], signals.closing_speed[0, neighbour, frames]
+
+
+def margins_to_neighbour(
+    breach: BreachContext, neighbour: NeighbourRole, frames: IndexArray, margin: GapMargin
+) -> F32:
+    """Margins of the gap to a neighbour, shape (frame,) [m]."""
+    gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
+    decel = decel_for_safe_distance(breach.case.signals.friction[0, frames])
+    return margin(gap, breach.case.signals.speed[0, frames], closing_speed, decel)
 
 
 def max_following_speed(gap: F32, leader_speed: F32, decel: F32) -> F32:

@@ -17,7 +17,7 @@ class Words:
     Attributes:
         text: How its wording is known.
         where: Where it was read.
-        border: As in `Rule`, with placeholders such as `{law.others.arrival}` for numbers.
+        border: As in `Rule`, with placeholders such as `{law.width.border}` for numbers.
         policies: Names of the policies that require it, separated by blanks.
     """
 

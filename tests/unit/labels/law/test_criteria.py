@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.support.cases import ramp
+from tests.support.cases import Track, case, ramp, two_way_road
 from tests.support.overtakes import BESIDE, overtake, passing
 
 from overtaking.core.errors import KnowledgeError
@@ -22,6 +22,7 @@ from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from overtaking.labels.law.rule import Criterion
+    from overtaking.model.verdicts import Case
 
 CRITERIA = {
     rule.code: rule.criterion
@@ -40,10 +41,30 @@ NUMBERS = [
     and (type(criterion), field.name) not in CAPS
 ]
 
+
+def behind(*, kind: str = "M", speed: float = 30.0, **given: Any) -> Case:
+    """The ego 60 m behind a leader of the same speed, without an attempt."""
+    return case(Track(kind=kind, speed=speed), Track(s=60.0, speed=speed), events={}, **given)
+
+
 SP, SV = 0.1, 0.2
 ERRORS = MeasurementErrors(position_std=SP, speed_std=SV)
+DECEL = 0.9 * 0.7775 * 9.81  # Friction of the dry motorway is 0.7775 at 30 m/s.
 FASTER = ramp((3, 29.0), (4, 30.0), frames=200)
 BY_HAND = [
+    (
+        "L3",
+        lambda: behind(),
+        math.hypot(math.sqrt(2.0) * SP, SV * math.hypot(1.0 + 30.0 / DECEL, 30.0 / DECEL)),
+    ),
+    ("A1", lambda: behind(), math.hypot(math.sqrt(2.0) * SP, 1.5 * SV)),
+    ("A3", lambda: behind(kind="T"), math.sqrt(2.0) * SP),
+    (
+        "A4",
+        lambda: behind(kind="T", road=two_way_road()),
+        math.hypot(math.sqrt(2.0) * SP, 3.0 * SV),
+    ),
+    ("L28", lambda: behind(kind="T", speed=10.0, road=two_way_road()), math.sqrt(2.0) * SP),
     # Lanes are 3.75 m wide. The ego is a fifth of a lane left of the middle of its lane.
     ("L1", lambda: passing(1.2), 0.5 * SP / (1.875 - 0.2 * 3.75)),
     ("L10", overtake, math.sqrt(2.0) * SP),

@@ -146,7 +146,6 @@ def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
 @pytest.mark.parametrize(
     ("code", "numbers"),
     [
-        ("L28", ["law.slow.speed", "law.slow.distance"]),
         ("V3", ["law_de.fog.sight", "law_de.fog.speed"]),
         ("O17", ["law.places.before", "law_de.pass.level_crossing"]),
     ],
@@ -167,4 +166,4 @@ def test_borders_contain_numbers_only_as_placeholders(law):
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
     assert amount("law.width.border", times=2.0) == "0.4 m"
     assert bare("law.trucks.lanes") == "2"
-    assert fill_placeholders("the {law.slow.distance} to {nobody}") == "the 50 m to {nobody}"
+    assert fill_placeholders("the {law.width.border} to {nobody}") == "the 0.2 m to {nobody}"

@@ -5,5 +5,6 @@ shared functions and numbers are in `law.case`, `law.margins`, `law.measurement_
 `law.remedies` and `law.numbers`.
 
 - `alongside`: ego and target side by side (passing side, lateral distance, speed of the target);
+- `following`: distance to the vehicle ahead;
 - `lamps_and_indicators`: use of indicators, beam and fog lamps.
 """

@@ -5,8 +5,13 @@ light. A rule whose text was not read is undecidable.
 """
 
 from overtaking.labels.law.criteria.alongside import LateralDistance, PassingSide, TargetSpeed
+from overtaking.labels.law.criteria.following import (
+    FinedTimeDistance,
+    FixedDistance,
+    GapForAnotherVehicle,
+    TimeDistance,
+)
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
-from overtaking.labels.law.germany.distances import A1, A2, A3, A4
 from overtaking.labels.law.germany.driving import F1, F2, G1, S1, V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
 from overtaking.labels.law.germany.overtaking import (
@@ -29,6 +34,108 @@ from overtaking.labels.law.rule import (
     TextSource,
 )
 from overtaking.labels.law.texts import edition, with_texts
+
+_COURTS_TIME = quantity(
+    1.5,
+    "s",
+    "de-courts-distance",
+    why="The way of so long is the least that courts ask for; advice is half the speedometer in "
+    "metres, 1.8 s",
+)
+
+A1 = Rule(
+    id="de.stvo.4-1@2013",
+    code="A1",
+    article="§ 4(1) StVO",
+    title="Distance",
+    gloss="Keep, as a rule, a distance behind which one can stop even if the vehicle ahead brakes "
+    "suddenly.",
+    criterion=TimeDistance(min_time=_COURTS_TIME),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY - {"enforced"},
+    source="de-stvo-2013",
+    limit_phrase=f"the way of {_COURTS_TIME} to the vehicle ahead",
+    text_source=TextSource.READ,
+    consulted_source="4(1) at ra.de and aok.de",
+)
+
+A2 = Rule(
+    id="de.stvo.4-1.fined@2013",
+    code="A2",
+    article="§ 4(1) StVO; BKatV, annex, numbers 12.5 to 12.7",
+    title="Distance, as it is fined",
+    gloss=A1.gloss,
+    criterion=FinedTimeDistance(
+        min_time=quantity(
+            0.9,
+            "s",
+            "de-bkatv",
+            why="Five tenths of half the speedometer in metres: v / 4 with v in km/h",
+        ),
+        min_speed=quantity(80.0, "km/h", "de-bkatv"),
+        max_duration=quantity(3.0, "s", "olg-hamm-2013", why="Shorter is transient"),
+        max_distance=quantity(
+            140.0,
+            "m",
+            "olg-hamm-2013",
+            why="Over so long a way it is not transient either; it matters above 168 km/h",
+        ),
+        distance_rule="A1",
+    ),
+    grade=Grade.SERIOUS,
+    required_by=frozenset(["enforced"]),
+    source="de-stvo-2013",
+    limit_phrase="the time for which a gap may be under half of half the speedometer",
+    text_source=TextSource.READ,
+    consulted_source="4(1) at ra.de; the numbers of the catalogue as told by "
+    "anwaltspraxis-magazin.de",
+    fine="by the tenths of half the speedometer (BKatV, numbers 12.5 to 12.7)",
+)
+
+_TRUCK_GAP = quantity(50.0, "m", "de-stvo-2013", why="§ 4(3)")
+_TRUCK_SPEED = quantity(50.0, "km/h", "de-stvo-2013", why="§ 4(3)")
+
+A3 = Rule(
+    id="de.stvo.4-3@2013",
+    code="A3",
+    article="§ 4(3) StVO",
+    title="Distance of trucks",
+    gloss=f"On motorways drivers of trucks above 3.5 t keep at least {_TRUCK_GAP} to the vehicle "
+    f"ahead when faster than {_TRUCK_SPEED}.",
+    criterion=FixedDistance(min_gap=_TRUCK_GAP, min_speed=_TRUCK_SPEED, distance_rule="A1"),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_TRUCK_GAP} to the vehicle ahead",
+    text_source=TextSource.READ,
+    consulted_source="4(3) at ra.de and aok.de",
+)
+
+A4 = Rule(
+    id="de.stvo.4-2@2013",
+    code="A4",
+    article="§ 4(2) StVO",
+    title="Trucks leave room",
+    gloss="Outside built-up areas vehicles with a speed limit of their own keep so large a "
+    "distance to the vehicle ahead that one that overtakes can move in. This does not hold for who "
+    "moves out to overtake, on several lanes in one direction, and where overtaking is forbidden.",
+    criterion=GapForAnotherVehicle(
+        vehicle_length=quantity(
+            4.5,
+            "m",
+            why="§ 4(2): 'can move in' takes a car with the distance of § 4(1) behind and ahead of "
+            "it",
+        ),
+        min_time=_COURTS_TIME,
+        distance_rule="A1",
+    ),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the gap into which another can move",
+    text_source=TextSource.READ,
+    consulted_source="4(2) at aok.de and dein-gesetz.de",
+)
 
 O1 = Rule(
     id="de.stvo.5-1@2013",

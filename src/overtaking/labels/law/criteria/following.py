@@ -1,0 +1,530 @@
+"""Criteria about the distance to the vehicle ahead."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.arrays import F32, F64, I32, IndexArray, Mask
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.beliefs import belief_at, pull_out_percept
+from overtaking.labels.law.case import (
+    distance_to_intervals,
+    ego_may_be,
+    is_regaining_gap,
+    judged_span,
+    last_driven_frame,
+    neighbour_at,
+    scans,
+    span_after_gap_recovery,
+    zone_intervals,
+)
+from overtaking.labels.law.margins import (
+    MIN_RATE_OF_CHANGE,
+    UNCONSTRAINED,
+    finding_at_instants,
+    finding_from_margins,
+    finding_not_applicable,
+    finding_of_minimum,
+    finding_over_span,
+    margins_within_span,
+    minimum_over,
+)
+from overtaking.labels.law.measurement_errors import (
+    GAP_ERROR_FORMULA,
+    MeasurementErrors,
+    deciding_frame,
+    gap_error,
+)
+from overtaking.labels.law.numbers import GAP_REGAIN_TIME
+from overtaking.labels.law.remedies import (
+    NO_SPEED,
+    BreachContext,
+    Remedy,
+    gap_and_closing_speed,
+    margins_to_neighbour,
+    max_following_speed,
+    more_gap,
+)
+from overtaking.labels.law.rule import Criterion
+from overtaking.labels.law.safe_distance import (
+    REACTION_AND_DECEL,
+    GapMargin,
+    decel_for_safe_distance,
+    margin_to_leader,
+)
+from overtaking.labels.signals import encounters_at
+from overtaking.labels.snapshots import FrameSpan, at_frame
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
+from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import Case, Finding
+
+_LEADER = NeighbourRole.LEADER
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeDistance(Criterion):
+    """The gap to the leader avoids a collision if the leader brakes hard."""
+
+    unit: str = "m"
+    applies_without_attempt: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The weather, on which the deceleration depends."""
+        return frozenset(["weather"])
+
+    @property
+    def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
+        """The margin to the leader at the decision to pull out."""
+        return MappingProxyType(
+            {(ManoeuvreKind.PULL_OUT, PerceivedVehicle.LEADER): margin_to_leader}
+        )
+
+    def predicate(self) -> str:
+        """The formula, its numbers, and the exceptions."""
+        return (
+            "At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - v_lead^2 / "
+            f"(2 b), {REACTION_AND_DECEL}; not in the {GAP_REGAIN_TIME} after the leader cut in or "
+            "the recording began."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest margin over all judged frames decides."""
+        conditions = {PerceivedVehicle.LEADER: margin_to_leader}
+        return finding_of_minimum(
+            scans(case).following,
+            span_after_gap_recovery(case),
+            belief=belief_at(case, pull_out_percept(case), conditions),
+        )
+
+    ERROR_FORMULA: ClassVar[str] = (
+        f"{GAP_ERROR_FORMULA}, in the frame of the smallest margin; where that is the last one in "
+        "the lane, the square of sp (v - u) / (speed across the road) is added to the variance"
+    )
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap in the frame with the smallest margin [m]."""
+
+        def margin(simulation: IndexArray, frame: IndexArray) -> F32:
+            leader = encounters_at(case, _LEADER, simulation, frame)
+            decel = decel_for_safe_distance(case.signals.friction[simulation, frame])
+            speed = case.signals.speed[simulation, frame]
+            margin = margin_to_leader(leader.gap, speed, leader.closing_speed, decel)
+            return np.where(leader.valid, margin, UNCONSTRAINED)
+
+        frame = deciding_frame(span_after_gap_recovery(case), margin, finding)
+        error = gap_error(case, _LEADER, frame, margin_to_leader, errors)
+        leaving_error = _lane_leaving_error(case, frame, errors)
+        return np.sqrt(error * error + leaving_error * leaving_error)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap in the worst frame, or a lower speed at the same gaps."""
+        frames = _judged_frames(breach)
+        margins = margins_to_neighbour(breach, _LEADER, frames, margin_to_leader)
+        worst, broken = int(margins.argmin()), frames[margins < 0]
+        larger_gap = more_gap(breach, _LEADER, frames[worst], margins[worst])
+        gap, closing_speed = gap_and_closing_speed(breach, _LEADER, broken)
+        leader_speed = breach.case.signals.speed[0, broken] - closing_speed
+        decel = decel_for_safe_distance(breach.case.signals.friction[0, broken])
+        allowed = np.where(gap < 0, NO_SPEED, max_following_speed(gap, leader_speed, decel))
+        return *larger_gap, *breach.remedy_slower_ego(broken, allowed)
+
+    def margins_by_frame(self, case: Case) -> F64:
+        """Margins of the frames with a leader that has not just cut in."""
+        signals = case.signals
+        return _margins_behind_leader(
+            case,
+            margin_to_leader(
+                signals.gap[:, _LEADER],
+                signals.speed,
+                signals.closing_speed[:, _LEADER],
+                decel_for_safe_distance(signals.friction),
+            ),
+        )
+
+
+def _lane_leaving_error(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
+    """Error of a gap because the ego may have left the lane sooner or later, (simulation,) [m].
+
+    A gap that closes until the ego has left the lane is smallest in the last frame in the lane. An
+    error of the lateral position shifts that frame.
+    """
+    signals, next_frame = case.signals, np.minimum(frame + 1, case.events.last)
+    leaves = at_frame(signals.lane, next_frame) != at_frame(signals.lane, frame)
+    closing_speed = neighbour_at(case, _LEADER, frame).closing_speed
+    lateral_speed = np.maximum(np.abs(at_frame(signals.lateral_speed, frame)), MIN_RATE_OF_CHANGE)
+    error = closing_speed * np.float32(errors.position_std) / lateral_speed
+    return np.where(leaves, error, np.float32(0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeDistance(Criterion):
+    """The gap to the leader is at least the distance that the ego drives in some time.
+
+    Attributes:
+        min_time: That time, a multiple of 0.1 s.
+    """
+
+    min_time: Quantity
+    unit: str = "m"
+    applies_without_attempt: bool = True
+
+    def predicate(self) -> str:
+        """The time, where it comes from, and the exceptions."""
+        return (
+            f"At every frame: gap to the leader in the ego's lane >= {self.min_time} v, which is "
+            f"what courts ask for; not in the {GAP_REGAIN_TIME} after the leader cut in or the "
+            "recording began."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest margin over all judged frames decides."""
+        is_judged = _has_settled_leader(case)
+        return _finding_of_gap(case, self._min_gap(case.signals.speed), is_judged)
+
+    ERROR_FORMULA: ClassVar[str] = "sqrt(2 sp^2 + min_time^2 sv^2)"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap less the distance driven in `min_time` [m]."""
+        del case
+        return _gap_and_time_error(finding, float(self.min_time.f32), errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap in the frame with the smallest margin."""
+        frames = _judged_frames(breach)
+        return _larger_gap(breach, frames, self._min_gap(breach.case.signals.speed[0, frames]))
+
+    def margins_by_frame(self, case: Case) -> F64:
+        """Margins of the frames with a leader that has not just cut in."""
+        signals = case.signals
+        return _margins_behind_leader(case, signals.gap[:, _LEADER] - self._min_gap(signals.speed))
+
+    def _min_gap(self, speed: F32) -> F32:
+        """Smallest lawful gap at each speed [m]."""
+        return _distance_in_whole_mm(speed, self.min_time)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinedTimeDistance(Criterion):
+    """Above a speed, the gap to the leader is too small for a short time at most.
+
+    The margin is the time that was left: the shorter of `max_duration` and the time for
+    `max_distance`, less the time for which the gap has been too small.
+
+    Attributes:
+        min_time: The gap is too small below the distance driven in this time, a multiple of 0.1 s.
+        min_speed: Speed above which the duty holds.
+        max_duration: Longest lawful time with a gap that is too small.
+        max_distance: Longest lawful distance driven with such a gap.
+        distance_rule: Code of the rule of the same law that states the exceptions.
+    """
+
+    min_time: Quantity
+    min_speed: Quantity
+    max_duration: Quantity
+    max_distance: Quantity
+    distance_rule: str
+    unit: str = "s"
+    applies_without_attempt: bool = True
+
+    def predicate(self) -> str:
+        """The gap, the time and distance that are tolerated, and the margin."""
+        return (
+            f"At every frame above {self.min_speed}: the gap has not been under five tenths of "
+            f"half the speedometer, {self.min_time} v, for more than {self.max_duration} on end, "
+            f"or than {self.max_distance} / v if that is less. Exceptions as {self.distance_rule}. "
+            "The margin is the time that was left."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest time that was left decides."""
+        speed, span = case.signals.speed, span_after_gap_recovery(case)
+        is_judged = _has_settled_leader(case) & (speed > self.min_speed.f32)
+        is_judged &= span.mask(np.arange(len(speed)), speed.shape[1])
+        is_too_near = is_judged & (case.signals.gap[:, _LEADER] < self._min_gap(speed))
+        frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
+        duration = _run_lengths(is_too_near).astype(np.float32) * frame_duration
+        # The bound keeps the time finite; it does not matter above `min_speed`.
+        time_for_distance = self.max_distance.f32 / np.maximum(speed, np.float32(1.0))
+        margin = np.minimum(self.max_duration.f32, time_for_distance) - duration
+        minimum = minimum_over(np.where(is_judged, margin, UNCONSTRAINED), span)
+        return finding_from_margins(
+            span.is_nonempty & is_judged.any(axis=1),
+            minimum.min_margin,
+            minimum.first_frame,
+            minimum.last_frame,
+            longest=minimum.longest_run,
+        )
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A gap that is large enough, in the frame in which most of it is missing."""
+        frames, signals = _judged_frames(breach), breach.case.signals
+        # Between two parts of a breach the ego may be too slow for the duty.
+        frames = frames[signals.speed[0, frames] > self.min_speed.f32]
+        gap, speed = signals.gap[0, _LEADER, frames], signals.speed[0, frames]
+        missing_gap = self._min_gap(speed) - gap
+        worst = int(missing_gap.argmax())
+        return more_gap(breach, _LEADER, frames[worst], -missing_gap[worst])
+
+    def _min_gap(self, speed: F32) -> F32:
+        """Gap at each speed below which the driver is fined [m]."""
+        return _distance_in_whole_mm(speed, self.min_time)
+
+
+def _run_lengths(mask: Mask) -> NDArray[np.int64]:
+    """Number of frames for which a mask has held so far, shape (simulation, time)."""
+    frame = np.arange(1, mask.shape[1] + 1)
+    last_off = np.maximum.accumulate(np.where(mask, 0, frame), axis=1)
+    return np.where(mask, frame - last_off, 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedDistance(Criterion):
+    """On motorways, above a speed, a truck keeps a fixed gap to its leader.
+
+    Attributes:
+        min_gap: Smallest lawful gap.
+        min_speed: Speed above which the duty holds.
+        distance_rule: Code of the rule of the same law that states the exceptions.
+    """
+
+    min_gap: Quantity
+    min_speed: Quantity
+    distance_rule: str
+    unit: str = "m"
+    applies_without_attempt: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kinds of the ego and of the road."""
+        return frozenset(["kinds", "road_kind"])
+
+    def predicate(self) -> str:
+        """The gap, the speed, and the exceptions."""
+        return (
+            f"At every frame on a motorway, the ego being a truck above {self.min_speed}: gap to "
+            f"the leader >= {self.min_gap}. Exceptions as {self.distance_rule}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest gap over all judged frames decides."""
+        is_truck, road = ego_may_be(case, VehicleKind.TRUCK), case.trajectories.road
+        is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
+        if not (is_motorway and is_truck.any()):
+            return finding_not_applicable(case.signals.num_simulations)
+        is_judged = _has_settled_leader(case) & (case.signals.speed > self.min_speed.f32)
+        return _finding_of_gap(case, self.min_gap.f32, is_judged & is_truck[:, None])
+
+    ERROR_FORMULA: ClassVar[str] = "sqrt(2) sp"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a gap [m]."""
+        del case
+        return _gap_and_time_error(finding, 0.0, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap in the frame with the smallest margin."""
+        return _larger_gap(breach, _judged_frames(breach), self.min_gap.f32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapForAnotherVehicle(Criterion):
+    """A truck that does not overtake leaves a gap into which an overtaking vehicle can move.
+
+    Attributes:
+        vehicle_length: Length of the vehicle that moves in.
+        min_time: Time, a multiple of 0.1 s; the gap holds the distance driven in it ahead of and
+            behind the vehicle that moves in.
+        distance_rule: Code of the rule of the same law that asks for this distance and states the
+            exceptions.
+    """
+
+    vehicle_length: Quantity
+    min_time: Quantity
+    distance_rule: str
+    unit: str = "m"
+    applies_without_attempt: bool = True
+    only_two_way_roads: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kinds of the ego and of the road."""
+        return frozenset(["kinds", "road_kind"])
+
+    def predicate(self) -> str:
+        """The roads, the gap, and the exceptions."""
+        return (
+            "At every frame on a two-way road with one lane each way outside built-up areas, the "
+            "ego being a truck that does not begin to overtake, not in a stretch of sign 276: gap "
+            f"to the leader >= {self.vehicle_length} + 2 x {self.min_time} v, a car with the "
+            f"distances of {self.distance_rule}. Exceptions as {self.distance_rule}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest margin over all judged frames decides."""
+        if not _is_narrow_road_outside_towns(case):
+            return finding_not_applicable(case.signals.num_simulations)
+        # A driver who is about to overtake may close up.
+        has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
+        bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], lambda _: 0.0)
+        is_judged = _has_settled_leader(case) & has_duty[:, None]
+        is_judged &= distance_to_intervals(case, bans) >= 0.0
+        return _finding_of_gap(case, self._min_gap(case.signals.speed), is_judged)
+
+    ERROR_FORMULA: ClassVar[str] = "sqrt(2 sp^2 + (2 min_time)^2 sv^2)"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap less twice the distance driven in `min_time` [m]."""
+        del case
+        return _gap_and_time_error(finding, 2.0 * float(self.min_time.f32), errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap in the frame with the smallest margin."""
+        frames = _judged_frames(breach)
+        return _larger_gap(breach, frames, self._min_gap(breach.case.signals.speed[0, frames]))
+
+    def _min_gap(self, speed: F32) -> F32:
+        """Smallest lawful gap at each speed [m]."""
+        return self.vehicle_length.f32 + _distance_in_whole_mm(
+            np.float32(2.0) * speed, self.min_time
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlowVehicleDistance(Criterion):
+    """A slow truck that does not overtake keeps a gap into which others can return.
+
+    Attributes:
+        max_speed: Largest speed at which the duty holds.
+        min_gap: Smallest lawful gap.
+    """
+
+    max_speed: Quantity
+    min_gap: Quantity
+    unit: str = "m"
+    applies_without_attempt: bool = True
+    only_two_way_roads: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kinds of the ego and of the road."""
+        return frozenset(["kinds", "road_kind"])
+
+    def predicate(self) -> str:
+        """The speed, the roads and the gap."""
+        return (
+            f"At every frame at {self.max_speed} or less, the ego being a truck that does not "
+            "begin to overtake, on a two-way road with one lane each way outside localities: gap "
+            f"to the leader in its lane >= {self.min_gap}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest gap over all judged frames decides."""
+        signals = case.signals
+        if not _is_narrow_road_outside_towns(case):
+            return finding_not_applicable(signals.num_simulations)
+        # A driver who is about to overtake may close up.
+        has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
+        span = judged_span(case)
+        last = np.minimum(span.last, last_driven_frame(case))
+        span = FrameSpan(first=span.first, last=np.where(has_duty, last, span.first - 1))
+        simulation, frame = span.instants()
+        is_judged = signals.speed[simulation, frame] <= self.max_speed.f32
+        is_judged &= signals.neighbour_slot[simulation, _LEADER, frame] != NO_VEHICLE
+        simulation, frame = simulation[is_judged], frame[is_judged]
+        gap = encounters_at(case, _LEADER, simulation, frame).gap
+        return finding_at_instants(
+            gap - self.min_gap.f32, simulation, frame, signals.num_simulations
+        )
+
+    ERROR_FORMULA: ClassVar[str] = "sqrt(2) sp"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a gap [m]."""
+        del case
+        return _gap_and_time_error(finding, 0.0, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap in the frame that decides.
+
+        The smallest gap may lie in a frame in which the ego is too fast for the duty.
+        """
+        return _larger_gap(breach, breach.frames_with_neighbour(_LEADER), self.min_gap.f32)
+
+
+def _is_narrow_road_outside_towns(case: Case) -> bool:
+    """Whether the road has one lane each way and may lie outside built-up areas."""
+    trajectories = case.trajectories
+    road = trajectories.road
+    in_town = road.kind == "town" and "road_kind" not in trajectories.unknown
+    return road.is_two_way and road.num_lanes == 1 and not in_town
+
+
+def _has_settled_leader(case: Case) -> Mask:
+    """Whether the ego has a leader that has not just cut in, shape (simulation, time)."""
+    has_leader = case.signals.neighbour_slot[:, _LEADER] != NO_VEHICLE
+    return has_leader & ~is_regaining_gap(case)
+
+
+def _finding_of_gap(case: Case, min_gap: F32 | np.float32, is_judged: Mask) -> Finding:
+    """The finding of a smallest lawful gap to the leader.
+
+    Args:
+        case: The batch.
+        min_gap: Smallest lawful gap, one or of shape (simulation, time) [m].
+        is_judged: Where the duty holds, shape (simulation, time).
+    """
+    margin = case.signals.gap[:, _LEADER] - min_gap
+    return finding_over_span(
+        np.where(is_judged, margin, UNCONSTRAINED), span_after_gap_recovery(case)
+    )
+
+
+def _gap_and_time_error(finding: Finding, time: float, errors: MeasurementErrors) -> F32:
+    """Error of a gap between two vehicles less the distance that the ego drives in a time [m]."""
+    gap_error, distance_error = np.sqrt(2.0) * errors.position_std, time * errors.speed_std
+    return np.full_like(finding.margin, np.hypot(gap_error, distance_error))
+
+
+def _judged_frames(breach: BreachContext) -> IndexArray:
+    """Frames of the breach with a leader that has not just cut in, shape (frame,)."""
+    frames = breach.frames_with_neighbour(_LEADER)
+    return frames[~is_regaining_gap(breach.case)[0, frames]]
+
+
+def _larger_gap(
+    breach: BreachContext, frames: IndexArray, min_gap: F32 | np.float32
+) -> tuple[Remedy, ...]:
+    """One remedy: a larger gap to the leader, in the frame that has the margin of the finding.
+
+    Args:
+        breach: The breach.
+        frames: Frames with a leader.
+        min_gap: Smallest lawful gap, one or for each of these frames [m].
+    """
+    margins = breach.case.signals.gap[0, _LEADER, frames] - min_gap
+    worst = frames[int(np.abs(margins - breach.margin).argmin())]
+    return more_gap(breach, _LEADER, worst, breach.margin)
+
+
+def _margins_behind_leader(case: Case, margin: F32) -> F64:
+    """Margins (simulation, time) of the first simulation where they are judged, shape (time,)."""
+    margins = margins_within_span(span_after_gap_recovery(case), margin)
+    return np.where(_has_settled_leader(case)[0], margins, np.nan)
+
+
+def _distance_in_whole_mm(speed: F32, time: Quantity) -> F32:
+    """Distance driven in a multiple of 0.1 s, rounded down to whole millimetres [m].
+
+    A speed in whole mm/s times 1.5 s may end in half a millimetre, which the logic program cannot
+    hold. Without the rounding, criterion and program differ in 1 of 1,344 simulations.
+    """
+    tenths = round(10.0 * float(time.f32))
+    speed_mmps = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64)
+    return (speed_mmps * tenths // 10 / 1000.0).astype(np.float32)
