@@ -12,13 +12,11 @@ from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believ
 from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.remedies import BreachContext, Remedy
-from overtaking.labels.law.returning import L8
 from overtaking.labels.law.rule import Pack, Rule, TextSource
 from overtaking.labels.law.safe_distance import (
     GapMargin,
     entry_margin_ahead,
     entry_margin_behind,
-    margin_to_leader,
 )
 from overtaking.labels.law.starting import L4, L5
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
@@ -55,8 +53,6 @@ _MARGINS: dict[
 ] = {
     (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, entry_margin_ahead),
     (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, entry_margin_behind),
-    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_LEADER): (L8.check, margin_to_leader),
-    (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): (L8.check, entry_margin_behind),
 }
 """By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 

@@ -1,12 +1,10 @@
-"""Remedies of rules about distances along the road: L4, L5, L8, L23, L24."""
+"""Remedies of rules about distances along the road: L4, L5, L24."""
 
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray
-from overtaking.core.float32_math import TWO
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import opposing_lane_span
-from overtaking.labels.law.numbers import ABRUPT_BRAKING, MAX_FORCED_BRAKING
 from overtaking.labels.law.oncoming_traffic import (
     back_frame,
     margins_at_return,
@@ -18,9 +16,7 @@ from overtaking.labels.law.remedies import (
     BreachContext,
     Remedy,
     RemedyQuantity,
-    RequiredChange,
     gap_and_closing_speed,
-    margins_to_neighbour,
     max_following_speed,
     min_speed_before_follower,
     more_gap,
@@ -28,14 +24,10 @@ from overtaking.labels.law.remedies import (
 )
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
-    entry_margin_behind,
-    margin_to_leader,
 )
 from overtaking.labels.law.speed import speed_limits
 from overtaking.labels.snapshots import other_vehicles_at
 from overtaking.model.neighbours import NeighbourRole
-from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.world.surrogate_safety import drac
 
 
 def room_ahead(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -59,35 +51,6 @@ def room_behind(facts: BreachContext) -> tuple[Remedy, ...]:
     if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0, facts.first_frame]:
         return farther
     return *farther, *facts.remedy_ego_speed(facts.first_frame, slowest)
-
-
-def safe_return(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L8: more distance to those in the lane of the return, to both if both were too near."""
-    frame, changes = np.array([facts.first_frame]), list[RequiredChange]()
-    for neighbour, margin in (
-        (NeighbourRole.FOLLOWER, entry_margin_behind),
-        (NeighbourRole.LEADER, margin_to_leader),
-    ):
-        margin_of_finding = float(margins_to_neighbour(facts, neighbour, frame, margin)[0])
-        if (
-            facts.case.signals.neighbour_slot[0, neighbour, facts.first_frame] != NO_VEHICLE
-            and margin_of_finding < 0
-        ):
-            changes += more_gap(facts, neighbour, facts.first_frame, margin_of_finding)[0]
-    return (tuple(changes),)
-
-
-def no_obstruction(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L23: so much more distance to the one behind that it need not brake hard."""
-    neighbour, limit = NeighbourRole.FOLLOWER, ABRUPT_BRAKING.f32
-    frames = facts.frames_with_neighbour(neighbour)
-    gap, closing = gap_and_closing_speed(facts, neighbour, frames)
-    forced = np.minimum(drac(gap, closing), MAX_FORCED_BRAKING.f32)
-    needed = closing * closing / (TWO * limit)
-    # Where the margin is cut off, several frames have it; the one that lacks most tells.
-    lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)
-    worst = int(lacking.argmax())
-    return more_gap(facts, neighbour, frames[worst], gap[worst] - needed[worst])
 
 
 def oncoming(facts: BreachContext) -> tuple[Remedy, ...]:

@@ -27,7 +27,6 @@ from overtaking.labels.law.remedies import (
     change_by_margin,
     single_change,
 )
-from overtaking.labels.law.returning import L8, L9, L21, L23
 from overtaking.labels.law.rule import Rule
 from overtaking.labels.law.safe_distance import decel_with_all_grip
 from overtaking.labels.law.sight import (
@@ -103,22 +102,11 @@ def wider(facts: BreachContext) -> tuple[Remedy, ...]:
     return single_change(RemedyQuantity.WIDTH, width, width - facts.margin, facts.first_frame)
 
 
-def return_in_time(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L9: back in the original lane within the time that the rule allows."""
-    return change_by_margin(facts, RemedyQuantity.TIME_OUT, float(constant("law.return.within")))
-
-
 def slow_lanes(facts: BreachContext) -> tuple[Remedy, ...]:
     """L20: in the faster of the two slowest lanes."""
     lanes = signed_lane(facts.case.signals.lane)[0, facts.frames]
     worst, needed = int(lanes.argmax()), int(constant("law.trucks.lanes")) - 1
     return single_change(RemedyQuantity.LANE, lanes[worst], needed, facts.frames[worst])
-
-
-def next_slower_lane(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L21: one lane to the right, where there was room."""
-    lane = int(facts.case.signals.lane[0, facts.first_frame])
-    return single_change(RemedyQuantity.LANE, lane, lane - 1, facts.first_frame)
 
 
 def target_keeps_lane(facts: BreachContext) -> tuple[Remedy, ...]:
@@ -177,8 +165,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L5, gaps.room_behind),
         (L6, let_them_pass),
         (L7, target_keeps_lane),
-        (L8, gaps.safe_return),
-        (L9, return_in_time),
         (L12, not_too_fast),
         (L13, not_too_slow),
         (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),
@@ -188,8 +174,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L16, wider),
         (L17, elsewhere_or_target_in_lane),
         (L20, slow_lanes),
-        (L21, next_slower_lane),
-        (L23, gaps.no_obstruction),
         (L24, gaps.oncoming),
         (L25, gaps.time_to_pass),
         (L26, oncoming_drives_on),

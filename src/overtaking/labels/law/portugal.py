@@ -8,10 +8,15 @@ from overtaking.labels.law.criteria.alongside import (
 )
 from overtaking.labels.law.criteria.following import SafeDistance, SlowVehicleDistance
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
+from overtaking.labels.law.criteria.returning import (
+    NoForcedBraking,
+    ReturnDelay,
+    RightLaneUse,
+    SafeReturn,
+)
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
-from overtaking.labels.law.returning import L8, L9, L21, L23
 from overtaking.labels.law.rule import (
     EVERY_POLICY,
     NO_POLICY,
@@ -57,6 +62,37 @@ L3 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="18(1) quoted by pplware.sapo.pt and circulaseguro.pt; the same words in the "
     "bill (Diário, II-A 92, 2 March 2013, page 30)",
+)
+
+L8 = Rule(
+    id="pt.ce.38-2-b@2013",
+    code="L8",
+    article="Article 38(2)(b)",
+    title="Safe return",
+    gloss="Overtake only if one can return to the right without danger to those who drive there.",
+    criterion=SafeReturn(safe_distance_rule="L3"),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the lawful gaps in the lane of the return",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(2)(b) quoted by dinheirovivo.pt (2021)",
+)
+
+_RETURN_DELAY = ReturnDelay(opposing_lane_rule="L24")
+
+L9 = Rule(
+    id="pt.ce.38-4@2013",
+    code="L9",
+    article="Articles 38(4) and 13(3)",
+    title="Duty to return",
+    gloss="Return to the right as soon as the manoeuvre is done and this is safe.",
+    criterion=_RETURN_DELAY,
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase=f"the {_RETURN_DELAY.max_delay} within which the return is due",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(4) read in the decree (page 69); 13(3) in the bill (Diário, II-A 92, 2 "
+    "March 2013, page 30) and quoted by ejm.pt",
 )
 
 L10 = Rule(
@@ -140,6 +176,22 @@ L19 = Rule(
     "pplware.sapo.pt",
 )
 
+L21 = Rule(
+    id="pt.ce.13-3@2013",
+    code="L21",
+    article="Article 13(3)",
+    title="Keep right",
+    gloss="With two or more lanes in the same direction use the right-most; others only if there "
+    "is no room in it, to overtake or to change direction.",
+    criterion=RightLaneUse(return_rule="L9"),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase="the right-most lane, with room",
+    text_source=TextSource.SECONDARY,
+    consulted_source="13(3) in the bill (Diário, II-A 92, 2 March 2013, page 30) and quoted by "
+    "ejm.pt",
+)
+
 L22 = Rule(
     id="pt.ce.39@2013",
     code="L22",
@@ -154,6 +206,20 @@ L22 = Rule(
     limit_phrase="the speed it had",
     text_source=TextSource.READ,
     consulted_source="39 in the decree (page 69)",
+)
+
+L23 = Rule(
+    id="pt.ce.35.obstruction@2013",
+    code="L23",
+    article="Article 35",
+    title="No obstruction",
+    gloss="Change lane only where no danger to or obstruction of traffic results.",
+    criterion=NoForcedBraking(),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase="the braking that may be forced on others",
+    text_source=TextSource.SECONDARY,
+    consulted_source="35 in a reprint of an earlier edition",
 )
 
 _SLOW_VEHICLE_GAP = quantity(50.0, "m", "pt-highway-code-2013")

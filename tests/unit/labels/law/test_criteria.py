@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp, two_way_road
-from tests.support.overtakes import BESIDE, overtake, passing
+from tests.support.overtakes import BESIDE, crossing, overtake, passing
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Quantity
@@ -22,6 +22,7 @@ from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from overtaking.labels.law.rule import Criterion
+    from overtaking.model.road import Road
     from overtaking.model.verdicts import Case
 
 CRITERIA = {
@@ -42,20 +43,39 @@ NUMBERS = [
 ]
 
 
-def behind(*, kind: str = "M", speed: float = 30.0, **given: Any) -> Case:
-    """The ego 60 m behind a leader of the same speed, without an attempt."""
-    return case(Track(kind=kind, speed=speed), Track(s=60.0, speed=speed), events={}, **given)
+def behind(s: float = 60.0, *, road: Road | None = None, events: Any = None, **ego: Any) -> Case:
+    """The ego and another vehicle of the same speed, 60 m ahead or at another place."""
+    track = Track(**({"speed": 30.0} | ego))
+    return case(track, Track(s=s, speed=track.speed), road=road, events=events or {})
 
 
 SP, SV = 0.1, 0.2
 ERRORS = MeasurementErrors(position_std=SP, speed_std=SV)
 DECEL = 0.9 * 0.7775 * 9.81  # Friction of the dry motorway is 0.7775 at 30 m/s.
+GAP_ERROR = math.hypot(math.sqrt(2.0) * SP, SV * math.hypot(1.0 + 30.0 / DECEL, 30.0 / DECEL))
+LANE_CHANGE = ramp((4, 0), (6, 1), frames=200)
 FASTER = ramp((3, 29.0), (4, 30.0), frames=200)
 BY_HAND = [
+    # Behind and ahead at equal speeds, as L3.
+    ("L8", lambda: behind(-60.0, events={"return_end": 150}), GAP_ERROR),
+    ("L21", lambda: behind(lane=1), GAP_ERROR),
+    # The ego passes at 30 m/s a target at 20 m/s, which is then 2 s of its speed behind.
+    (
+        "L9",
+        lambda: passing(1, frames=400, events=BESIDE | {"original_lane": 0}),
+        math.hypot(math.sqrt(2.0) * SP, 2.0 * SV) / 10.0,
+    ),
+    # The gap to the follower, which is 6 m/s faster, is 27.6 m as the 3 s after the change of lane
+    # end.
+    (
+        "L23",
+        lambda: crossing(Track(s=-80.0, speed=36.0, lane=1), ego={"lane": LANE_CHANGE}),
+        math.sqrt(2.0) * math.hypot(SV * 6.0 / 27.6, SP * 6.0**2 / (2.0 * 27.6**2)),
+    ),
     (
         "L3",
         lambda: behind(),
-        math.hypot(math.sqrt(2.0) * SP, SV * math.hypot(1.0 + 30.0 / DECEL, 30.0 / DECEL)),
+        GAP_ERROR,
     ),
     ("A1", lambda: behind(), math.hypot(math.sqrt(2.0) * SP, 1.5 * SV)),
     ("A3", lambda: behind(kind="T"), math.sqrt(2.0) * SP),

@@ -120,7 +120,7 @@ def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
 
 
 def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
-    rule = PORTUGAL.rule("L9")
+    rule = PORTUGAL.rule("L16")
     adopted = adopt(
         rule, id="xx.1@2020", code="X1", article="1", title="Own title", gloss="Own gloss.",
         predicate="Own predicate.", grade=Grade.LIGHT, source="xx",

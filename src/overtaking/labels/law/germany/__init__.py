@@ -12,7 +12,13 @@ from overtaking.labels.law.criteria.following import (
     TimeDistance,
 )
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
-from overtaking.labels.law.germany.driving import F1, F2, G1, S1, V1, V2, V3, V1s
+from overtaking.labels.law.criteria.returning import (
+    NoForcedBraking,
+    ReturnDelay,
+    RightLaneUse,
+    SafeReturn,
+)
+from overtaking.labels.law.germany.driving import S1, V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
 from overtaking.labels.law.germany.overtaking import (
     O2,
@@ -20,7 +26,6 @@ from overtaking.labels.law.germany.overtaking import (
     O4,
     O5,
     O6,
-    O11,
     O12,
 )
 from overtaking.labels.law.numbers import quantity
@@ -34,6 +39,52 @@ from overtaking.labels.law.rule import (
     TextSource,
 )
 from overtaking.labels.law.texts import edition, with_texts
+
+G1 = Rule(
+    id="de.stvo.1-2@2013",
+    code="G1",
+    article="§ 1(2) StVO",
+    title="No danger, no avoidable obstruction",
+    gloss="Behave so that no person is harmed, endangered, or hindered more than is unavoidable.",
+    criterion=NoForcedBraking(),
+    grade=Grade.LIGHT,
+    required_by=NO_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the braking that may be forced on others",
+    text_source=TextSource.SECONDARY,
+    consulted_source="1(2) quoted by 123fahrschule.de and others",
+)
+
+F1 = Rule(
+    id="de.stvo.2-2@2013",
+    code="F1",
+    article="§ 2(2) and § 7(1) StVO",
+    title="Keep right",
+    gloss="Drive as far to the right as possible; on several lanes one may do otherwise where the "
+    "traffic is dense enough.",
+    criterion=RightLaneUse(),
+    grade=Grade.LIGHT,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the right-most lane, with room",
+    text_source=TextSource.READ,
+    consulted_source="2(2) at buzer.de; 7(1) at verkehrsportal.de",
+)
+
+F2 = Rule(
+    id="de.stvo.7-5@2013",
+    code="F2",
+    article="§ 7(5) StVO",
+    title="Change of lane",
+    gloss="Change lane only if no person is endangered.",
+    criterion=SafeReturn(),
+    grade=Grade.LIGHT,
+    required_by=NO_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the room in the lane of the return",
+    text_source=TextSource.SECONDARY,
+    consulted_source="7(5) quoted in part by rodorf.de",
+)
 
 _COURTS_TIME = quantity(
     1.5,
@@ -205,6 +256,23 @@ O10 = Rule(
     limit_phrase="the distance to the side of the bicycle",
     text_source=TextSource.READ,
     consulted_source="5(4) at dejure.org",
+)
+
+_RETURN_DELAY = ReturnDelay(opposing_lane_rule="O3")
+
+O11 = Rule(
+    id="de.stvo.5-4-5@2013",
+    code="O11",
+    article="§ 5(4) sentence 5 StVO",
+    title="Duty to return",
+    gloss="An overtaking driver moves back to the right as soon as possible.",
+    criterion=_RETURN_DELAY,
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_RETURN_DELAY.max_delay} within which the return is due",
+    text_source=TextSource.READ,
+    consulted_source="5(4) at dein-gesetz.de",
 )
 
 O13 = Rule(

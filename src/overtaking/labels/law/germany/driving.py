@@ -16,7 +16,6 @@ from overtaking.labels.law.margins import (
     finding_over_span,
 )
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.returning import KEEPS_RIGHT, L8, L21, L23, NO_HARD_BRAKING, SAFE_RETURN
 from overtaking.labels.law.rule import Grade, Rule, adopt
 from overtaking.labels.law.sight import L14, STOPS_FOR_LIT, STOPS_FOR_UNLIT, L14s
 from overtaking.labels.law.speed import (
@@ -31,43 +30,6 @@ from overtaking.labels.law.speed import (
 from overtaking.model.verdicts import Case, Finding, Severity, Verdict
 
 _STVO = "de-stvo-2013"
-
-G1 = adopt(
-    L23,
-    id="de.stvo.1-2@2013",
-    code="G1",
-    article="§ 1(2) StVO",
-    title="No danger, no avoidable obstruction",
-    predicate=NO_HARD_BRAKING,
-    gloss="Behave so that no person is harmed, endangered, or hindered more than is unavoidable.",
-    grade=Grade.LIGHT,
-    source=_STVO,
-)
-
-F1 = adopt(
-    L21,
-    id="de.stvo.2-2@2013",
-    code="F1",
-    article="§ 2(2) and § 7(1) StVO",
-    title="Keep right",
-    predicate=KEEPS_RIGHT,
-    gloss="Drive as far to the right as possible; on several lanes one may do otherwise where the "
-    "traffic is dense enough.",
-    grade=Grade.LIGHT,
-    source=_STVO,
-)
-
-F2 = adopt(
-    L8,
-    id="de.stvo.7-5@2013",
-    code="F2",
-    article="§ 7(5) StVO",
-    title="Change of lane",
-    predicate=SAFE_RETURN,
-    gloss="Change lane only if no person is endangered.",
-    grade=Grade.LIGHT,
-    source=_STVO,
-)
 
 _LEADER = (
     "A leader does not shorten the visible space: its brake lamps announce what it meets, and A1 "

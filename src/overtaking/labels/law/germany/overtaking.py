@@ -15,7 +15,6 @@ from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import MeasurementErrors, gap_error
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, amount
 from overtaking.labels.law.oncoming_traffic import BACK_BEFORE_ONCOMING, L24
-from overtaking.labels.law.returning import L9, RETURNS_SOON
 from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
 from overtaking.labels.law.starting import L7, TARGET_KEEPS_LANE
 from overtaking.labels.snapshots import at_frame, vehicle_snapshot
@@ -160,18 +159,6 @@ O6 = Rule(
     fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
 )
 
-
-O11 = adopt(
-    L9,
-    id="de.stvo.5-4-5@2013",
-    code="O11",
-    article="§ 5(4) sentence 5 StVO",
-    title="Duty to return",
-    predicate=f"{RETURNS_SOON} O3 is the rule for the lane of oncoming traffic.",
-    gloss="An overtaking driver moves back to the right as soon as possible.",
-    grade=Grade.LIGHT,
-    source="de-stvo-2013",
-)
 
 O12 = Rule(
     id="de.stvo.5-4-6@2013",
