@@ -193,6 +193,106 @@ class Drawing:
         """Add a filled rectangle; its corners are round if `radius` is above 0."""
 
 @final
+class ExternallyMovedSimulation:
+    """Drivers of the model in one simulation whose vehicles another simulator moves."""
+
+    def __new__(
+        cls,
+        /,
+        inputs: Inputs,
+        *,
+        tick: float,
+        frames: int,
+        outputs: dict[str, NDArray[Any]],
+        level: str | None = None,
+    ) -> ExternallyMovedSimulation:
+        """Begin before the first decision.
+
+        Args:
+            inputs: Inputs of one simulation.
+            tick: Time between two decisions [s]; the wheels turn for as long at a time.
+            frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`.
+            outputs: Flat arrays by name, as in `simulate`. Each call writes a part of them.
+            level: SIMD level; None for the best of this CPU.
+
+        Raises:
+            ValueError: There is not one simulation, an array has another length, or the SIMD level
+                is unknown or not available.
+        """
+
+    def decide(
+        self, /, motion: NDArray[np.float32], step: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], int]:
+        """Let all drivers decide, and record a frame if one is due.
+
+        Args:
+            motion: Motion after the last tick, (field, slot), fields as `FIELD_NAMES["motion"]`.
+            step: Number of the step of 10 ms.
+
+        Returns:
+            Requests of the drivers, (field, slot), fields as `FIELD_NAMES["driver_output"]`; lamps
+            in the last recorded frame, (slot,), as bits of `Lights`; the last step.
+
+        Raises:
+            ValueError: The motion has another length.
+        """
+
+    def end_at(self, /, step: int) -> None:
+        """Set the last step of the simulation."""
+
+    def end_step(self, /) -> int:
+        """The last step of the simulation."""
+
+    def finish(self, /) -> None:
+        """Write the last frames, contacts and hash to the outputs."""
+
+    def is_ego_wrecked(self, /) -> bool:
+        """Whether the ego has collided or left the road."""
+
+    def note_contacts(
+        self, /, contacts: Sequence[tuple[int, int, float, float, float]], step: int
+    ) -> None:
+        """Record the first contact of each vehicle, which becomes a wreck.
+
+        Args:
+            contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
+                closing speed [m/s].
+            step: Number of the step of 10 ms; may be before the first decision.
+
+        Raises:
+            ValueError: A slot does not exist.
+        """
+
+    def record(
+        self, /, motion: NDArray[np.float32], ego_stage: float, ego_indicator: float, step: int
+    ) -> None:
+        """Record a frame for which other drivers have decided.
+
+        Args:
+            motion: As in `decide`.
+            ego_stage: Code of the ego's `Stage`.
+            ego_indicator: 1 towards the overtaking side, -1 towards the kerb side, 0 off.
+            step: Number of the step of 10 ms.
+
+        Raises:
+            ValueError: The motion has another length.
+        """
+
+    def steer(self, /, wind_trim: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Turn the front wheels for one tick.
+
+        Args:
+            wind_trim: Part of the wheel angle [rad], or of the lean of a two-wheeler [m/s^2], that
+                holds against crosswind, (slot,).
+
+        Returns:
+            Wheel angle [rad], or lean [m/s^2], (slot,).
+
+        Raises:
+            ValueError: The array has another length.
+        """
+
+@final
 class Inputs:
     """Everything that a batch is simulated from. The arrays are read in place at every call."""
 

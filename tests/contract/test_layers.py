@@ -142,6 +142,12 @@ def test_dependencies_point_down(repository: Path, copy: Path):
         ("sim/spoiled.py", "from pandas import DataFrame", "no table library below the data sets"),
         ("knowledge/spoiled.py", "import pydantic", "no pydantic below the scenarios"),
         ("data/spoiled.py", "import rich.progress", "no terminal library outside"),
+        ("sim/spoiled.py", "import overtaking.sim.reference.state", "no module of production"),
+        (
+            "simulators/spoiled.py",
+            "def late():\n    from overtaking.sim.reference import steering",
+            "no module of production",
+        ),
     ],
 )
 def test_the_linter_catches(module: str, line: str, contract: str, repository: Path, copy: Path):

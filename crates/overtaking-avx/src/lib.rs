@@ -16,7 +16,7 @@ pub const HAS_AVX2: bool = cfg!(avx2);
 /// The entry points of the engine at one SIMD level. If the level is not compiled, they return `NOT_COMPILED`.
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 macro_rules! entry_points {
-    ($level:ident, $stepped:ident, $simd:ident) => {
+    ($level:ident, $stepped:ident, $externally_moved:ident, $simd:ident) => {
         /// Simulate a batch at this level.
         ///
         /// # Errors
@@ -51,12 +51,35 @@ macro_rules! entry_points {
             let result = refuse((simd, inputs, kind, source));
             result
         }
+
+        /// Prepare a simulation whose vehicles another simulator moves, at this level.
+        ///
+        /// # Errors
+        /// `overtaking_core::external_motion::externally_moved` refuses the inputs, or the level is not compiled.
+        pub fn $externally_moved(
+            simd: fearless_simd::x86::$simd,
+            inputs: &overtaking_core::Inputs<'_>,
+            tick: f32,
+            out: overtaking_core::Output<'_>,
+        ) -> Result<Box<dyn overtaking_core::external_motion::ExternallyMoved>, String> {
+            #[cfg($level)]
+            let result =
+                overtaking_core::external_motion::externally_moved(simd, inputs, tick, out);
+            #[cfg(not($level))]
+            let result = refuse((simd, inputs, tick, out));
+            result
+        }
     };
 }
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-entry_points!(avx512, stepped_batch_avx512, Avx512);
+entry_points!(
+    avx512,
+    stepped_batch_avx512,
+    externally_moved_avx512,
+    Avx512
+);
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-entry_points!(avx2, stepped_batch_avx2, Avx2);
+entry_points!(avx2, stepped_batch_avx2, externally_moved_avx2, Avx2);
 
 /// The result of a call at a level that is not compiled.
 #[cfg(all(

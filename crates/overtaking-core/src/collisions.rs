@@ -78,18 +78,18 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
             & state.motion.is_wreck[i].simd_eq(0.0);
         assign_where(&mut state.motion.is_wreck[i], lost, splat(params.simd, 1.0));
         if i == EGO_SLOT {
-            end_after_ego_accident(state, params, lost, step);
+            end_after_ego_accident(state, params, lost, step as i32);
         }
     }
 }
 
 /// An accident of the ego ends the simulation soon.
 #[inline(always)]
-fn end_after_ego_accident<S: Simd, const N: usize>(
+pub(crate) fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     crashed: Mask<S>,
-    step: u32,
+    step: i32,
 ) {
     let constants = &params.constants;
     assign_where(
@@ -123,7 +123,7 @@ pub fn resolve_contacts<S: Simd, const N: usize>(
         );
     }
     let hit = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
-    end_after_ego_accident(state, params, hit, step);
+    end_after_ego_accident(state, params, hit, step as i32);
 }
 
 /// Exchange momentum in one pair, where it touched during the last step.

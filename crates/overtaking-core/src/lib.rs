@@ -16,6 +16,7 @@ mod car_following;
 mod collisions;
 mod decision_context;
 pub mod ego_action;
+pub mod external_motion;
 mod gap_acceptance;
 mod lane_change;
 pub mod math;

@@ -149,7 +149,7 @@ pub struct StepLength {
 
 impl StepLength {
     /// A step of `length` seconds.
-    fn new(constants: &ModelConstants, length: f32) -> Self {
+    pub(crate) fn new(constants: &ModelConstants, length: f32) -> Self {
         let half = 0.5 * length;
         Self {
             length,

@@ -50,7 +50,35 @@ pub struct Recorder<'a, const N: usize> {
     flushed: usize,
 }
 
+/// Hash and counters of a recorder, which outlive the outputs that it borrows.
+#[derive(Clone, Copy)]
+pub struct RecorderProgress {
+    hash: [[u32; SIMD_LANES]; 4],
+    frames: [usize; SIMD_LANES],
+    flushed: usize,
+}
+
 impl<'a, const N: usize> Recorder<'a, N> {
+    /// Go on with the recording in lane 0, whose outputs are those at the time of `progress`.
+    pub fn resume(output: Output<'a>, progress: RecorderProgress) -> Self {
+        let mut output = Some(output);
+        Self {
+            out: core::array::from_fn(|_| output.take()),
+            hash: progress.hash,
+            frames: progress.frames,
+            flushed: progress.flushed,
+        }
+    }
+
+    /// Hash and counters, from which `resume` goes on.
+    pub fn progress(&self) -> RecorderProgress {
+        RecorderProgress {
+            hash: self.hash,
+            frames: self.frames,
+            flushed: self.flushed,
+        }
+    }
+
     /// A recorder of the simulations in the first lanes, at most sixteen.
     pub fn new(mut outputs: Vec<Output<'a>>) -> Self {
         outputs.iter_mut().for_each(clear);
@@ -481,7 +509,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     #[inline(always)]
-    fn recorded_lights(self) -> i32x16<S> {
+    pub(crate) fn recorded_lights(self) -> i32x16<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let towards_left = params.road.overtaking_sign * state.controls.indicator[slot];
         let left = towards_left.simd_gt(0.0).select(

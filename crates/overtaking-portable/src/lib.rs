@@ -3,6 +3,7 @@
 
 use fearless_simd::Level;
 use overtaking_core::ego_action::ActionKind;
+use overtaking_core::external_motion::{ExternallyMoved, externally_moved};
 use overtaking_core::observation_table::ObservationSource;
 use overtaking_core::run::stepped_batch::{SteppedBatch, stepped_batch};
 use overtaking_core::{Inputs, Output, ParameterSwitch, dispatch, simulate};
@@ -46,6 +47,22 @@ pub fn stepped_batch_at(
         avx512: overtaking_avx::stepped_batch_avx512(simd, inputs, kind, source),
         avx2: overtaking_avx::stepped_batch_avx2(simd, inputs, kind, source),
         portable: if_compiled(simd, |simd| stepped_batch(simd, inputs, kind, source)))
+}
+
+/// Prepare a simulation whose vehicles another simulator moves, at a SIMD level of this CPU.
+///
+/// # Errors
+/// `externally_moved` refuses the inputs, or the level is not compiled.
+pub fn externally_moved_at(
+    level: Level,
+    inputs: &Inputs<'_>,
+    tick: f32,
+    out: Output<'_>,
+) -> Result<Box<dyn ExternallyMoved>, String> {
+    dispatch!(level, |simd|
+        avx512: overtaking_avx::externally_moved_avx512(simd, inputs, tick, out),
+        avx2: overtaking_avx::externally_moved_avx2(simd, inputs, tick, out),
+        portable: if_compiled(simd, |simd| externally_moved(simd, inputs, tick, out)))
 }
 
 /// Run the engine at the level of every CPU; `NOT_COMPILED` where that level is not compiled.

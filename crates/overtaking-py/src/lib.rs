@@ -4,6 +4,7 @@
 mod batch_inputs;
 mod bulk_math;
 mod column_hash;
+mod external_motion;
 mod film_canvas;
 mod inputs;
 mod labels;
@@ -27,8 +28,8 @@ use crate::batch_inputs::PyInputs;
 use crate::inputs::{expect_length, output};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
-/// Borrow every output array, call `$body` with an `Output` over them.
-macro_rules! with_borrowed_outputs {
+/// Borrow every output array, and call `$body` with an `Output` over them.
+macro_rules! borrow_outputs {
     (
         {
             { $arrays:expr, $batch:expr, $slots:expr, $frames:expr, $body:expr }
@@ -45,8 +46,20 @@ macro_rules! with_borrowed_outputs {
             frames: $frames,
             slots: $slots,
         };
-        $body(out)
+        Ok($body(out))
     }};
+}
+
+/// Call `run` with the output arrays of so many simulations, slots and frames.
+///
+/// # Errors
+/// `KeyError`: An array is missing. `ValueError`: An array has another length or is not contiguous.
+pub(crate) fn with_borrowed_outputs<R>(
+    outputs: &Bound<'_, PyDict>,
+    (batch, num_slots, frames): (usize, usize, usize),
+    run: impl FnOnce(Output<'_>) -> R,
+) -> PyResult<R> {
+    with_outputs! { borrow_outputs! { outputs, batch, num_slots, frames, run } }
 }
 
 /// Parameters of vehicles and simulations, simulation numbers, errors of the egos, and the step from which
@@ -141,9 +154,8 @@ fn simulate(
                 simulate_at(level, &inputs, &switches, out)
             })
         };
-        let result =
-            with_outputs! { with_borrowed_outputs! { outputs, batch, num_slots, frames, run } };
-        result?.map_err(PyValueError::new_err)
+        with_borrowed_outputs(outputs, (batch, num_slots, frames), run)??
+            .map_err(PyValueError::new_err)
     })
 }
 
@@ -212,6 +224,8 @@ mod _core {
     #[pymodule_export]
     use crate::column_hash::ColumnHash;
     #[pymodule_export]
+    use crate::external_motion::ExternallyMovedSimulation;
+    #[pymodule_export]
     use crate::film_canvas::{Canvas, Drawing};
     #[pymodule_export]
     use crate::labels::{
@@ -245,7 +259,7 @@ mod _core {
 }
 
 /// Names of the fields of every table that Python exchanges with the engine, in their order, by table.
-fn field_names() -> [(&'static str, Vec<&'static str>); 15] {
+fn field_names() -> [(&'static str, Vec<&'static str>); 17] {
     use overtaking_core::observation_table::{
         EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, PASSING_COLUMN_NAMES,
     };
@@ -261,6 +275,14 @@ fn field_names() -> [(&'static str, Vec<&'static str>); 15] {
         (
             "bodies",
             overtaking_core::pedal_driving::BODY_FIELDS.to_vec(),
+        ),
+        (
+            "motion",
+            overtaking_core::external_motion::MOTION_FIELDS.to_vec(),
+        ),
+        (
+            "driver_output",
+            overtaking_core::external_motion::DRIVER_OUTPUT_FIELDS.to_vec(),
         ),
         ("ego", EGO_COLUMN_NAMES.to_vec()),
         ("neighbour", NEIGHBOUR_COLUMN_NAMES.to_vec()),

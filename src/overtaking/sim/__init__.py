@@ -12,6 +12,7 @@ Modules:
     sensors: Sensors of an automated vehicle, which limit and disturb what a driver observes.
     built_in_drivers: The drivers `stay` and `rules`, and drivers from ONNX files.
     network_process: The process in which a driver from an ONNX file is evaluated.
+    external_motion: Drivers of the model in a simulation whose vehicles another simulator moves.
     pedal_driving: Vehicles that a program drives by pedals and wheel angles, as in a CARLA server.
 
 This package imports none of its modules, so that the reference can be used without compiled code.

@@ -77,11 +77,7 @@ def run(
         level: As in `simulate`.
         buffers: As in `simulate`.
     """
-    # The engine writes whole tiles of 16 frames, so the arrays have space for a last full tile.
-    allocated_frames = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
-    outputs = _allocate_outputs(
-        scenario.num_simulations, scenario.num_slots, allocated_frames, buffers or Buffers()
-    )
+    outputs = allocate_outputs(scenario, params, buffers or Buffers())
     checked_level = simd_level(level)
     flat_outputs = {name: array.reshape(-1) for name, array in outputs.items()}
     switch_inputs = [
@@ -96,13 +92,13 @@ def run(
     ]
     _core.simulate(
         engine_inputs(params),
-        frames=allocated_frames,
+        frames=outputs["stage"].shape[1],
         outputs=flat_outputs,
         switches=switch_inputs,
         action_log=None if actions is None else (actions.kind, actions.values),
         level=checked_level,
     )
-    return dataclasses.replace(_to_trajectories(scenario, outputs), actions=actions)
+    return dataclasses.replace(to_trajectories(scenario, outputs), actions=actions)
 
 
 def _flatten(judgement_errors: F32 | None) -> F32 | None:
@@ -150,10 +146,13 @@ def road_values(params: StepParameters) -> dict[str, Any]:
     }
 
 
-def _allocate_outputs(
-    num_simulations: int, num_slots: int, num_frames: int, buffers: Buffers
+def allocate_outputs(
+    scenario: Scenario, params: StepParameters, buffers: Buffers
 ) -> dict[str, NDArray[Any]]:
     """The arrays that the engine fills, by the names under which it looks them up."""
+    num_simulations, num_slots = scenario.num_simulations, scenario.num_slots
+    # The engine writes whole tiles of 16 frames, so the arrays have space for a last full tile.
+    num_frames = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     array = buffers.array
     shape = (num_simulations, num_slots, num_frames)
     states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
@@ -182,7 +181,7 @@ def _allocate_outputs(
     return outputs
 
 
-def _to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Trajectories:
+def to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Trajectories:
     """The outputs of the engine as a recording, cut after the longest simulation."""
     # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
     max_frames = int(outputs["num_frames"].max(initial=1))

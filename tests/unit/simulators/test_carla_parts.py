@@ -14,14 +14,16 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.road import DrivingSide
-from overtaking.sim.reference.state import State
 from overtaking.simulators.carla import manager, processes, replay, world
 from overtaking.simulators.carla.library import Address, parse_address
-from overtaking.simulators.carla.own import HARDEST, check_interval, take_over
+from overtaking.simulators.carla.own import (
+    MAX_TYRE_ACCEL,
+    check_interval,
+    motion_from_reading,
+)
 from overtaking.simulators.carla.processes import joined
 from overtaking.simulators.carla.stage import Reading
 from overtaking.simulators.carla_server.world import SCENARIO_NAME
-from overtaking.world.step_parameters import step_parameters
 
 
 @pytest.mark.parametrize("kind", VEHICLE_CLASS_NAMES)
@@ -68,33 +70,29 @@ def reading(slots: int, **values: float) -> Reading:
 
 
 def test_speeds_times_three_are_accelerations_times_nine():
-    one = scenario([Vehicle()])
-    state = State.at_start(step_parameters(one))
-    seen = reading(8, s=100.0, d=-12.0, along=10.0, yaw_rate=0.1, accel=0.5)
-    take_over(state, seen, one, faster=3)
+    motion_reading = reading(8, s=100.0, d=-12.0, along=10.0, yaw_rate=0.1, accel=0.5)
+    motion = motion_from_reading(motion_reading, scenario([Vehicle()]), time_scale=3)
     names = ("s", "d", "vx", "yaw_rate", "accel_lon")
-    got = [float(getattr(state.motion, name)[0, 0]) for name in names]
-    assert got == pytest.approx([100.0, -12.0, 30.0, 0.3, 4.5])
+    values = [float(getattr(motion, name)[0]) for name in names]
+    assert values == pytest.approx([100.0, -12.0, 30.0, 0.3, 4.5])
 
 
 def test_a_contact_is_no_acceleration_of_driving():
-    one = scenario([Vehicle()])
-    state = State.at_start(step_parameters(one))
-    take_over(state, reading(8, accel=-HARDEST - 1.0, accel_left=1.0), one)
-    assert state.motion.accel_lon[0, 0] == state.motion.accel_lat[0, 0] == 0.0
-    take_over(state, reading(8, accel=-9.0), one)
-    assert state.motion.accel_lon[0, 0] == -9.0
+    batch = scenario([Vehicle()])
+    motion_reading = reading(8, accel=-MAX_TYRE_ACCEL - 1.0, accel_left=1.0)
+    motion = motion_from_reading(motion_reading, batch)
+    assert motion.accel_lon[0] == motion.accel_lat[0] == 0.0
+    assert motion_from_reading(reading(8, accel=-9.0), batch).accel_lon[0] == -9.0
 
 
 def test_in_left_hand_traffic_the_lateral_axis_is_turned():
     road = wide_road().mirror()
     assert road.driving_side is DrivingSide.LEFT
-    one = scenario([Vehicle()], road=road)
-    state = State.at_start(step_parameters(one))
-    take_over(state, reading(8, d=4.0, psi=0.1, left=1.0, accel_left=2.0), one)
+    motion_reading = reading(8, d=4.0, psi=0.1, left=1.0, accel_left=2.0)
+    motion = motion_from_reading(motion_reading, scenario([Vehicle()], road=road))
     names = ("d", "heading", "vy", "accel_lat")
-    got = [float(getattr(state.motion, name)[0, 0]) for name in names]
-    assert got == pytest.approx([-4.0, -0.1, -1.0, -2.0])
+    values = [float(getattr(motion, name)[0]) for name in names]
+    assert values == pytest.approx([-4.0, -0.1, -1.0, -2.0])
 
 
 def test_simulations_of_different_lengths_become_one_batch():

@@ -10,7 +10,6 @@ wind push.
 """
 
 import math
-import sys
 from typing import Any
 
 import numpy as np
@@ -20,9 +19,8 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference.recorder import Recorder
-from overtaking.sim.reference.state import State
-from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
+from overtaking.sim.external_motion import ExternallyMovedSimulation, VehicleMotion
+from overtaking.simulators.carla.own import Sign, check_interval, motion_from_reading
 from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.sumo.stage import Sight, Watch
@@ -50,7 +48,6 @@ PUSH_INTERVAL = 2.0
 CLEAR = 2.0
 """Behind the ego's rear by this much, the other one's front has been passed [m]; a choice."""
 
-_EVER = sys.maxsize
 _OUTLOOK = 40.0
 
 
@@ -88,13 +85,12 @@ class _Drive:
         """Hand the vehicles to the Traffic Managers."""
         self._stage, self._manager = stage, managers[0]
         scenario = stage.scenario
-        self._given = step_parameters(scenario)
-        self._p = self._given.vehicles
-        self._state = State.at_start(self._given)
-        self._recorder = Recorder(scenario, self._given)
-        self._watch = Watch(settled=float(self._given.constants.settled_offset))
-        self._end = int(self._given.simulation_table[0, 0])
-        self._idle = int(self._given.simulation_table[1, 0])
+        self._params = step_parameters(scenario)
+        self._vehicles = self._params.vehicles
+        self._simulation = ExternallyMovedSimulation(scenario, self._params, TICK)
+        self._watch = Watch(settled=float(self._params.constants.settled_offset))
+        self._indicator = 0.0
+        self._deadline_step = int(self._params.simulations.deadline_step[0])
         for slot, actor in stage.actors.items():
             manager = managers[min(slot, 1)]
             speed = scenario.drivers.desired_speed if slot == EGO_SLOT else scenario.start_speed
@@ -104,72 +100,61 @@ class _Drive:
             manager.update_vehicle_lights(actor, True)
 
     def run(self, sign: Sign) -> Trajectories:
-        """Push, tick, look; every third tick is a frame's."""
-        ticks = step = 0
-        while step <= self._end:
-            reading = self._stage.tick()
-            take_over(self._state, reading, self._stage.scenario, faster=SLOWER)
+        """Tick, record every third tick, look and push, until the simulation ends."""
+        simulation, stage, ticks, step = self._simulation, self._stage, 0, 0
+        while step <= simulation.end_step:
+            reading = stage.tick()
+            motion = motion_from_reading(reading, stage.scenario, time_scale=SLOWER)
             step = ticks // SLOWER * SUBSTEPS
-            self._notice(reading.frame, step)
-            if ticks % SLOWER == 0 and step % self._given.steps_per_frame == 0:
-                self._record(step)
-            self._follow_stage(step)
+            simulation.note_contacts(stage.contacts(reading.frame), step, time_scale=SLOWER)
+            if simulation.is_ego_wrecked:
+                self._watch.crash()
+            if ticks % SLOWER == 0 and step % self._params.steps_per_frame == 0:
+                simulation.record(motion, self._watch.stage, self._indicator, step)
+            self._follow_stage(motion, step)
             self._push(ticks)
-            if float(self._state.motion.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
-                self._end = min(self._end, step)
+            if float(motion.s[EGO_SLOT]) > stage.end - _OUTLOOK:
+                self._end_by(step)
             sign()
             ticks += 1
             step = ticks // SLOWER * SUBSTEPS
-        return self._recorder.finish(self._state).replace(unknown=UNKNOWN)
+        return simulation.finish().replace(unknown=UNKNOWN)
 
-    def _notice(self, frame: int, step: int) -> None:
-        """Write down contacts; the ego's ends the simulation soon."""
-        contacts, state = self._stage.contacts(frame), self._state
-        state.end_step[:] = np.float32(self._end)
-        note_contacts(state, self._given, contacts, step, faster=SLOWER)
-        self._end = int(state.end_step[0])
-        if state.motion.is_wreck[EGO_SLOT, 0] > 0:
-            self._watch.crash()
+    def _end_by(self, step: int) -> None:
+        """Let the simulation end at a step, if it does not end earlier."""
+        self._simulation.end_at(min(self._simulation.end_step, step))
 
-    def _record(self, step: int) -> None:
-        state = self._state
-        state.overtake.stage[EGO_SLOT] = np.float32(self._watch.stage)
-        active = np.float32(step) <= np.array([self._end], np.float32)
-        self._recorder.record_frame(state, self._given, active, step // self._given.steps_per_frame)
-
-    def _follow_stage(self, step: int) -> None:
-        """See what the ego is doing, and ask for the next lane change where it is time."""
+    def _follow_stage(self, motion: VehicleMotion, step: int) -> None:
+        """Find the stage of the ego, and ask for the next lane change where it is time."""
         if self._watch.stage is Stage.CRASHED:
             return
-        before, sight = self._watch.stage, self._sight()
+        old_stage, sight = self._watch.stage, self._sight(motion)
         stage = self._watch.look(sight)
-        c = self._given.constants
-        if stage is Stage.DONE and before is not Stage.DONE:
-            self._end = min(self._end, step + round(float(c.after_overtake / c.step)))
-        if stage is Stage.FOLLOW and not self._watch.attempted and step >= self._idle:
-            self._end = min(self._end, step)
+        constants = self._params.constants
+        if stage is Stage.DONE and old_stage is not Stage.DONE:
+            self._end_by(step + round(float(constants.after_overtake / constants.step)))
+        is_idle = stage is Stage.FOLLOW and not self._watch.attempted
+        if is_idle and step >= self._deadline_step:
+            self._end_by(step)
         ego, right_hand = (
             self._stage.actors[EGO_SLOT],
             self._stage.scenario.road.overtaking_sign > 0,
         )
-        has_room = sight.lane < self._given.road.num_lanes - 1
-        if stage is Stage.FOLLOW and sight.leader is not None and has_room:
+        has_lane = sight.lane < self._params.road.num_lanes - 1
+        if stage is Stage.FOLLOW and sight.leader is not None and has_lane:
             self._manager.force_lane_change(ego, not right_hand)
         if stage is Stage.PASS and self._watch.target in sight.passed:
             self._manager.force_lane_change(ego, right_hand)
-        self._show(stage)
-
-    def _show(self, stage: Stage) -> None:
-        """The indicator of the ego, for the recording; lamps are the Traffic Manager's."""
+        # The indicator of the ego in the recording; the Traffic Manager switches the lamps.
         towards = {Stage.PULL_OUT: 1.0, Stage.RETURN: -1.0, Stage.ABORT: -1.0}
-        self._state.controls.indicator[EGO_SLOT, 0] = towards.get(stage, 0.0)
+        self._indicator = towards.get(stage, 0.0)
 
-    def _sight(self) -> Sight:
+    def _sight(self, motion: VehicleMotion) -> Sight:
         """The state of the traffic from which the stage follows, at the speeds of the recording."""
-        state, p, road = self._state, self._p, self._given.road
+        road = self._params.road
         valid = [slot for slot in self._stage.actors if slot != EGO_SLOT]
-        s, d = state.motion.s[:, 0].tolist(), state.motion.d[:, 0].tolist()
-        half = p.half_length[:, 0].tolist()
+        s, d = motion.s.tolist(), motion.d.tolist()
+        half = self._vehicles.half_length[:, 0].tolist()
         lane = self._lane(d[EGO_SLOT])
         centre = 0.5 * float(road.boundaries[lane] + road.boundaries[lane + 1])
         front, rear = s[EGO_SLOT] + half[EGO_SLOT], s[EGO_SLOT] - half[EGO_SLOT]
@@ -179,9 +164,7 @@ class _Drive:
             for k in valid
             if s[k] > s[EGO_SLOT] and s[k] - half[k] < reach and self._lane(d[k]) == lane
         ]
-        psi, vx, vy = (
-            float(x[EGO_SLOT, 0]) for x in (state.motion.heading, state.motion.vx, state.motion.vy)
-        )
+        psi, vx, vy = (float(row[EGO_SLOT]) for row in (motion.heading, motion.vx, motion.vy))
         return Sight(
             lane=lane,
             offset=d[EGO_SLOT] - centre,
@@ -191,7 +174,7 @@ class _Drive:
         )
 
     def _lane(self, d: float) -> int:
-        borders = self._given.road.boundaries[1 : self._given.road.num_lanes]
+        borders = self._params.road.boundaries[1 : self._params.road.num_lanes]
         return int(np.searchsorted(borders, np.float32(d), side="right"))
 
     def _push(self, ticks: int) -> None:
@@ -205,7 +188,7 @@ class _Drive:
         sign = 1.0 if float(uniform_from_word(word)[0]) < 0.5 else -1.0
         heading = scenario.road.heading
         for slot, actor in self._stage.actors.items():
-            force = sign * strength * float(self._p.mass[slot, 0])
+            force = sign * strength * float(self._vehicles.mass[slot, 0])
             # CARLA's y points to the right.
             x, y = -force * math.sin(heading), -force * math.cos(heading)
             actor.add_force(self._stage.carla.Vector3D(x, y, 0.0))

@@ -1,8 +1,7 @@
-"""Our drivers at the wheel of CARLA's vehicles, at true speed.
+"""Drivers of the model at the wheel of CARLA's vehicles, at true speed.
 
-CARLA moves the vehicles; the drivers of the model see, decide and steer as in a simulation: the
-same functions of `sim.reference`, 20 times a second, from the states that CARLA reports. Their
-wishes become throttle, brake and steering.
+CARLA moves the vehicles. The drivers see, decide and steer as in a simulation of our own, 20 times
+a second, from the states that CARLA reports. Their requests become throttle, brake and steering.
 """
 
 import dataclasses
@@ -18,11 +17,12 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import EGO_SLOT
-from overtaking.sim.reference import collisions, steering
-from overtaking.sim.reference.recorder import Recorder
-from overtaking.sim.reference.simulation import decide
-from overtaking.sim.reference.state import State
-from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
+from overtaking.sim.external_motion import (
+    DriverOutput,
+    ExternallyMovedSimulation,
+    VehicleMotion,
+)
+from overtaking.simulators.carla.stage import CarlaStage, Reading
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import SteeringLimits
 from overtaking.world.constants import SUBSTEPS, ModelConstants
@@ -30,6 +30,7 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.step_parameters import (
     SIMULATION_FIELDS,
     StepParameters,
+    VehicleParameters,
     step_parameters,
 )
 
@@ -37,16 +38,17 @@ TICK_MS = 50
 SPEED_GAIN = 2.0
 """How fast an error of the speed is corrected [1/s]."""
 
-MAX_PUSH = 3.0
-"""Sideways acceleration up to which a push from outside is answered [m/s^2]."""
+MAX_CROSSWIND_ACCEL = 3.0
+"""Lateral acceleration up to which drivers answer a push from outside [m/s^2]."""
 
-MAX_LAG = 1.0
-"""The speed aimed at stays this near to the one driven, so that nothing winds up [m/s]."""
+MAX_SPEED_ERROR = 1.0
+"""Largest difference of target speed and speed: a larger one would grow while a vehicle cannot
+follow, and then overshoot [m/s]."""
 
-HARDEST = 15.0
+MAX_TYRE_ACCEL = 15.0
 """No tyre gives more; accelerations beyond it are contacts, which are recorded apart [m/s^2]."""
 
-_OUTLOOK = 40.0  # Before the road ends by this much the simulation does [m].
+_ROAD_END_MARGIN = 40.0  # The simulation ends so far before the end of the road [m].
 
 Sign = Callable[[], None]
 """Called after every tick, as a sign of life."""
@@ -77,105 +79,137 @@ class _Drive:
         scenario = stage.scenario
         check_interval(scenario)
         self._stage = stage
-        self._given = still(step_parameters(scenario))
-        self._p = self._given.vehicles
-        self._q = self._given.simulations
-        self._state = State.at_start(self._given)
-        self._recorder = Recorder(scenario, self._given)
+        params = _without_wind(step_parameters(scenario))
+        self._vehicles = params.vehicles
+        self._simulation = ExternallyMovedSimulation(scenario, params, TICK)
+        self._crosswind = CrosswindEstimator(params.vehicles, params.constants)
         self._steering = {slot: _steering(actor) for slot, actor in stage.actors.items()}
-        self._pushed = np.zeros_like(self._state.motion.s)
-        self._sideways = np.zeros_like(self._state.motion.s)
-        self._aim = self._state.motion.vx[:, 0].astype(np.float64)
+        self._target_speed = params.vehicles.start_speed[:, 0].astype(np.float64)
 
     def run(self, sign: Sign) -> Trajectories:
-        """See, decide, steer, tick."""
-        state, given, step = self._state, self._given, 0
-        while np.float32(step) <= state.end_step[0]:
-            reading = self._stage.tick()
-            take_over(state, reading, self._stage.scenario)
-            contacts = self._stage.contacts(reading.frame)
-            note_contacts(state, given, contacts, step - SUBSTEPS)
-            decide(state, given, step=step, recorder=self._recorder)
-            if step % given.steps_per_frame == 0:
-                active = np.float32(step) <= state.end_step
-                self._recorder.record_frame(state, given, active, step // given.steps_per_frame)
-            self._act(step)
-            if float(state.motion.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
-                state.end_step[:] = np.float32(step)
+        """Read, decide, steer, tick, until the simulation ends."""
+        simulation, stage, step = self._simulation, self._stage, 0
+        while step <= simulation.end_step:
+            reading = stage.tick()
+            motion = motion_from_reading(reading, stage.scenario)
+            # The sensors may not have reported all contacts of this tick yet.
+            simulation.note_contacts(stage.contacts(reading.frame), step - SUBSTEPS)
+            self._act(motion, simulation.decide(motion, step))
+            if float(motion.s[EGO_SLOT]) > stage.end - _ROAD_END_MARGIN:
+                simulation.end_at(step)
             sign()
             step += SUBSTEPS
-        return self._recorder.finish(state)
+        return simulation.finish()
 
-    def _act(self, step: int) -> None:
+    def _act(self, motion: VehicleMotion, output: DriverOutput) -> None:
         """Set pedals, steering and lamps of every vehicle."""
-        state, stage = self._state, self._stage
-        number = step // self._given.steps_per_frame
-        # A two-wheeler leans with the lag of the vehicle, which is the server's: within a tick.
-        c = self._given.constants.replace(step=TICK, two_wheeler_lag=0.5 * TICK)
-        state.controls.wind_trim = self._trim(c)
-        params = dataclasses.replace(self._given, constants=c)
-        steering.steer(state, params, self._q.max_lateral_accel, c.step)
-        forces = self._forces()
+        stage = self._stage
+        wheel_angle = self._simulation.steer(self._crosswind.update(motion, output, TICK))
+        forces = self._forces(motion, output)
         batch: list[Any] = []
         for slot, actor in stage.actors.items():
-            control = self._control(slot, forces[slot])
+            if output.is_wreck[slot]:
+                control = stage.carla.VehicleControl(brake=1.0)  # Its wheels are locked.
+            else:
+                speed, angle = float(motion.vx[slot]), float(wheel_angle[slot])
+                control = self._control(slot, forces[slot], speed, angle)
             batch.append(stage.carla.command.ApplyVehicleControl(actor.id, control))
-            stage.show(slot, int(self._recorder.states.lights[0, slot, number]))
+            stage.show(slot, int(output.lights[slot]))
         stage.client.apply_batch_sync(batch, False)
 
-    def _trim(self, c: ModelConstants) -> F32:
-        """Wheel angle, or lean, against what pushes all the time: wind, mostly [rad or m/s^2].
-
-        In a simulation a driver knows the wind. Here the sideways acceleration that wheels do not
-        explain is felt, with the same lag.
-        """
-        state, p = self._state, self._p
-        _, sideways = state.road_velocity()
-        # In a bend the road turns away from under the vehicle, which is no push.
-        bend = state.motion.vx * state.motion.vx * state.road.curvature
-        curve = p.wheelbase / np.maximum(state.motion.vx, c.slip_speed) ** 2 + p.understeer
-        steered = np.where(
-            p.two_wheeler > 0, state.controls.wheel_angle, state.controls.wheel_angle / curve
+    def _forces(self, motion: VehicleMotion, output: DriverOutput) -> F64:
+        """Force that each vehicle needs for the acceleration that its driver requests [N]."""
+        vehicles = self._vehicles
+        speed = motion.vx.astype(np.float64)
+        accel = output.requested_accel.astype(np.float64)
+        self._target_speed = np.clip(
+            self._target_speed + accel * TICK, speed - MAX_SPEED_ERROR, speed + MAX_SPEED_ERROR
         )
-        pushed = (sideways - self._sideways) / TICK + bend - steered
-        self._sideways = sideways
-        sound = np.clip(np.where(state.motion.is_wreck > 0, 0.0, pushed), -MAX_PUSH, MAX_PUSH)
-        self._pushed = self._pushed + (sound - self._pushed) * (TICK / float(c.wind_lag))
-        trim = -np.where(p.two_wheeler > 0, self._pushed, self._pushed * curve)
-        return trim.astype(np.float32)
+        corrected = accel + SPEED_GAIN * (self._target_speed - speed)
+        resistance = vehicles.drag[:, 0] * speed * speed + vehicles.rolling[:, 0]
+        return vehicles.mass[:, 0] * corrected + resistance
 
-    def _forces(self) -> F64:
-        """Force that each vehicle needs for what its driver wants [N]."""
-        state, p = self._state, self._p
-        speed = state.motion.vx[:, 0].astype(np.float64)
-        accel = state.controls.requested_accel[:, 0].astype(np.float64)
-        self._aim = np.clip(self._aim + accel * TICK, speed - MAX_LAG, speed + MAX_LAG)
-        wanted = accel + SPEED_GAIN * (self._aim - speed)
-        resistance = p.drag[:, 0] * speed * speed + p.rolling[:, 0]
-        return p.mass[:, 0] * wanted + resistance
+    def _control(self, slot: int, force: float, speed: float, wheel_angle: float) -> Any:
+        """`carla.VehicleControl` of one vehicle.
 
-    def _control(self, slot: int, force: float) -> Any:
-        """`carla.VehicleControl` of one vehicle; a wreck has its wheels locked."""
-        carla, p, state = self._stage.carla, self._p, self._state
-        if state.motion.is_wreck[slot, 0] > 0:
-            return carla.VehicleControl(brake=1.0)
-        speed = float(state.motion.vx[slot, 0])
-        most = min(float(p.launch_force[slot, 0]), float(p.power[slot, 0]) / max(speed, 1.0))
-        angle = self._stage.scenario.road.overtaking_sign * self._wheel_angle(slot, speed)
+        Args:
+            slot: Slot of the vehicle.
+            force: Force along the vehicle [N].
+            speed: Its speed [m/s].
+            wheel_angle: Angle of the front wheels [rad], or lateral acceleration of a two-wheeler
+                [m/s^2], positive to the overtaking side.
+        """
+        vehicles = self._vehicles
+        engine_force = min(
+            float(vehicles.launch_force[slot, 0]), float(vehicles.power[slot, 0]) / max(speed, 1.0)
+        )
+        if vehicles.two_wheeler[slot, 0]:
+            # The angle of the curve with this lateral acceleration.
+            wheelbase = float(vehicles.wheelbase[slot, 0])
+            wheel_angle = math.atan(wheel_angle * wheelbase / max(speed, 3.0) ** 2)
+        angle = self._stage.scenario.road.overtaking_sign * wheel_angle
         # CARLA's steering is positive to the right.
         steer = -angle / float(self._steering[slot].angles(kmh_from_mps(speed)))
-        return carla.VehicleControl(
-            throttle=min(max(force / most, 0.0), 1.0),
-            brake=min(max(-force / float(p.max_brake_force[slot, 0]), 0.0), 1.0),
+        return self._stage.carla.VehicleControl(
+            throttle=min(max(force / engine_force, 0.0), 1.0),
+            brake=min(max(-force / float(vehicles.max_brake_force[slot, 0]), 0.0), 1.0),
             steer=min(max(steer, -1.0), 1.0),
         )
 
-    def _wheel_angle(self, slot: int, speed: float) -> float:
-        """Angle of the front wheels; for a two-wheeler the one of its curve [rad]."""
-        wanted = float(self._state.controls.wheel_angle[slot, 0])
-        if not self._p.two_wheeler[slot, 0]:
-            return wanted
-        return math.atan(wanted * float(self._p.wheelbase[slot, 0]) / max(speed, 3.0) ** 2)
+
+class CrosswindEstimator:
+    """Estimates the lateral push on vehicles, and the steering that holds against it.
+
+    In our own simulations a driver knows the wind. CARLA reports none, so here a driver feels the
+    lateral acceleration that the wheel angle does not explain, with the lag `wind_lag` of drivers
+    in wind. `update` is called once for each tick.
+
+    Args:
+        vehicles: Parameters of the vehicles, arrays of shape (slot, 1).
+        constants: Constants of the model.
+    """
+
+    def __init__(self, vehicles: VehicleParameters, constants: ModelConstants) -> None:
+        """Start without any push."""
+        self._wheelbase, self._understeer = vehicles.wheelbase[:, 0], vehicles.understeer[:, 0]
+        self._is_two_wheeler = vehicles.two_wheeler[:, 0] > 0
+        self._constants = constants
+        self._push = np.zeros_like(self._wheelbase)
+        self._lateral_speed = np.zeros_like(self._wheelbase)
+
+    def update(self, motion: VehicleMotion, output: DriverOutput, tick: float) -> F32:
+        """Update the estimate by one tick, and return the trim against the push.
+
+        Args:
+            motion: Motion of the vehicles.
+            output: Wheel angles of the last tick, curvature of the road, and wrecks.
+            tick: Length of the tick [s].
+
+        Returns:
+            Wheel angle to add [rad]; for two-wheelers, lateral acceleration [m/s^2].
+        """
+        constants = self._constants
+        # In a bend, keeping the lane takes the acceleration v^2 * curvature without any push.
+        accel_in_bend = motion.vx * motion.vx * output.curvature
+        # Single-track model in steady cornering: angle = lateral acceleration * (l / v^2 + K).
+        # The bound on the speed keeps the angle finite at rest.
+        angle_per_accel = (
+            self._wheelbase / np.maximum(motion.vx, constants.slip_speed) ** 2 + self._understeer
+        )
+        # For two-wheelers `wheel_angle` is the lean, as a lateral acceleration.
+        steered = np.where(
+            self._is_two_wheeler, output.wheel_angle, output.wheel_angle / angle_per_accel
+        )
+        change = (output.lateral_speed - self._lateral_speed) / tick
+        self._lateral_speed = output.lateral_speed
+        unexplained = change + accel_in_bend - steered
+        # A contact is no wind: wrecks feel nothing, and no vehicle feels more than the bound.
+        measured = np.clip(
+            np.where(output.is_wreck, 0.0, unexplained), -MAX_CROSSWIND_ACCEL, MAX_CROSSWIND_ACCEL
+        )
+        self._push = self._push + (measured - self._push) * (tick / float(constants.wind_lag))
+        wind_trim = -np.where(self._is_two_wheeler, self._push, self._push * angle_per_accel)
+        return wind_trim.astype(np.float32)
 
 
 def _steering(actor: Any) -> SteeringLimits:
@@ -198,74 +232,44 @@ def check_interval(scenario: Scenario) -> None:
         )
 
 
-def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: float = 1.0) -> None:
-    """Copy CARLA's reading into the state, whose lateral axis points to the fast side.
+def motion_from_reading(
+    reading: Reading, scenario: Scenario, *, time_scale: float = 1.0
+) -> VehicleMotion:
+    """CARLA's reading as motion in the frames of the model.
 
-    Who comes the other way is in the frame of its own direction there, turned by half a turn.
+    The lateral axis of the model points to the overtaking side. Oncoming vehicles are in the frame
+    of their own direction, which is turned by half a turn.
 
     Args:
-        state: Of one simulation, changed in place.
         reading: The vehicles.
         scenario: A batch of one.
-        faster: Factor by which time is to run faster than it did on the server.
+        time_scale: Factor by which time runs faster than it did on the server.
     """
-    side, v, a = scenario.road.overtaking_sign, faster, faster * faster
-    filled = scenario.vehicles.valid[0]
+    side, filled = scenario.road.overtaking_sign, scenario.vehicles.valid[0]
+    v, a = time_scale, time_scale * time_scale
     road = road_parameters(scenario.road)
-    comes = scenario.start_lane[0] == scenario.road.num_lanes
+    is_oncoming = scenario.start_lane[0] == scenario.road.num_lanes
     turned = np.remainder(reading.psi + math.tau, math.tau) - math.pi
-    values = {
-        "s": np.where(comes, float(road.length) - reading.s, reading.s),
-        "d": np.where(comes, float(road.edge_sum) - side * reading.d, side * reading.d),
-        "heading": side * np.where(comes, turned, reading.psi),
-        "vx": v * reading.along,
-        "vy": v * side * reading.left,
-        "yaw_rate": v * side * reading.yaw_rate,
-        "accel_lon": a * reading.accel,
-        "accel_lat": a * side * reading.accel_left,
-    }
-    contact = np.hypot(reading.accel, reading.accel_left) > HARDEST
-    values["accel_lon"], values["accel_lat"] = (
-        np.where(contact, 0.0, values[name]) for name in ("accel_lon", "accel_lat")
-    )
-    for name, value in values.items():
-        column = getattr(state.motion, name)
-        column[filled, 0] = value[filled].astype(np.float32)
+    is_contact = np.hypot(reading.accel, reading.accel_left) > MAX_TYRE_ACCEL
 
+    def column(values: F64) -> F32:
+        return np.where(filled, values, 0.0).astype(np.float32)
 
-def note_contacts(
-    state: State,
-    params: StepParameters,
-    contacts: list[Contact],
-    step: int,
-    faster: float = 1.0,
-) -> None:
-    """Write down the first contact of each vehicle, and make it a wreck.
-
-    The speed of approach is what the impulse took away, m dv = J on either side, so that
-    no velocity before the contact is needed: J (1/m1 + 1/m2) / (1 + e).
-    """
-    vehicles, constants = params.vehicles, params.constants
-    sound = state.motion.is_wreck[EGO_SLOT].copy() == 0
-    for one in contacts:
-        if one.other < 0 or state.first_contact.partner[one.own, 0] >= 0:
-            continue
-        size = faster * math.hypot(*one.impulse)
-        softness = float(vehicles.inverse_mass[one.own, 0] + vehicles.inverse_mass[one.other, 0])
-        state.first_contact.partner[one.own, 0] = np.float32(one.other)
-        state.first_contact.time[one.own, 0] = np.float32(step) * constants.step
-        state.first_contact.impulse[one.own, 0] = np.float32(size)
-        rebound = 1.0 + float(constants.restitution)
-        state.first_contact.closing_speed[one.own, 0] = np.float32(size * softness / rebound)
-        state.motion.is_wreck[one.own, 0] = np.float32(1.0)
-    collisions.end_after_ego_accident(
-        state, params, sound & (state.motion.is_wreck[EGO_SLOT] > 0), step
+    return VehicleMotion(
+        s=column(np.where(is_oncoming, float(road.length) - reading.s, reading.s)),
+        d=column(np.where(is_oncoming, float(road.edge_sum) - side * reading.d, side * reading.d)),
+        heading=column(side * np.where(is_oncoming, turned, reading.psi)),
+        vx=column(v * reading.along),
+        vy=column(v * side * reading.left),
+        yaw_rate=column(v * side * reading.yaw_rate),
+        accel_lon=column(np.where(is_contact, 0.0, a * reading.accel)),
+        accel_lat=column(np.where(is_contact, 0.0, a * side * reading.accel_left)),
     )
 
 
-def still(given: StepParameters) -> StepParameters:
+def _without_wind(params: StepParameters) -> StepParameters:
     """The same parameters without wind: whether there is any, only the server knows."""
-    simulation = given.simulation_table.copy()
+    simulation_table = params.simulation_table.copy()
     for name in ("wind_along", "wind_across"):
-        simulation[SIMULATION_FIELDS.index(name)] = 0.0
-    return dataclasses.replace(given, simulation_table=simulation)
+        simulation_table[SIMULATION_FIELDS.index(name)] = 0.0
+    return dataclasses.replace(params, simulation_table=simulation_table)

@@ -11,6 +11,7 @@ from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.scenario import Scenario
+from overtaking.sim.external_motion import VehicleContact
 from overtaking.simulators.carla.world import (
     TICK,
     Lamps,
@@ -27,22 +28,6 @@ SPAWN_HEIGHTS = (0.3, 0.6, 1.2)
 
 _OFF_LANE = 0.5  # A waypoint farther than this from where our lane is, is of another road [m].
 _LOOK = 10.0  # Distance of the points at which the road is looked at [m].
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """One event of a collision sensor.
-
-    Attributes:
-        own, other: Slots; `other` is -1 for what is no vehicle.
-        frame: The tick.
-        impulse: On `own`, along the road and to its left [N s].
-    """
-
-    own: int
-    other: int
-    frame: int
-    impulse: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +74,7 @@ class CarlaStage:
     actors: dict[int, Any]
     end: float
     _sensors: list[Any] = field(default_factory=list)
-    _events: list[Contact] = field(default_factory=list)
+    _events: list[VehicleContact] = field(default_factory=list)
     _offsets: dict[int, tuple[float, float]] = field(default_factory=dict)
     _lamps: Lamps = field(init=False)
 
@@ -151,17 +136,17 @@ class CarlaStage:
         self.world.tick()
         return self._read(self.world.get_snapshot())
 
-    def contacts(self, before: int) -> list[Contact]:
+    def contacts(self, before_tick: int) -> list[VehicleContact]:
         """The events of the collision sensors before a tick, in order; each is returned once.
 
         Sensors report from threads of their own, so the events of the last tick may be incomplete.
         """
-        found = sorted(
-            (one for one in self._events if one.frame < before),
-            key=lambda one: (one.frame, one.own, one.other),
+        earlier = sorted(
+            (contact for contact in self._events if contact.tick < before_tick),
+            key=lambda contact: (contact.tick, contact.slot, contact.other_slot),
         )
-        self._events[:] = [one for one in self._events if one.frame >= before]
-        return found
+        self._events[:] = [contact for contact in self._events if contact.tick >= before_tick]
+        return earlier
 
     def show(self, slot: int, lights: int) -> None:
         """Switch the lamps of a vehicle to our `Lights` bits."""
@@ -216,7 +201,7 @@ class CarlaStage:
             x, y = event.normal_impulse.x, -event.normal_impulse.y
             push = (x * cosine + y * sine, y * cosine - x * sine)
             own, other = slots[event.actor.id], slots.get(event.other_actor.id, -1)
-            self._events.append(Contact(own, other, event.frame, push))
+            self._events.append(VehicleContact(own, other, event.frame, push))
 
         for slot in self.actors:
             sensor = self.world.spawn_actor(
