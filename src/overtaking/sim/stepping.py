@@ -40,13 +40,13 @@ class Stepper(Protocol):
         """The observations at the start."""
         ...
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+    def step(self, actions: NDArray[np.int32], num_decisions: int) -> SteppedObservation:
         """Carry out the same action at some successive decisions.
 
         Args:
-            values: Each part of the action as a number of steps of its resolution, shape
+            actions: Each part of the action as a number of steps of its resolution, shape
                 (simulation, `MAX_ACTION_PARTS`).
-            decisions: Number of decisions, at least 1.
+            num_decisions: Number of decisions, at least 1.
         """
         ...
 
@@ -58,7 +58,8 @@ class EngineStepper:
 
     Args:
         params: Parameters of a batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver drive.
+        action_kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver
+            drive.
         observes_truth: Whether observations hold the true neighbours; if not, the beliefs of the
             model driver.
         level: As in `new_stepper`.
@@ -67,21 +68,23 @@ class EngineStepper:
     def __init__(
         self,
         params: StepParameters,
-        kind: str | None,
+        action_kind: str | None,
         *,
         observes_truth: bool,
         level: str | None = None,
     ) -> None:
         """Place the batch before its first decision."""
-        self._batch = _core.Stepper(engine_inputs(params), kind, observes_truth, simd_level(level))
+        self._batch = _core.Stepper(
+            engine_inputs(params), action_kind, observes_truth, simd_level(level)
+        )
 
     def observe_start(self) -> SteppedObservation:
         """As `Stepper.observe_start`."""
         return SteppedObservation(*self._batch.observe_start())
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+    def step(self, actions: NDArray[np.int32], num_decisions: int) -> SteppedObservation:
         """As `Stepper.step`."""
-        return SteppedObservation(*self._batch.step(values, decisions))
+        return SteppedObservation(*self._batch.step(actions, num_decisions))
 
     def restart(self, rows: NDArray[np.int64], parameters: StepParameters) -> SteppedObservation:
         """Begin new simulations in some rows.
@@ -117,7 +120,7 @@ class BeliefTrace:
 
 def new_stepper(
     params: StepParameters,
-    kind: str | None,
+    action_kind: str | None,
     *,
     observes_truth: bool,
     simulator: str = "engine",
@@ -127,7 +130,8 @@ def new_stepper(
 
     Args:
         params: Parameters of the batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver drive.
+        action_kind: A name in `model.driver_interface.ACTION_KINDS`; None lets the model driver
+            drive.
         observes_truth: Whether observations hold the true neighbours; if not, the beliefs of the
             model driver.
         simulator: `engine` or `reference`.
@@ -140,8 +144,8 @@ def new_stepper(
         # Production loads the reference only on request.
         from overtaking.sim.reference.simulation import ReferenceStepper
 
-        return ReferenceStepper(params, kind, observes_truth=observes_truth)
-    return EngineStepper(params, kind, observes_truth=observes_truth, level=level)
+        return ReferenceStepper(params, action_kind, observes_truth=observes_truth)
+    return EngineStepper(params, action_kind, observes_truth=observes_truth, level=level)
 
 
 def trace_beliefs(
@@ -164,9 +168,9 @@ def _trace_observations(
     scenario: Scenario, actions: Actions | None, simulator: str, *, observes_truth: bool
 ) -> tuple[F32, F32]:
     """Observed columns of the egos and of their neighbours, along a first axis of decisions."""
-    kind = None if actions is None else actions.kind
+    action_kind = None if actions is None else actions.kind
     stepper = new_stepper(
-        step_parameters(scenario), kind, observes_truth=observes_truth, simulator=simulator
+        step_parameters(scenario), action_kind, observes_truth=observes_truth, simulator=simulator
     )
     # A stepper of the model driver takes actions too, and ignores them.
     no_action = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
@@ -174,8 +178,8 @@ def _trace_observations(
     table, is_running, _ = stepper.observe_start()
     while is_running.any():
         tables.append(np.where(is_running[:, None], table, np.float32(np.nan)))
-        values = no_action if actions is None else _actions_at(actions, len(tables) - 1)
-        table, is_running, _ = stepper.step(values, 1)
+        action = no_action if actions is None else _actions_at(actions, len(tables) - 1)
+        table, is_running, _ = stepper.step(action, 1)
     ego, neighbours, _ = split_observation(np.stack(tables))
     return ego, neighbours
 

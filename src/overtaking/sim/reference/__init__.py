@@ -4,8 +4,14 @@ The engine in `crates/overtaking-core` is the same model, fast: its files and fu
 same names, and both record the same bits. No module here, nor any that it imports, loads compiled
 code of ours.
 
+Arguments that most functions share:
+    state: The state of the batch. Functions that change it say so.
+    params: Parameters of the batch: `vehicles`, `simulations`, `constants`, `road`.
+    context: Perception of the drivers at this decision.
+    slots: Slots to compute. An int gives shape (simulation,), a slice (vehicle, simulation).
+
 Left is the overtaking side. Left-hand traffic is mirrored when parameters are prepared and again
-when a frame is recorded (docs/adr/0006).
+when a frame is recorded, so that no formula depends on the side on which traffic drives.
 
 Data:
     state, decision_context

@@ -327,6 +327,7 @@ def form_intent(
     wants_to_return = _wants_to_return(state, params, context, inputs, continuation)
     update_indicator(state, params, slots, wants_to_pull_out, wants_to_return)
     has_indicated = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
+    # A driver moves over only right after a check of its mirrors.
     goes_first = context.checks_mirrors[slots] & ~context.gives_way[slots]
     decides_now = goes_first | inputs.is_scripted
     forced_decision = inputs.forced_decision
@@ -334,6 +335,7 @@ def form_intent(
     cancels_return = _cancels_return(state, params, context, inputs)
     may_return = has_indicated
     if continuation is not None:
+        # A driver that aborts returns behind its target without waiting for mirrors or indicator.
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
@@ -362,6 +364,7 @@ def _wants_to_pull_out(
 ) -> Mask:
     """Whether drivers want to overtake and accept the gaps, or a branch forces them to."""
     constants, slots, oncoming = params.constants, inputs.slots, context.oncoming
+    # The pause keeps a driver that has cancelled a lane change from starting it again at once.
     has_paused = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
     has_lane = state.lane_choice.lane[slots] < np.float32(params.road.num_lanes - 1)
     follows = state.is_in_stage(Stage.FOLLOW, slots)

@@ -106,7 +106,8 @@ def expected_accel(
 def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed: F32) -> F32:
     """Speed at which drivers pass: well above the target's speed, if the vehicle can [m/s].
 
-    A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
+    A driver gives up the same share of its excess over the speed limit as on a free road, so a
+    driver that respects limits takes longer to pass.
 
     Args:
         vehicle: Parameters of the drivers and their vehicles.

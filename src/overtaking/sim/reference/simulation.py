@@ -52,14 +52,17 @@ class ReferenceStepper:
 
     Args:
         params: Parameters of a batch.
-        kind: A name in `model.driver_interface.ACTION_KINDS`; None if the model's own driver
+        action_kind: A name in `model.driver_interface.ACTION_KINDS`; None if the model's own driver
             decides.
         observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
 
-    def __init__(self, params: StepParameters, kind: str | None, *, observes_truth: bool) -> None:
+    def __init__(
+        self, params: StepParameters, action_kind: str | None, *, observes_truth: bool
+    ) -> None:
         """Prepare the first decision."""
-        self._params, self._kind, self._observes_truth = params, kind, observes_truth
+        self._params, self._action_kind = params, action_kind
+        self._observes_truth = observes_truth
         self._local_params = params
         self._steps_at_once = _steps_at_once(params)
         self._state, self._step = State.at_start(params), 0
@@ -70,25 +73,26 @@ class ReferenceStepper:
         table, is_running = self._observe()
         return SteppedObservation(table, is_running, np.zeros(is_running.shape, np.uint32))
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+    def step(self, actions: NDArray[np.int32], num_decisions: int) -> SteppedObservation:
         """Carry out the same action for some decisions.
 
         Args:
-            values: Numbers of the action in steps of their resolution, shape (simulation,
+            actions: Numbers of each action in steps of their resolution, shape (simulation,
                 `MAX_ACTION_PARTS`).
-            decisions: Number of decisions, at least 1.
+            num_decisions: Number of decisions, at least 1.
         """
-        action = None if self._kind is None else action_from_integers(self._kind, values)
-        num_decisions = np.zeros(self._is_running.shape, np.uint32)
+        kind = self._action_kind
+        action = None if kind is None else action_from_integers(kind, actions)
+        num_carried_out = np.zeros(self._is_running.shape, np.uint32)
         table = np.zeros((len(self._is_running), OBSERVATION_SIZE), np.float32)
-        for _ in range(decisions):
+        for _ in range(num_decisions):
             self._act(action)
-            num_decisions += self._is_running
+            num_carried_out += self._is_running
             observed, is_running = self._observe()
             # A simulation that has ended keeps the observation of its last decision.
             table = np.where(self._is_running[:, None], observed, table)
             self._is_running = is_running
-        return SteppedObservation(table, self._is_running, num_decisions)
+        return SteppedObservation(table, self._is_running, num_carried_out)
 
     def _observe(self) -> tuple[F32, Mask]:
         """Observations of all egos, ended simulations included, and which simulations run."""

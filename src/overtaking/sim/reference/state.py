@@ -56,7 +56,8 @@ class Motion:
         vx, vy: Velocity in the vehicle's axes [m/s].
         yaw_rate: Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
         accel_lon, accel_lat: Mean acceleration by tyre and wind forces over the last step, in the
-            vehicle's axes [m/s^2]. Contacts are not part of it (docs/adr/0004).
+            vehicle's axes [m/s^2]. Contacts are not part of it: the jump of a contact over the step
+            would depend on its length, and rule every statistic of accelerations.
         yaw_accel: Mean yaw acceleration over the last step [rad/s^2].
         is_wreck: 1 if the vehicle has collided or has left the road, else 0.
     """
