@@ -8,13 +8,12 @@ divided. `environments` clips observations and actions with the functions below.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, Mask
+from overtaking.core.arrays import F32
 from overtaking.core.errors import ConfigError
 from overtaking.model.driver_interface import (
     EGO_COLUMNS,
@@ -24,7 +23,7 @@ from overtaking.model.driver_interface import (
     Move,
 )
 from overtaking.model.trajectories import Stage
-from overtaking.sim.action_spaces import ACTION_SPACES, clip_to_limits
+from overtaking.sim.action_spaces import ACTION_SPACES, ClippedAnswers, clip_to_limits
 from overtaking.sim.ego_observation import EgoObservation
 
 
@@ -173,19 +172,7 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 
-class ClippedActions(NamedTuple):
-    """Actions within their limits.
-
-    Attributes:
-        values: The actions, shape (env, part).
-        was_clipped: Whether a part was outside its limits by more than rounding, shape (env,).
-    """
-
-    values: NDArray[np.float64]
-    was_clipped: Mask
-
-
-def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
+def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedAnswers:
     """Clip the actions of all environments to their limits.
 
     Args:
@@ -209,6 +196,4 @@ def clip_actions(actions: Any, action: str, num_envs: int) -> ClippedActions:
             got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the agent",
         )
-    # Also says which actions it changed by more than half a part's resolution, not by rounding.
-    clipped, was_clipped = clip_to_limits(values, parts)
-    return ClippedActions(clipped, was_clipped)
+    return clip_to_limits(values, parts)

@@ -7,7 +7,7 @@ lane, or an acceleration and a wheel angle, anew at each decision.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,22 +141,32 @@ ACTION_SPACES: Final = {
 """The action spaces by the names that a `Driver` states; the first is the default."""
 
 
-def clip_to_limits(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mask]:
+class ClippedAnswers(NamedTuple):
+    """Answers within their limits.
+
+    Attributes:
+        values: The answers, shape (simulation, part).
+        was_clipped: Whether any part of an answer was outside its limits, shape (simulation,). An
+            excess of up to half a resolution does not count, because the later rounding to whole
+            steps would remove it too.
+    """
+
+    values: F64
+    was_clipped: Mask
+
+
+def clip_to_limits(values: F64, parts: tuple[ActionPart, ...]) -> ClippedAnswers:
     """Clip answers to the limits of their parts.
 
     Args:
         values: Answers, shape (simulation, part).
         parts: The parts, which state limits and resolution.
-
-    Returns:
-        The clipped answers, and whether any part of an answer was outside its limits, shape
-        (simulation,). An excess of up to half a resolution does not count, because the later
-        rounding to whole steps would remove it too.
     """
     limits = np.array([(part.resolution, part.low, part.high) for part in parts])
     resolution, low, high = limits.T
     clipped = np.clip(values, low, high)
-    return clipped, (np.abs(values - clipped) > 0.5 * resolution).any(axis=1)
+    was_clipped = (np.abs(values - clipped) > 0.5 * resolution).any(axis=1)
+    return ClippedAnswers(clipped, was_clipped)
 
 
 def to_action_integers(

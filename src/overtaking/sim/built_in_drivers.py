@@ -28,6 +28,7 @@ from overtaking.model.trajectories import Stage
 from overtaking.sim.ego_observation import Observation
 
 Moves = NDArray[np.int64]
+"""A `Move` for each simulation, shape (simulation,)."""
 
 
 MIN_SPEED_GAIN = 3.0
@@ -58,6 +59,14 @@ The value of UN R79 as recalled; its wording was not at hand.
 
 CANCEL_IMPOSED_DECEL = 6.0
 """Deceleration of the new follower above which a lane change is cancelled [m/s^2]. Chosen."""
+
+
+FOLLOWER_REACTION_TIME = 0.4
+"""Time after which the new follower brakes [s]. As in UN R79."""
+
+
+MIN_GAP = 2.0
+"""Gap of the new follower that is left at any speed [m]. Chosen."""
 
 
 MIN_TIME_BETWEEN_CHANGES = 8.0
@@ -91,16 +100,20 @@ def rules(observation: Observation) -> Moves:
         checks_mirrors, _wants_to_overtake(observation), ego.wanted_side > 0
     )
     may_return = (ego.stage == Stage.PASS) & (ego.can_return > 0) & (ego.has_passed_target > 0)
-    is_clear = _is_clear_ahead(observation, observation.right_leader)
-    is_clear &= _is_clear_behind(observation, observation.right_follower, MAX_IMPOSED_DECEL)
+    is_clear = _is_clear(observation, observation.right_leader, observation.right_follower)
     returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
+
+    # The lane change begins at a check of the mirrors, when the indicator has been on long enough.
     can_begin = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
     pull_out_move = np.where(can_begin, Move.PULL_OUT, Move.INDICATE_PULL_OUT)
     return_move = np.where(can_begin, Move.RETURN, Move.INDICATE_RETURN)
     move = np.where(returns, return_move, np.where(pulls_out, pull_out_move, Move.KEEP))
+
     may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
+    # A started lane change goes on with a small time gap: to turn back may be the greater danger.
+    # It is cancelled only for hard braking of the follower, or less than `MIN_GAP`.
     cancels = may_cancel & ~_is_clear_behind(
-        observation, observation.left_follower, CANCEL_IMPOSED_DECEL
+        observation, observation.left_follower, max_decel=CANCEL_IMPOSED_DECEL, min_time_gap=0.0
     )
     aborts = observation.passing.abort_state > ABORT_STATE_THRESHOLD
     return np.where(cancels | aborts, Move.CANCEL, move)
@@ -113,8 +126,7 @@ def _wants_to_overtake(observation: Observation) -> Mask:
     leader_speed = ego.speed - leader.closing_speed
     is_slow = vehicle.desired_speed - leader_speed > MIN_SPEED_GAIN
     is_near = (leader.is_detected > 0) & (leader.gap < PULL_OUT_TIME_GAP * ego.speed)
-    is_clear = _is_clear_ahead(observation, observation.left_leader)
-    is_clear &= _is_clear_behind(observation, observation.left_follower, MAX_IMPOSED_DECEL)
+    is_clear = _is_clear(observation, observation.left_leader, observation.left_follower)
     is_two_way = passing.expected_closing_speed > 0  # On one-way roads all columns are zero.
     min_return_gap = 2.0 * MIN_TIME_GAP * leader_speed + 2.0 * vehicle.half_length
     may_meet_oncoming = (
@@ -147,6 +159,15 @@ def _is_back_in_time(observation: Observation) -> Mask:
     return oncoming_gap > (duration + ONCOMING_TIME_MARGIN) * closing_speed
 
 
+def _is_clear(
+    observation: Observation, new_leader: NeighbourColumns, new_follower: NeighbourColumns
+) -> Mask:
+    """Whether the gaps to both vehicles in the new lane suffice for a lane change."""
+    return _is_clear_ahead(observation, new_leader) & _is_clear_behind(
+        observation, new_follower, max_decel=MAX_IMPOSED_DECEL, min_time_gap=MIN_TIME_GAP
+    )
+
+
 def _is_clear_ahead(observation: Observation, new_leader: NeighbourColumns) -> Mask:
     """Whether the gap to the vehicle ahead in the new lane suffices."""
     closing_speed = np.maximum(new_leader.closing_speed, 0.0)
@@ -155,16 +176,25 @@ def _is_clear_ahead(observation: Observation, new_leader: NeighbourColumns) -> M
 
 
 def _is_clear_behind(
-    observation: Observation, new_follower: NeighbourColumns, max_decel: float
+    observation: Observation,
+    new_follower: NeighbourColumns,
+    *,
+    max_decel: float,
+    min_time_gap: float,
 ) -> Mask:
-    """Whether the vehicle behind in the new lane need not brake harder than `max_decel`."""
+    """Whether the gap to the vehicle behind in the new lane suffices.
+
+    Args:
+        observation: Observations of the egos.
+        new_follower: The vehicle behind in the new lane.
+        max_decel: Largest deceleration of the vehicle until it is as slow as the ego [m/s^2].
+        min_time_gap: Smallest time gap of the vehicle to the ego after that [s].
+    """
     closing_speed: F32 = np.maximum(new_follower.closing_speed, 0.0)
     follower_speed = observation.ego.speed + new_follower.closing_speed
-    # The check for a cancellation demands no time gap: it fails for hard braking or less than 2 m.
-    time_gap = MIN_TIME_GAP if max_decel == MAX_IMPOSED_DECEL else 0.0
     braking_distance = closing_speed * closing_speed / (2.0 * max_decel)
-    # As in UN R79, the follower reacts after 0.4 s. At least 2 m are left at any speed; chosen.
-    min_gap = 0.4 * closing_speed + braking_distance + np.maximum(time_gap * follower_speed, 2.0)
+    lost_distance = FOLLOWER_REACTION_TIME * closing_speed + braking_distance
+    min_gap = lost_distance + np.maximum(min_time_gap * follower_speed, MIN_GAP)
     return (new_follower.is_detected == 0) | (new_follower.gap > min_gap)
 
 

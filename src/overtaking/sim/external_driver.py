@@ -169,16 +169,15 @@ def record_actions(
     batch = _DrivenBatch(scenario, params, driver, simulator, log)
     while batch.observation.is_running.any():
         start = batch.observation
-        answer, was_clipped = clip_to_limits(
-            _call_driver(driver.function, start, space), space.parts
-        )
-        num_clipped += was_clipped
+        answer = clip_to_limits(_call_driver(driver.function, start, space), space.parts)
+        num_clipped += answer.was_clipped
         if space.track is None:
-            batch.carry_out(answer, driver.action_repeat)
+            batch.carry_out(answer.values, driver.action_repeat)
         else:
             # The answer is a speed or a trajectory, which gives another action at each decision.
             for _ in range(driver.action_repeat):
-                batch.carry_out(space.track(answer, start, batch.observation), 1)
+                action = space.track(answer.values, start, batch.observation)
+                batch.carry_out(action, 1)
     return Actions(values=log, kind=space.kind, num_clipped=num_clipped)
 
 
