@@ -5,6 +5,7 @@ Blocks of pages are run in `tests/integration/test_pages.py`.
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
 import importlib
 import re
@@ -314,6 +315,87 @@ def test_every_name_exists():
         return [word for word in words(read(page)) if is_name(word) and not exists(word)]
 
     assert wrong(missing) == {}
+
+
+FUNCTIONS_OF_OTHERS = {
+    *("load_world", "reload_world", "set_simulate_physics", "shut_down"),  # CARLA's client.
+    "make_vec",  # Gymnasium.
+}
+
+
+# Before a dot: modules that export functions of others.
+PUBLIC_MODULES = {"ot", "overtaking", "gym", "law", "whatif", "logic", "learning"}
+
+
+@cache
+def methods() -> set[str]:
+    """Names of all methods of the project, and of functions inside functions."""
+    return {name for text in sources() for name in re.findall(r"^ +def (\w+)", text, re.MULTILINE)}
+
+
+@cache
+def functions() -> dict[str, set[str]]:
+    """Modules in which there is a function or class, by its name; also those of Rust."""
+    found: dict[str, set[str]] = {name: {"builtins"} for name in dir(builtins)}
+    for text, module in sources().items():
+        for name in re.findall(r"^(?:def|class|    pub fn|pub fn) (\w+)", text, re.MULTILINE):
+            found.setdefault(name, set()).add(module)
+    return found
+
+
+@cache
+def sources() -> dict[str, str]:
+    """The name of the module by the text of each source."""
+    paths = [
+        path
+        for folder in ("src", "examples", "benchmarks", "crates")
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in (".py", ".rs")
+    ]
+    return {read(path): path.stem for path in paths}
+
+
+def is_function(owner: str, name: str) -> bool:
+    """Whether a called name is defined where the page says.
+
+    Args:
+        owner: The name before the dot; empty without one.
+        name: The called name.
+    """
+    modules = functions().get(name, set())
+    if name in FUNCTIONS_OF_OTHERS or name in methods():
+        return True
+    return bool(modules) if not owner or owner in PUBLIC_MODULES else owner in modules
+
+
+def unknown_calls(text: str) -> list[str]:
+    """Calls in the inline code of a page to functions that nothing defines."""
+    calls = [
+        (owner, name, word)
+        for word in words(text)
+        # In logic, `(S` begins the arguments of a predicate about the simulation S.
+        if not re.search(r"\w\(S\b", word)
+        for owner, name in re.findall(
+            r"(?:([A-Za-z_]\w*)\.)?([A-Za-z_]\w*)\(", re.sub(r'"[^"]*"', "", word)
+        )
+    ]
+    return [word for owner, name, word in calls if not is_function(owner, name)]
+
+
+def test_every_function_that_a_page_calls_exists():
+    def missing(page: str) -> list[str]:
+        # Decision records and the changelog name what there was.
+        is_history = page == "CHANGELOG.md" or page.startswith("docs/adr/")
+        return [] if is_history else unknown_calls(read(page))
+
+    assert wrong(missing) == {}
+
+
+def test_a_call_of_a_former_function_is_noticed():
+    assert unknown_calls("`road.speed_limit_at(s)` and `no_such_name(3)`") == ["no_such_name(3)"]
+    # There is a function of this name, but not in a module `road`.
+    assert unknown_calls("`road.limit_at(case.signals.s)`") == ["road.limit_at(case.signals.s)"]
+    assert unknown_calls("`illegal(S,l4)`") == []
 
 
 @pytest.mark.parametrize(

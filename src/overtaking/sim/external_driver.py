@@ -191,7 +191,7 @@ class _DrivenBatch:
     """A batch that waits at each decision for the action of a driver, and records the actions.
 
     Attributes:
-        observation: What the driver observes at the present decision.
+        observation: The driver's observation at the present decision.
 
     Args:
         scenario: A batch of scenarios.
