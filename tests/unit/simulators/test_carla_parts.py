@@ -18,11 +18,11 @@ from overtaking.simulators.carla import manager, processes, replay, world
 from overtaking.simulators.carla.library import Address, parse_address
 from overtaking.simulators.carla.own import (
     MAX_TYRE_ACCEL,
-    check_interval,
+    check_frame_interval,
     motion_from_reading,
 )
 from overtaking.simulators.carla.processes import joined
-from overtaking.simulators.carla.stage import Reading
+from overtaking.simulators.carla.stage import MotionReading
 from overtaking.simulators.carla_server.world import SCENARIO_NAME
 
 
@@ -64,13 +64,13 @@ def test_the_headless_server_understands_where_the_wind_blows(direction: float):
     assert apart == pytest.approx(0.0, abs=1e-6)
 
 
-def reading(slots: int, **values: float) -> Reading:
-    names = ("s", "d", "psi", "along", "left", "yaw_rate", "accel", "accel_left")
-    return Reading(1, *(np.full(slots, values.get(name, 0.0)) for name in names))
+def reading(slots: int, **values: float) -> MotionReading:
+    names = ("s", "d", "heading", "vx", "vy", "yaw_rate", "accel_lon", "accel_lat")
+    return MotionReading(1, *(np.full(slots, values.get(name, 0.0)) for name in names))
 
 
 def test_speeds_times_three_are_accelerations_times_nine():
-    motion_reading = reading(8, s=100.0, d=-12.0, along=10.0, yaw_rate=0.1, accel=0.5)
+    motion_reading = reading(8, s=100.0, d=-12.0, vx=10.0, yaw_rate=0.1, accel_lon=0.5)
     motion = motion_from_reading(motion_reading, scenario([Vehicle()]), time_scale=3)
     names = ("s", "d", "vx", "yaw_rate", "accel_lon")
     values = [float(getattr(motion, name)[0]) for name in names]
@@ -79,16 +79,16 @@ def test_speeds_times_three_are_accelerations_times_nine():
 
 def test_a_contact_is_no_acceleration_of_driving():
     batch = scenario([Vehicle()])
-    motion_reading = reading(8, accel=-MAX_TYRE_ACCEL - 1.0, accel_left=1.0)
+    motion_reading = reading(8, accel_lon=-MAX_TYRE_ACCEL - 1.0, accel_lat=1.0)
     motion = motion_from_reading(motion_reading, batch)
     assert motion.accel_lon[0] == motion.accel_lat[0] == 0.0
-    assert motion_from_reading(reading(8, accel=-9.0), batch).accel_lon[0] == -9.0
+    assert motion_from_reading(reading(8, accel_lon=-9.0), batch).accel_lon[0] == -9.0
 
 
 def test_in_left_hand_traffic_the_lateral_axis_is_turned():
     road = wide_road().mirror()
     assert road.driving_side is DrivingSide.LEFT
-    motion_reading = reading(8, d=4.0, psi=0.1, left=1.0, accel_left=2.0)
+    motion_reading = reading(8, d=4.0, heading=0.1, vy=1.0, accel_lat=2.0)
     motion = motion_from_reading(motion_reading, scenario([Vehicle()], road=road))
     names = ("d", "heading", "vy", "accel_lat")
     values = [float(getattr(motion, name)[0]) for name in names]
@@ -129,17 +129,17 @@ def test_what_is_no_address_is_refused(text: str):
 
 
 def test_frames_between_two_ticks_are_refused():
-    check_interval(scenario([Vehicle()], frame_interval_ms=100))
+    check_frame_interval(scenario([Vehicle()], frame_interval_ms=100))
     with pytest.raises(ConfigError, match="multiple of 50"):
-        check_interval(scenario([Vehicle()], frame_interval_ms=40))
+        check_frame_interval(scenario([Vehicle()], frame_interval_ms=40))
 
 
 def test_vision_is_cut_under_clouds_and_towards_a_low_sun():
     def sight(**weather: float) -> float:
-        return manager.far_sight(scenario([Vehicle()], weather=weather))
+        return manager.leader_range(scenario([Vehicle()], weather=weather))
 
-    assert sight() == sight(cloudiness=60.0) == manager.SIGHT
-    assert sight(cloudiness=61.0) == sight(low_sun=1.0) == manager.POOR_SIGHT
+    assert sight() == sight(cloudiness=60.0) == manager.STUDY_LEADER_RANGE
+    assert sight(cloudiness=61.0) == sight(low_sun=1.0) == manager.STUDY_LEADER_RANGE_POOR_SIGHT
 
 
 def test_pushes_grow_with_the_worse_of_rain_and_wind():
@@ -147,8 +147,8 @@ def test_pushes_grow_with_the_worse_of_rain_and_wind():
         return manager.push_accel(scenario([Vehicle()], weather=weather))
 
     assert push() == 0.0
-    assert push(rain=30.0, wind=50.0) == pytest.approx(0.5 * manager.PUSH)
-    assert push(rain=100.0) == manager.PUSH
+    assert push(rain=30.0, wind=50.0) == pytest.approx(0.5 * manager.WEATHER_PUSH_ACCEL)
+    assert push(rain=100.0) == manager.WEATHER_PUSH_ACCEL
 
 
 @pytest.mark.parametrize("size", [(801, 450), (800, 8), (4000, 2000), (-2, 450)])

@@ -15,7 +15,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.simulators.carla import manager, own
 from overtaking.simulators.carla.library import Address, connect, library
-from overtaking.simulators.carla.stage import CarlaStage
+from overtaking.simulators.carla.stage import CarlaScene
 from overtaking.simulators.carla.world import SimulationLostError
 
 SILENCE = 30.0
@@ -47,7 +47,7 @@ class Job:
     """
 
     name: str
-    run: Callable[[Any, Any, own.Sign], Any]
+    run: Callable[[Any, Any, own.HeartbeatCallback], Any]
 
     def lost(self, got: str) -> SimulationLostError:
         """The error for a job that came to nothing."""
@@ -55,24 +55,34 @@ class Job:
 
 
 def drive(
-    carla: Any, client: Any, sign: own.Sign, *, driver: str, scenario: Scenario, ports: list[int]
+    carla: Any,
+    client: Any,
+    send_heartbeat: own.HeartbeatCallback,
+    *,
+    driver: str,
+    scenario: Scenario,
+    ports: list[int],
 ) -> Trajectories:
     """Run a simulation in a world of its own.
 
     Args:
         carla: The module.
         client: A connected client.
-        sign: Called after every tick.
+        send_heartbeat: Called after every tick.
         driver: `own` or `traffic-manager`.
         scenario: A batch of one.
         ports: Two free ports for Traffic Managers.
     """
     has_manager = driver == "traffic-manager"
-    slower = manager.SLOWER if has_manager else 1
-    stage = CarlaStage.set_up(carla, client, scenario, slower=slower)
-    sign()
-    found = manager.run(stage, sign, ports) if has_manager else own.run(stage, sign)
-    stage.tear_down()  # Not after an error: the server may be gone, each call takes its time.
+    time_scale = manager.TIME_SCALE if has_manager else 1
+    scene = CarlaScene.set_up(carla, client, scenario, time_scale=time_scale)
+    send_heartbeat()
+    found = (
+        manager.run_study(scene, send_heartbeat, ports)
+        if has_manager
+        else own.run_model_drivers(scene, send_heartbeat)
+    )
+    scene.tear_down()  # Not after an error: the server may be gone, each call takes its time.
     return found
 
 
@@ -98,10 +108,10 @@ def _signs(parent: ParentConnection) -> Callable[[], None]:
     """Sends a sign of life at most once in `SIGN_INTERVAL`."""
     last = 0.0  # The first one is sent at once.
 
-    def sign() -> None:
+    def send_heartbeat() -> None:
         nonlocal last
         if time.monotonic() - last > SIGN_INTERVAL:
             last = time.monotonic()
             parent.send(Alive())
 
-    return sign
+    return send_heartbeat

@@ -49,13 +49,13 @@ class Limits(ContentEquality):
     again_after: float | None
 
 
-def measure(carla: Any, client: Any, sign: Callable[[], None], *, port: int) -> Limits:
+def measure(carla: Any, client: Any, send_heartbeat: Callable[[], None], *, port: int) -> Limits:
     """Measure both limits.
 
     Args:
         carla: The module.
         client: A connected client.
-        sign: Called after every tick.
+        send_heartbeat: Called after every tick.
         port: A free port of this machine, for a Traffic Manager.
     """
     road = known_road("town06")
@@ -63,7 +63,7 @@ def measure(carla: Any, client: Any, sign: Callable[[], None], *, port: int) -> 
     manager = client.get_trafficmanager(port)
     manager.set_synchronous_mode(True)
     manager.set_random_device_seed(1)
-    track = _Track(carla, world, manager, road, sign)
+    track = _Track(carla, world, manager, road, send_heartbeat)
     try:
         changed = tuple(track.changes_at(speed) for speed in SPEEDS_KMH)
         again = track.again_after(AGAIN_AT_KMH)
@@ -81,7 +81,7 @@ class _Track:
     world: Any
     manager: Any
     road: Road
-    sign: Callable[[], None]
+    send_heartbeat: Callable[[], None]
 
     def changes_at(self, speed_kmh: float) -> int:
         """The number of vehicles that change lanes on command."""
@@ -139,7 +139,7 @@ class _Track:
     def _pass(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK)):
             self.world.tick()
-            self.sign()
+            self.send_heartbeat()
 
     def _clear(self, cars: list[Any]) -> None:
         for car in cars:

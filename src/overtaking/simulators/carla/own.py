@@ -22,7 +22,7 @@ from overtaking.sim.external_motion import (
     ExternallyMovedSimulation,
     VehicleMotion,
 )
-from overtaking.simulators.carla.stage import CarlaStage, Reading
+from overtaking.simulators.carla.stage import CarlaScene, MotionReading
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import SteeringLimits
 from overtaking.world.constants import SUBSTEPS, ModelConstants
@@ -50,72 +50,72 @@ MAX_TYRE_ACCEL = 15.0
 
 _ROAD_END_MARGIN = 40.0  # The simulation ends so far before the end of the road [m].
 
-Sign = Callable[[], None]
+HeartbeatCallback = Callable[[], None]
 """Called after every tick, as a sign of life."""
 
 
-def run(stage: CarlaStage, sign: Sign) -> Trajectories:
+def run_model_drivers(scene: CarlaScene, send_heartbeat: HeartbeatCallback) -> Trajectories:
     """Drive a scenario to its end.
 
     Args:
-        stage: The world, set up.
-        sign: Called after every tick.
+        scene: The world, set up.
+        send_heartbeat: Called after every tick.
 
     Raises:
         ConfigError: Frames are not whole ticks apart.
     """
-    return _Drive(stage).run(sign)
+    return ModelDriversRun(scene).run(send_heartbeat)
 
 
-class _Drive:
+class ModelDriversRun:
     """One simulation.
 
     Args:
-        stage: The world, set up.
+        scene: The world, set up.
     """
 
-    def __init__(self, stage: CarlaStage) -> None:
+    def __init__(self, scene: CarlaScene) -> None:
         """Prepare the drivers."""
-        scenario = stage.scenario
-        check_interval(scenario)
-        self._stage = stage
+        scenario = scene.scenario
+        check_frame_interval(scenario)
+        self._scene = scene
         params = _without_wind(step_parameters(scenario))
         self._vehicles = params.vehicles
         self._simulation = ExternallyMovedSimulation(scenario, params, TICK)
         self._crosswind = CrosswindEstimator(params.vehicles, params.constants)
-        self._steering = {slot: _steering(actor) for slot, actor in stage.actors.items()}
+        self._steering = {slot: _steering_limits(actor) for slot, actor in scene.actors.items()}
         self._target_speed = params.vehicles.start_speed[:, 0].astype(np.float64)
 
-    def run(self, sign: Sign) -> Trajectories:
+    def run(self, send_heartbeat: HeartbeatCallback) -> Trajectories:
         """Read, decide, steer, tick, until the simulation ends."""
-        simulation, stage, step = self._simulation, self._stage, 0
+        simulation, scene, step = self._simulation, self._scene, 0
         while step <= simulation.end_step:
-            reading = stage.tick()
-            motion = motion_from_reading(reading, stage.scenario)
+            reading = scene.tick()
+            motion = motion_from_reading(reading, scene.scenario)
             # The sensors may not have reported all contacts of this tick yet.
-            simulation.note_contacts(stage.contacts(reading.frame), step - SUBSTEPS)
+            simulation.note_contacts(scene.contacts(reading.tick), step - SUBSTEPS)
             self._act(motion, simulation.decide(motion, step))
-            if float(motion.s[EGO_SLOT]) > stage.end - _ROAD_END_MARGIN:
+            if float(motion.s[EGO_SLOT]) > scene.road_end - _ROAD_END_MARGIN:
                 simulation.end_at(step)
-            sign()
+            send_heartbeat()
             step += SUBSTEPS
         return simulation.finish()
 
     def _act(self, motion: VehicleMotion, output: DriverOutput) -> None:
         """Set pedals, steering and lamps of every vehicle."""
-        stage = self._stage
+        scene = self._scene
         wheel_angle = self._simulation.steer(self._crosswind.update(motion, output, TICK))
         forces = self._forces(motion, output)
         batch: list[Any] = []
-        for slot, actor in stage.actors.items():
+        for slot, actor in scene.actors.items():
             if output.is_wreck[slot]:
-                control = stage.carla.VehicleControl(brake=1.0)  # Its wheels are locked.
+                control = scene.carla.VehicleControl(brake=1.0)  # Its wheels are locked.
             else:
                 speed, angle = float(motion.vx[slot]), float(wheel_angle[slot])
                 control = self._control(slot, forces[slot], speed, angle)
-            batch.append(stage.carla.command.ApplyVehicleControl(actor.id, control))
-            stage.show(slot, int(output.lights[slot]))
-        stage.client.apply_batch_sync(batch, False)
+            batch.append(scene.carla.command.ApplyVehicleControl(actor.id, control))
+            scene.set_lights(slot, int(output.lights[slot]))
+        scene.client.apply_batch_sync(batch, False)
 
     def _forces(self, motion: VehicleMotion, output: DriverOutput) -> F64:
         """Force that each vehicle needs for the acceleration that its driver requests [N]."""
@@ -147,10 +147,10 @@ class _Drive:
             # The angle of the curve with this lateral acceleration.
             wheelbase = float(vehicles.wheelbase[slot, 0])
             wheel_angle = math.atan(wheel_angle * wheelbase / max(speed, 3.0) ** 2)
-        angle = self._stage.scenario.road.overtaking_sign * wheel_angle
+        angle = self._scene.scenario.road.overtaking_sign * wheel_angle
         # CARLA's steering is positive to the right.
         steer = -angle / float(self._steering[slot].angles(kmh_from_mps(speed)))
-        return self._stage.carla.VehicleControl(
+        return self._scene.carla.VehicleControl(
             throttle=min(max(force / engine_force, 0.0), 1.0),
             brake=min(max(-force / float(vehicles.max_brake_force[slot, 0]), 0.0), 1.0),
             steer=min(max(steer, -1.0), 1.0),
@@ -212,7 +212,7 @@ class CrosswindEstimator:
         return wind_trim.astype(np.float32)
 
 
-def _steering(actor: Any) -> SteeringLimits:
+def _steering_limits(actor: Any) -> SteeringLimits:
     """Limits of the wheel angle, as the vehicle reports them."""
     physics = actor.get_physics_control()
     lock = max((wheel.max_steer_angle for wheel in physics.wheels), default=0.0) or 70.0
@@ -220,7 +220,7 @@ def _steering(actor: Any) -> SteeringLimits:
     return SteeringLimits(math.radians(lock), curve or ((0.0, 1.0),))
 
 
-def check_interval(scenario: Scenario) -> None:
+def check_frame_interval(scenario: Scenario) -> None:
     """Refuse frames that do not fall on ticks."""
     if scenario.frame_interval_ms % TICK_MS:
         raise ConfigError(
@@ -233,7 +233,7 @@ def check_interval(scenario: Scenario) -> None:
 
 
 def motion_from_reading(
-    reading: Reading, scenario: Scenario, *, time_scale: float = 1.0
+    reading: MotionReading, scenario: Scenario, *, time_scale: float = 1.0
 ) -> VehicleMotion:
     """CARLA's reading as motion in the frames of the model.
 
@@ -249,8 +249,8 @@ def motion_from_reading(
     v, a = time_scale, time_scale * time_scale
     road = road_parameters(scenario.road)
     is_oncoming = scenario.start_lane[0] == scenario.road.num_lanes
-    turned = np.remainder(reading.psi + math.tau, math.tau) - math.pi
-    is_contact = np.hypot(reading.accel, reading.accel_left) > MAX_TYRE_ACCEL
+    turned = np.remainder(reading.heading + math.tau, math.tau) - math.pi
+    is_contact = np.hypot(reading.accel_lon, reading.accel_lat) > MAX_TYRE_ACCEL
 
     def column(values: F64) -> F32:
         return np.where(filled, values, 0.0).astype(np.float32)
@@ -258,12 +258,12 @@ def motion_from_reading(
     return VehicleMotion(
         s=column(np.where(is_oncoming, float(road.length) - reading.s, reading.s)),
         d=column(np.where(is_oncoming, float(road.edge_sum) - side * reading.d, side * reading.d)),
-        heading=column(side * np.where(is_oncoming, turned, reading.psi)),
-        vx=column(v * reading.along),
-        vy=column(v * side * reading.left),
+        heading=column(side * np.where(is_oncoming, turned, reading.heading)),
+        vx=column(v * reading.vx),
+        vy=column(v * side * reading.vy),
         yaw_rate=column(v * side * reading.yaw_rate),
-        accel_lon=column(np.where(is_contact, 0.0, a * reading.accel)),
-        accel_lat=column(np.where(is_contact, 0.0, a * side * reading.accel_left)),
+        accel_lon=column(np.where(is_contact, 0.0, a * reading.accel_lon)),
+        accel_lat=column(np.where(is_contact, 0.0, a * side * reading.accel_lat)),
     )
 
 

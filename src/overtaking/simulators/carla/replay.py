@@ -106,13 +106,15 @@ def encoder() -> ModuleType:
     return av
 
 
-def replay(carla: Any, client: Any, sign: Callable[[], None], *, job: ReplayJob) -> Replayed:
+def replay(
+    carla: Any, client: Any, send_heartbeat: Callable[[], None], *, job: ReplayJob
+) -> Replayed:
     """Play and film a simulation.
 
     Args:
         carla: The module.
         client: A connected client.
-        sign: Called after every tick.
+        send_heartbeat: Called after every tick.
         job: What is played.
 
     Raises:
@@ -132,7 +134,7 @@ def replay(carla: Any, client: Any, sign: Callable[[], None], *, job: ReplayJob)
             number = replay.show(frame)
             for film, camera in zip(films, cameras, strict=True):
                 film.add(_picture(camera, number))
-            sign()
+            send_heartbeat()
         files = tuple(film.close(job.folder) for film in films)
     finally:
         replay.tear_down()

@@ -26,36 +26,37 @@ from overtaking.simulators.carla.world import (
 SPAWN_HEIGHTS = (0.3, 0.6, 1.2)
 """Heights at which a spawn is tried, one after the other [m]."""
 
-_OFF_LANE = 0.5  # A waypoint farther than this from where our lane is, is of another road [m].
-_LOOK = 10.0  # Distance of the points at which the road is looked at [m].
+# A waypoint farther than this from a lane of ours lies on another road [m].
+_MAX_LANE_DISTANCE = 0.5
+_PROBE_SPACING = 10.0  # Distance between the points at which the road is looked up on the map [m].
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class MotionReading:
     """All vehicles after a tick, on the road, lateral axis to the left; arrays of shape (slot,).
 
     Attributes:
-        frame: The tick.
+        tick: Number of the tick.
         s, d: Centre of the bounding box [m].
-        psi: Heading against the road, anticlockwise [rad].
-        along, left: Velocity in the axes of the vehicle [m/s].
-        yaw_rate: Anticlockwise [rad/s].
-        accel, accel_left: Acceleration in the axes of the vehicle [m/s^2].
+        heading: Heading against the road, anticlockwise [rad].
+        vx, vy: Velocity in the axes of the vehicle [m/s].
+        yaw_rate: Yaw rate, anticlockwise [rad/s].
+        accel_lon, accel_lat: Acceleration in the axes of the vehicle [m/s^2].
     """
 
-    frame: int
+    tick: int
     s: F64
     d: F64
-    psi: F64
-    along: F64
-    left: F64
+    heading: F64
+    vx: F64
+    vy: F64
     yaw_rate: F64
-    accel: F64
-    accel_left: F64
+    accel_lon: F64
+    accel_lat: F64
 
 
 @dataclass(slots=True)
-class CarlaStage:
+class CarlaScene:
     """A world with the vehicles of one scenario in it.
 
     Attributes:
@@ -64,7 +65,7 @@ class CarlaStage:
         scenario: A batch of one, with road and bodies as CARLA reports them.
         world: The world.
         actors: Vehicles by slot.
-        end: Station at which the straight road ends [m].
+        road_end: Station at which the straight road ends [m].
     """
 
     carla: Any
@@ -72,7 +73,7 @@ class CarlaStage:
     scenario: Scenario
     world: Any
     actors: dict[int, Any]
-    end: float
+    road_end: float
     _sensors: list[Any] = field(default_factory=list)
     _events: list[VehicleContact] = field(default_factory=list)
     _offsets: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -84,15 +85,15 @@ class CarlaStage:
 
     @classmethod
     def set_up(
-        cls, carla: Any, client: Any, scenario: Scenario, *, slower: float = 1.0
-    ) -> "CarlaStage":
+        cls, carla: Any, client: Any, scenario: Scenario, *, time_scale: float = 1.0
+    ) -> "CarlaScene":
         """A fresh world with map, weather and vehicles, which have their speeds.
 
         Args:
             carla: The module.
             client: A connected client.
             scenario: A batch of one.
-            slower: Factor by which all speeds are divided.
+            time_scale: Factor by which all speeds are divided.
 
         Raises:
             ConfigError: The server has no map with this road.
@@ -102,11 +103,11 @@ class CarlaStage:
         set_weather(carla, world, scenario)
         road, end = _road_there(carla, world.get_map(), scenario.road)
         stage = cls(carla, client, scenario.replace(road=road), world, {}, end)
-        speeds = scenario.start_speed[0] / slower
+        speeds = scenario.start_speed[0] / time_scale
         for slot in np.flatnonzero(scenario.vehicles.valid[0]).tolist():
             stage._spawn(slot, float(speeds[slot]))
-        stage._measure_bodies()
-        stage._listen()
+        stage._read_bounding_boxes()
+        stage._attach_collision_sensors()
         world.tick()
         for slot, actor in stage.actors.items():
             actor.set_target_velocity(stage.velocity(slot, float(speeds[slot])))
@@ -116,14 +117,14 @@ class CarlaStage:
     def _name(self) -> str:
         return f"simulation {int(self.scenario.scenario_index[0])}"
 
-    def comes(self, slot: int) -> bool:
+    def is_oncoming(self, slot: int) -> bool:
         """Whether a vehicle starts in the lane of oncoming traffic."""
         return int(self.scenario.start_lane[0, slot]) == self.scenario.road.num_lanes
 
     def heading(self, slot: int) -> float:
         """Direction in which a vehicle starts, anticlockwise [rad]."""
         start = float(self.scenario.start_s[0, slot])
-        turn = math.pi if self.comes(slot) else 0.0
+        turn = math.pi if self.is_oncoming(slot) else 0.0
         return float(self.scenario.road.heading_at(start)) + turn
 
     def velocity(self, slot: int, speed: float) -> Any:
@@ -131,7 +132,7 @@ class CarlaStage:
         heading = self.heading(slot)
         return self.carla.Vector3D(speed * math.cos(heading), -speed * math.sin(heading), 0.0)
 
-    def tick(self) -> Reading:
+    def tick(self) -> MotionReading:
         """Simulate one tick and read all vehicles."""
         self.world.tick()
         return self._read(self.world.get_snapshot())
@@ -148,7 +149,7 @@ class CarlaStage:
         self._events[:] = [contact for contact in self._events if contact.tick >= before_tick]
         return earlier
 
-    def show(self, slot: int, lights: int) -> None:
+    def set_lights(self, slot: int, lights: int) -> None:
         """Switch the lamps of a vehicle to our `Lights` bits."""
         self._lamps.switch(slot, lights)
 
@@ -162,7 +163,7 @@ class CarlaStage:
         blueprint = blueprint_of(self.world, scenario, slot)
         blueprint.set_attribute("role_name", "hero" if slot == 0 else "scenario")
         road, lane = scenario.road, int(scenario.start_lane[0, slot])
-        before = -speed * TICK if self.comes(slot) else speed * TICK
+        before = -speed * TICK if self.is_oncoming(slot) else speed * TICK
         s = float(scenario.start_s[0, slot]) - before
         x, y = (float(value) for value in road.to_world(s, _all_centres(road)[lane]))
         ground = float(road.height_at(s))
@@ -176,7 +177,7 @@ class CarlaStage:
         what, room = f"vehicle {slot} ({blueprint.id})", f"room at x = {x:.1f} m, y = {-y:.1f} m"
         raise SimulationLostError.because(self._name, what, room, "a refusal of the server")
 
-    def _measure_bodies(self) -> None:
+    def _read_bounding_boxes(self) -> None:
         """Take length, width and height from the bounding boxes."""
         sizes = {
             name: getattr(self.scenario.vehicles, name).copy()
@@ -189,7 +190,7 @@ class CarlaStage:
                 sizes[name][0, slot] = 2.0 * half
         self.scenario = self.scenario.replace(vehicles=self.scenario.vehicles.replace(**sizes))
 
-    def _listen(self) -> None:
+    def _attach_collision_sensors(self) -> None:
         """Attach a collision sensor to every vehicle."""
         blueprint = self.world.get_blueprint_library().find("sensor.other.collision")
         blueprint.set_attribute("role_name", nature(self.scenario))
@@ -210,7 +211,7 @@ class CarlaStage:
             sensor.listen(note)
             self._sensors.append(sensor)
 
-    def _read(self, snapshot: Any) -> Reading:
+    def _read(self, snapshot: Any) -> MotionReading:
         """Every vehicle of a snapshot, in the road's frame."""
         rows = np.zeros((self.scenario.num_slots, 8))
         for slot, actor in self.actors.items():
@@ -219,7 +220,7 @@ class CarlaStage:
                 what = f"vehicle {slot}"
                 raise SimulationLostError.because(self._name, what, "to be in the snapshot", "gone")
             rows[slot] = self._row(seen, self._offsets.get(slot, (0.0, 0.0)))
-        return Reading(snapshot.frame, *rows.T)
+        return MotionReading(snapshot.frame, *rows.T)
 
     def _row(self, seen: Any, offset: tuple[float, float]) -> list[float]:
         """One vehicle: place of its centre, heading, and motion in its own axes."""
@@ -258,8 +259,10 @@ def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:
             road, overtaking_side_neighbour=dataclasses.replace(found, **turned)
         )
     end, last = 0.0, float(road.lane_centres[0])
-    while end + _LOOK <= road.length and _waypoint(carla, place, road, end + _LOOK, last):
-        end += _LOOK
+    while end + _PROBE_SPACING <= road.length and _waypoint(
+        carla, place, road, end + _PROBE_SPACING, last
+    ):
+        end += _PROBE_SPACING
     return dataclasses.replace(road, lanes=lanes), end
 
 
@@ -301,4 +304,4 @@ def _waypoint(carla: Any, place: Any, road: Road, s: float, d: float) -> Any:
     if found is None:
         return None
     there = found.transform.location
-    return found if math.hypot(there.x - x, there.y + y) < _OFF_LANE else None
+    return found if math.hypot(there.x - x, there.y + y) < _MAX_LANE_DISTANCE else None
