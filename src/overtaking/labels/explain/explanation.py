@@ -1,6 +1,6 @@
 """Everything that explains the verdicts on one simulation, as numbers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,9 @@ from overtaking.labels.law.remedies import BreachContext, Remedy
 from overtaking.labels.law.rule import Pack, Rule, TextSource
 from overtaking.labels.law.safe_distance import (
     GapMargin,
-    entry_margin_ahead,
-    entry_margin_behind,
 )
-from overtaking.labels.law.starting import L4, L5
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
-from overtaking.model.verdicts import Belief, Case, Finding, Severity, Verdict
+from overtaking.model.verdicts import Belief, Case, Severity, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,15 +43,6 @@ class Breach:
     severity: Severity
     belief: Belief
     remedies: tuple[Remedy, ...]
-
-
-_MARGINS: dict[
-    tuple[ManoeuvreKind, PerceivedVehicle], tuple[Callable[[Case], Finding], GapMargin]
-] = {
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): (L4.check, entry_margin_ahead),
-    (ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): (L5.check, entry_margin_behind),
-}
-"""By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,13 +98,9 @@ def _believed_margins(
     """By the kind of decision and the neighbour: code and margin of the first rule of the pack."""
     margins = dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]()
     for rule in pack.deciding_rules:
-        if rule.criterion is not None:
-            margins_of_rule = rule.criterion.believed_margins
-        else:
-            margins_of_rule = {
-                key: margin for key, (check, margin) in _MARGINS.items() if rule.check is check
-            }
-        for key, margin in margins_of_rule.items():
+        if rule.criterion is None:
+            continue
+        for key, margin in rule.criterion.believed_margins.items():
             margins.setdefault(key, (rule.code, margin))
     return margins
 

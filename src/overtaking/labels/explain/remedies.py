@@ -24,7 +24,6 @@ from overtaking.labels.law.remedies import (
     BreachContext,
     Remedy,
     RemedyQuantity,
-    change_by_margin,
     single_change,
 )
 from overtaking.labels.law.rule import Rule
@@ -38,7 +37,6 @@ from overtaking.labels.law.sight import (
     required_passing_sight,
 )
 from overtaking.labels.law.speed import L12, L13, speed_limits
-from overtaking.labels.law.starting import L4, L5, L6, L7
 from overtaking.labels.law.zones import L17, L29, target_keeps_its_side
 from overtaking.model.verdicts import Case, Finding
 from overtaking.world.road_surface import stoppable_speed
@@ -109,14 +107,6 @@ def slow_lanes(facts: BreachContext) -> tuple[Remedy, ...]:
     return single_change(RemedyQuantity.LANE, lanes[worst], needed, facts.frames[worst])
 
 
-def target_keeps_lane(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L7: a target that does not move to the left."""
-    limit = float(constant("law.others.lateral_speed"))
-    return change_by_margin(
-        facts, RemedyQuantity.TARGET_DRIFT, limit, facts.first_frame, facts.target_slot
-    )
-
-
 def off_the_line(facts: BreachContext) -> tuple[Remedy, ...]:
     """L2: so much farther from the line."""
     return single_change(RemedyQuantity.CLEARANCE, facts.margin, 0.0)
@@ -151,20 +141,10 @@ def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
     )
 
 
-def let_them_pass(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L6: the next one on the left farther away in time; 0 for one that has begun."""
-    least = float(constant("law.others.arrival"))
-    return single_change(RemedyQuantity.ARRIVAL, least + facts.margin, least, facts.first_frame)
-
-
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
         (L2, off_the_line),
-        (L4, gaps.room_ahead),
-        (L5, gaps.room_behind),
-        (L6, let_them_pass),
-        (L7, target_keeps_lane),
         (L12, not_too_fast),
         (L13, not_too_slow),
         (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),

@@ -77,6 +77,25 @@ LINE_TOLERANCE = quantity(
 ABRUPT_BRAKING = quantity(2.0, "m/s^2", "stl-monitor", why="Harder braking is abrupt (a_abrupt)")
 """Largest deceleration to which the ego may force another vehicle."""
 
+ENTRY_TTC = quantity(3.0, "s", why="Between a conflict (3 to 4 s) and a severe one (1.5 s)")
+"""Smallest time to collision with the leader in a lane that is entered."""
+
+LATERAL_ERROR_SHARE = quantity(
+    0.25,
+    "1",
+    why="Standard error of a measured speed across the road, in units of the speed that matters: "
+    "half of the limit is two errors away from it",
+)
+"""Largest standard error of a lateral speed, as a share of the speed with which it is compared."""
+
+LATERAL_NOISE_TIME = quantity(
+    1.0,
+    "s",
+    why="Noise of a recording is measured over so long before and after, and a speed over no more; "
+    "a change of lane lasts 5 s",
+)
+"""Time before and after a frame from which the noise of a lateral position is measured."""
+
 OBSTRUCTION_TIME = quantity(
     3.0, "s", why="Later braking is not forced by the lane change, as after a cut-in"
 )

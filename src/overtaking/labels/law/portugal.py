@@ -1,5 +1,6 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice."""
 
+from overtaking.labels.law.case import general_limits, speed_limit_bounds
 from overtaking.labels.law.criteria.alongside import (
     BicycleDistance,
     LateralDistance,
@@ -13,6 +14,12 @@ from overtaking.labels.law.criteria.returning import (
     ReturnDelay,
     RightLaneUse,
     SafeReturn,
+)
+from overtaking.labels.law.criteria.starting import (
+    GapAhead,
+    GapBehind,
+    NoOtherOvertaking,
+    TargetInLane,
 )
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
@@ -28,7 +35,6 @@ from overtaking.labels.law.rule import (
 )
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speed import L12, L13
-from overtaking.labels.law.starting import L4, L5, L6, L7
 from overtaking.labels.law.texts import edition, with_texts
 from overtaking.labels.law.zones import L17, L29
 
@@ -62,6 +68,71 @@ L3 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="18(1) quoted by pplware.sapo.pt and circulaseguro.pt; the same words in the "
     "bill (Diário, II-A 92, 2 March 2013, page 30)",
+)
+
+L4 = Rule(
+    id="pt.ce.38-1.front@2013",
+    code="L4",
+    article="Article 38(1) and (2)(a)",
+    title="Room ahead in the lane entered",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic in the "
+    "same direction; the carriageway must be free over the length that is needed.",
+    criterion=GapAhead(safe_distance_rule="L3"),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the lawful gap to the vehicle ahead in the lane entered",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(1) and (2)(a) quoted by dinheirovivo.pt (2021)",
+)
+
+L5 = Rule(
+    id="pt.ce.35@2013",
+    code="L5",
+    article="Articles 35 and 38(2)(c)",
+    title="Room behind in the lane entered",
+    gloss="Change lane only where no danger to or obstruction of traffic results.",
+    criterion=GapBehind(
+        safe_distance_rule="L3",
+        max_speed=lambda case: speed_limit_bounds(case, general_limits("law"))[1],
+    ),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the lawful gap to the vehicle behind in the lane entered",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(2)(c) read in the decree (page 69); 35 in a reprint of an earlier edition",
+)
+
+_NO_OTHER_OVERTAKING = NoOtherOvertaking()
+
+L6 = Rule(
+    id="pt.ce.38-2-c@2013",
+    code="L6",
+    article="Article 38(2)(c)",
+    title="Nobody overtakes already",
+    gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
+    "begun to.",
+    criterion=_NO_OTHER_OVERTAKING,
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase=f"the {_NO_OTHER_OVERTAKING.min_arrival} until the next vehicle from behind is "
+    "alongside",
+    text_source=TextSource.READ,
+    consulted_source="38(2)(c) in the decree (page 69)",
+)
+
+L7 = Rule(
+    id="pt.ce.38-2-d@2013",
+    code="L7",
+    article="Article 38(2)(d)",
+    title="The driver ahead does not pull out",
+    gloss="Do not begin to overtake if the driver ahead has signalled to overtake a third vehicle"
+    " or to avoid an obstacle.",
+    criterion=TargetInLane(),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase="the speed to the left that counts as moving out",
+    text_source=TextSource.READ,
+    consulted_source="38(2)(d) in the decree (page 69)",
 )
 
 L8 = Rule(

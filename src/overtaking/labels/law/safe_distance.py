@@ -10,6 +10,7 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import neighbour_at
 from overtaking.labels.law.numbers import (
     ABRUPT_BRAKING,
+    ENTRY_TTC,
     MAX_DECEL,
     REACTION_TIME,
     RETURN_FREE_TIME,
@@ -78,12 +79,22 @@ def margin_to_leader(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F3
     return gap - lawful_gap(speed, closing_speed, decel)
 
 
-def entry_margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
-    """Margin of a gap to the vehicle ahead: lawful, and no collision for 3 s [m].
+def entry_margin_ahead(
+    gap: F32, speed: F32, closing_speed: F32, decel: F32, min_ttc: np.float32 = ENTRY_TTC.f32
+) -> F32:
+    """Margin of a gap to the vehicle ahead: lawful, and no collision for some time [m].
 
-    The time to collision is at least 3 s where the gap is at least 3 s of closing speed.
+    The time to collision is at least `min_ttc` where the gap is at least `min_ttc` of closing
+    speed.
+
+    Args:
+        gap: [m].
+        speed: Of the ego [m/s].
+        closing_speed: Of the ego [m/s].
+        decel: `decel_for_safe_distance` [m/s^2].
+        min_ttc: Smallest lawful time to collision [s].
     """
-    distance_to_collision = constant("law.entry.ttc") * closing_speed
+    distance_to_collision = min_ttc * closing_speed
     return gap - np.maximum(lawful_gap(speed, closing_speed, decel), distance_to_collision)
 
 

@@ -14,6 +14,7 @@ from tests.support.overtakes import BESIDE, crossing, overtake, passing
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.criteria.alongside import BicycleDistance, PassingSide, TargetSpeed
+from overtaking.labels.law.criteria.starting import NoOtherOvertaking
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import quantity
@@ -31,7 +32,7 @@ CRITERIA = {
     if rule.criterion is not None
 }
 
-CAPS: set[tuple[type[Criterion], str]] = set()
+CAPS: set[tuple[type[Criterion], str]] = {(NoOtherOvertaking, "max_arrival")}
 """Numbers that no sentence prints, because they only keep margins finite."""
 
 NUMBERS = [
@@ -56,6 +57,21 @@ GAP_ERROR = math.hypot(math.sqrt(2.0) * SP, SV * math.hypot(1.0 + 30.0 / DECEL, 
 LANE_CHANGE = ramp((4, 0), (6, 1), frames=200)
 FASTER = ramp((3, 29.0), (4, 30.0), frames=200)
 BY_HAND = [
+    # At equal speeds, as L3.
+    ("L4", lambda: crossing(Track(s=60.0, speed=30.0, lane=1)), GAP_ERROR),
+    ("L5", lambda: crossing(Track(s=-60.0, speed=30.0, lane=1)), GAP_ERROR),
+    # In 3 s until the attempt, 100 m between the centres become 82 m, or a gap of 77.6 m.
+    (
+        "L6",
+        lambda: crossing(Track(s=-100.0, speed=36.0, lane=1)),
+        math.sqrt(2.0) * math.hypot(SP, 77.6 / 6.0 * SV) / 6.0,
+    ),
+    ("O2", lambda: passing(1), math.sqrt(2.0) * SV),
+    (
+        "O6",
+        lambda: crossing(Track(s=-100.0, speed=36.0, lane=1)),
+        math.sqrt(2.0) * math.hypot(SP, 6.0 / 2.0 * SV),
+    ),
     # Behind and ahead at equal speeds, as L3.
     ("L8", lambda: behind(-60.0, events={"return_end": 150}), GAP_ERROR),
     ("L21", lambda: behind(lane=1), GAP_ERROR),

@@ -9,9 +9,9 @@ import pytest
 from tests.support.cases import Track, ramp, seen_case
 from tests.support.overtakes import crossing
 
+from overtaking.labels.law.criteria.starting import denoised_lateral_speed_at
 from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.starting import denoised_lateral_speed_at
 from overtaking.labels.snapshots import lateral_speed_at
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED

@@ -18,18 +18,18 @@ from overtaking.labels.law.criteria.returning import (
     RightLaneUse,
     SafeReturn,
 )
+from overtaking.labels.law.criteria.starting import (
+    CalmFollower,
+    SightForTrucks,
+    SpeedAdvantage,
+    TargetInLane,
+)
 from overtaking.labels.law.germany.driving import S1, V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
-from overtaking.labels.law.germany.overtaking import (
-    O2,
-    O3,
-    O4,
-    O5,
-    O6,
-    O12,
-)
+from overtaking.labels.law.germany.overtaking import O3
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.rule import (
+    DEFAULT_AND_STRICTER,
     EVERY_POLICY,
     NO_POLICY,
     STRICT_ONLY,
@@ -39,6 +39,7 @@ from overtaking.labels.law.rule import (
     TextSource,
 )
 from overtaking.labels.law.texts import edition, with_texts
+from overtaking.model.trajectories import ManoeuvreKind
 
 G1 = Rule(
     id="de.stvo.1-2@2013",
@@ -90,8 +91,8 @@ _COURTS_TIME = quantity(
     1.5,
     "s",
     "de-courts-distance",
-    why="The way of so long is the least that courts ask for; advice is half the speedometer in "
-    "metres, 1.8 s",
+    why="Courts ask for at least the distance driven in this time; advice is half the speedometer "
+    "in metres, 1.8 s",
 )
 
 A1 = Rule(
@@ -129,7 +130,8 @@ A2 = Rule(
             140.0,
             "m",
             "olg-hamm-2013",
-            why="Over so long a way it is not transient either; it matters above 168 km/h",
+            why="A gap that is too small over this distance is not transient either; this matters "
+            "above 168 km/h",
         ),
         distance_rule="A1",
     ),
@@ -205,6 +207,76 @@ O1 = Rule(
     fine="100 EUR, 1 point (BKat 17, Kraftfahrt-Bundesamt)",
 )
 
+_SPEED_GAIN = quantity(10.0, "km/h", "olg-hamm-2008", why="Substantially faster, § 5(2) sentence 2")
+
+O2 = Rule(
+    id="de.stvo.5-2-2@2013",
+    code="O2",
+    article="§ 5(2) sentence 2 StVO",
+    title="Substantially faster",
+    gloss="Only those may overtake who are substantially faster than the overtaken.",
+    criterion=SpeedAdvantage(min_speed_gain=_SPEED_GAIN),
+    grade=Grade.SERIOUS,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_SPEED_GAIN} by which one has to be faster",
+    text_source=TextSource.READ,
+    consulted_source="5(2) at dejure.org",
+    fine="80 EUR, 1 point (BKat 18, Kraftfahrt-Bundesamt)",
+)
+
+O4 = Rule(
+    id="de.stvo.5-3-1@2013",
+    code="O4",
+    article="§ 5(3) number 1 StVO",
+    title="Clear situation",
+    gloss="Do not overtake where the situation is unclear, such as behind a vehicle that moves "
+    "out.",
+    criterion=TargetInLane(),
+    grade=Grade.SERIOUS,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the speed to the left that counts as moving out",
+    text_source=TextSource.READ,
+    consulted_source="5(3) at dejure.org",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
+_TRUCK_SIGHT = quantity(50.0, "m", "de-stvo-2013", why="§ 5(3a)")
+
+O5 = Rule(
+    id="de.stvo.5-3a@2013",
+    code="O5",
+    article="§ 5(3a) StVO",
+    title="No overtaking by trucks in fog",
+    gloss="Drivers of vehicles above 7.5 t do not overtake if they see less than "
+    f"{_TRUCK_SIGHT} for fog, snow or rain.",
+    criterion=SightForTrucks(min_range=_TRUCK_SIGHT),
+    grade=Grade.SERIOUS,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_TRUCK_SIGHT} of visibility for overtaking trucks",
+    text_source=TextSource.READ,
+    consulted_source="5(3a) at dejure.org",
+    fine="120 EUR, 1 point (BKat 21, Kraftfahrt-Bundesamt)",
+)
+
+O6 = Rule(
+    id="de.stvo.5-4-1@2013",
+    code="O6",
+    article="§ 5(4) sentence 1 StVO",
+    title="Following traffic",
+    gloss="A driver moving out to overtake behaves so that following traffic is in no danger.",
+    criterion=CalmFollower(manoeuvre=ManoeuvreKind.PULL_OUT),
+    grade=Grade.SERIOUS,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the gap before which the vehicle behind need not brake hard",
+    text_source=TextSource.READ,
+    consulted_source="5(4) at dejure.org",
+    fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
+)
+
 _SIDE_GAP = quantity(1.0, "m", "olg-karlsruhe-2001", why="Enough under normal conditions")
 
 O7 = Rule(
@@ -271,6 +343,21 @@ O11 = Rule(
     required_by=EVERY_POLICY,
     source="de-stvo-2013",
     limit_phrase=f"the {_RETURN_DELAY.max_delay} within which the return is due",
+    text_source=TextSource.READ,
+    consulted_source="5(4) at dein-gesetz.de",
+)
+
+O12 = Rule(
+    id="de.stvo.5-4-6@2013",
+    code="O12",
+    article="§ 5(4) sentence 6 StVO",
+    title="The overtaken is not hindered",
+    gloss="An overtaking driver does not hinder the overtaken.",
+    criterion=CalmFollower(manoeuvre=ManoeuvreKind.RETURN),
+    grade=Grade.LIGHT,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase="the gap before which the overtaken vehicle need not brake hard",
     text_source=TextSource.READ,
     consulted_source="5(4) at dein-gesetz.de",
 )

@@ -1,0 +1,627 @@
+"""Criteria about the begin of an overtake, and about the vehicles that it must not endanger."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.float32_math import maximum
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.beliefs import belief_at, pull_out_percept
+from overtaking.labels.law.case import (
+    ego_may_be,
+    meteorological_range,
+    neighbour_at,
+)
+from overtaking.labels.law.margins import finding_at_frame
+from overtaking.labels.law.measurement_errors import (
+    BRAKING_ERROR_FORMULA,
+    GAP_ERROR_FORMULA,
+    MeasurementErrors,
+    errors_of_two_vehicles,
+    gap_error,
+    propagated_error,
+)
+from overtaking.labels.law.numbers import (
+    ABRUPT_BRAKING,
+    ENTRY_TTC,
+    LATERAL_ERROR_SHARE,
+    LATERAL_NOISE_TIME,
+    quantity,
+)
+from overtaking.labels.law.remedies import (
+    NO_SPEED,
+    BreachContext,
+    Remedy,
+    RemedyQuantity,
+    change_by_margin,
+    gap_and_closing_speed,
+    max_following_speed,
+    min_speed_before_follower,
+    more_gap,
+    single_change,
+)
+from overtaking.labels.law.rule import Criterion
+from overtaking.labels.law.safe_distance import (
+    GapMargin,
+    decel_for_safe_distance,
+    entry_margin_ahead,
+    entry_margin_behind,
+)
+from overtaking.labels.snapshots import (
+    METRES_PER_MM,
+    Frames,
+    OtherVehicles,
+    at_frame,
+    indicator_to_overtaking_side,
+    lateral_speed_at,
+    lateral_speed_half_window,
+    other_vehicles_at,
+    scatter,
+    slot_or_ego,
+    vehicle_snapshot,
+)
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import (
+    NO_VEHICLE,
+    ManoeuvreKind,
+    PerceivedVehicle,
+    Trajectories,
+)
+from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import Case, Finding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapAhead(Criterion):
+    """As the line is crossed, the gap to the leader in the lane on the left is lawful.
+
+    Attributes:
+        min_ttc: Smallest lawful time to collision with it.
+        safe_distance_rule: Code of the rule of the same law that states the safe distance.
+    """
+
+    min_ttc: Quantity = ENTRY_TTC
+    safe_distance_rule: str
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The weather, on which the deceleration depends."""
+        return frozenset(["weather"])
+
+    @property
+    def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
+        """The margin to the new leader at the decision to pull out."""
+        return MappingProxyType(
+            {(ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_LEADER): self._margin}
+        )
+
+    def predicate(self) -> str:
+        """The gap and the time to collision."""
+        return (
+            "At line_crossed: gap to the leader in the lane on the left >= safe distance (as "
+            f"{self.safe_distance_rule}), and time to collision >= {self.min_ttc}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The gap as the line is crossed decides."""
+        conditions = {PerceivedVehicle.NEW_LEADER: self._margin}
+        return _finding_at_crossing(case, NeighbourRole.LEFT_LEADER, conditions)
+
+    ERROR_FORMULA: ClassVar[str] = (
+        f"{GAP_ERROR_FORMULA}, or sqrt(2 sp^2 + 2 min_ttc^2 sv^2) where the time to collision "
+        "decides"
+    )
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap as the line is crossed [m]."""
+        del finding
+        frame = case.events.line_crossed
+        return gap_error(case, NeighbourRole.LEFT_LEADER, frame, self._margin, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap to the new leader, or a lower speed."""
+        neighbour, frames = NeighbourRole.LEFT_LEADER, np.array([breach.first_frame])
+        gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
+        leader_speed = breach.case.signals.speed[0, frames] - closing_speed
+        decel = decel_for_safe_distance(breach.case.signals.friction[0, frames])
+        allowed = np.minimum(
+            max_following_speed(gap, leader_speed, decel), leader_speed + gap / self.min_ttc.f32
+        )
+        allowed = np.where(gap < 0, NO_SPEED, allowed)
+        larger_gap = more_gap(breach, neighbour, breach.first_frame, breach.margin)
+        return *larger_gap, *breach.remedy_slower_ego(frames, allowed)
+
+    def _margin(self, gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+        """`entry_margin_ahead` with the time to collision of this law [m]."""
+        return entry_margin_ahead(gap, speed, closing_speed, decel, self.min_ttc.f32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapBehind(Criterion):
+    """As the line is crossed, the gap to the follower in the lane on the left is lawful.
+
+    Attributes:
+        safe_distance_rule: Code of the rule of the same law that states the safe distance.
+        max_speed: Function of a case that returns the highest speed that the law may allow in each
+            frame, shape (simulation, time) [m/s]; no remedy exceeds it.
+    """
+
+    safe_distance_rule: str
+    max_speed: Callable[[Case], F32]
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The weather, on which the deceleration depends."""
+        return frozenset(["weather"])
+
+    @property
+    def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
+        """The margin to the new follower at the decision to pull out."""
+        return MappingProxyType(
+            {(ManoeuvreKind.PULL_OUT, PerceivedVehicle.NEW_FOLLOWER): entry_margin_behind}
+        )
+
+    def predicate(self) -> str:
+        """The gap and the braking."""
+        return (
+            "At line_crossed: gap to the follower in the lane on the left >= its safe distance (as "
+            f"{self.safe_distance_rule}), and the braking that is forced on it, closing speed^2 / "
+            f"(2 gap), <= {ABRUPT_BRAKING}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The gap as the line is crossed decides."""
+        conditions = {PerceivedVehicle.NEW_FOLLOWER: entry_margin_behind}
+        return _finding_at_crossing(case, NeighbourRole.LEFT_FOLLOWER, conditions)
+
+    ERROR_FORMULA: ClassVar[str] = f"{GAP_ERROR_FORMULA}, or {BRAKING_ERROR_FORMULA}"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap as the line is crossed [m]."""
+        del finding
+        frame = case.events.line_crossed
+        return gap_error(case, NeighbourRole.LEFT_FOLLOWER, frame, entry_margin_behind, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap to the new follower, or a higher speed where the law allows it."""
+        case, frame, neighbour = breach.case, breach.first_frame, NeighbourRole.LEFT_FOLLOWER
+        larger_gap = more_gap(breach, neighbour, frame, breach.margin)
+        frames = np.array([frame])
+        gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
+        follower_speed = case.signals.speed[0, frames] + closing_speed
+        decel = decel_for_safe_distance(case.signals.friction[0, frames])
+        needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
+        if gap[0] < 0 or needed > self.max_speed(case)[0, frame]:
+            return larger_gap
+        return *larger_gap, *breach.remedy_ego_speed(frame, needed)
+
+
+def _finding_at_crossing(
+    case: Case, role: NeighbourRole, conditions: dict[PerceivedVehicle, GapMargin]
+) -> Finding:
+    """The finding of a gap to a neighbour as the line is crossed.
+
+    Args:
+        case: The batch.
+        role: The neighbour.
+        conditions: Its margin, by the vehicle that the driver perceived.
+    """
+    signals, frame = case.signals, case.events.line_crossed
+    neighbour = neighbour_at(case, role, frame)
+    decel = decel_for_safe_distance(at_frame(signals.friction, frame))
+    (margin,) = conditions.values()
+    return finding_at_frame(
+        frame,
+        margin(neighbour.gap, at_frame(signals.speed, frame), neighbour.closing_speed, decel),
+        neighbour.valid,
+        belief=belief_at(case, pull_out_percept(case), conditions),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalmFollower(Criterion):
+    """After a change of lane, the vehicle behind need not brake hard.
+
+    Attributes:
+        manoeuvre: The pull-out, as the line is crossed, or the return, as it ends.
+    """
+
+    manoeuvre: ManoeuvreKind
+    unit: str = "m"
+
+    def predicate(self) -> str:
+        """The event, the vehicle and the gap."""
+        is_pull_out = self.manoeuvre is ManoeuvreKind.PULL_OUT
+        event = "line_crossed" if is_pull_out else "return_end"
+        follower = "the follower in the lane on the left" if is_pull_out else "the vehicle behind"
+        return (
+            f"At {event}: gap to {follower} >= closing speed^2 / (2 x {ABRUPT_BRAKING}), so that "
+            "it need not brake hard."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The gap at the event decides."""
+        frame = self._frame(case)
+        follower = neighbour_at(case, self._role, frame)
+        margin = follower.gap - _braking_distance(follower.closing_speed)
+        return finding_at_frame(frame, margin, follower.valid)
+
+    ERROR_FORMULA: ClassVar[str] = f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {ABRUPT_BRAKING}"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the gap at the event [m]."""
+        del finding
+
+        def margin(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
+            del speed, decel
+            return gap - _braking_distance(closing_speed)
+
+        return gap_error(case, self._role, self._frame(case), margin, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A larger gap to the vehicle behind."""
+        return more_gap(breach, self._role, breach.first_frame, breach.margin)
+
+    @property
+    def _role(self) -> NeighbourRole:
+        """The vehicle behind that the manoeuvre may endanger."""
+        is_pull_out = self.manoeuvre is ManoeuvreKind.PULL_OUT
+        return NeighbourRole.LEFT_FOLLOWER if is_pull_out else NeighbourRole.FOLLOWER
+
+    def _frame(self, case: Case) -> I32:
+        """Frame of the event, `NEVER` without it, shape (simulation,)."""
+        is_pull_out = self.manoeuvre is ManoeuvreKind.PULL_OUT
+        return case.events.line_crossed if is_pull_out else case.events.return_end
+
+
+def _braking_distance(closing_speed: F32) -> F32:
+    """Gap at which a follower loses its closing speed by `ABRUPT_BRAKING` [m]."""
+    closing_speed = np.maximum(closing_speed, np.float32(0.0))
+    return closing_speed * closing_speed / (np.float32(2.0) * ABRUPT_BRAKING.f32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedAdvantage(Criterion):
+    """As the ego comes alongside, it is substantially faster than the target.
+
+    Attributes:
+        min_speed_gain: Smallest lawful speed of the ego minus the speed of the target.
+    """
+
+    min_speed_gain: Quantity
+    unit: str = "m/s"
+
+    def predicate(self) -> str:
+        """The difference of the speeds."""
+        return f"At overlap_begin: v - v_target >= {self.min_speed_gain}."
+
+    def check(self, case: Case) -> Finding:
+        """The difference as the overlap begins decides."""
+        begin, slot = case.events.overlap_begin, case.target.slot
+        frame = np.maximum(begin, 0)
+        target = vehicle_snapshot(case.trajectories, slot, np.arange(len(frame)), frame)
+        speed_gain = at_frame(case.signals.speed, frame) - target.speed
+        return finding_at_frame(begin, speed_gain - self.min_speed_gain.f32, slot != NO_VEHICLE)
+
+    ERROR_FORMULA: ClassVar[str] = "sqrt(2) sv"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Two independent speeds [m/s]."""
+        del case
+        return np.full_like(finding.margin, np.sqrt(2.0) * errors.speed_std)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A speed that is higher by what lacks."""
+        speed = breach.case.signals.speed[0, breach.first_frame]
+        return breach.remedy_ego_speed(breach.first_frame, speed - np.float32(breach.margin))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightForTrucks(Criterion):
+    """As a truck begins to overtake, fog and rain leave enough sight.
+
+    Attributes:
+        min_range: Smallest lawful meteorological range.
+    """
+
+    min_range: Quantity
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kind of the ego and the weather."""
+        return frozenset(["kinds", "weather"])
+
+    def predicate(self) -> str:
+        """The range."""
+        return (
+            "At attempt, the ego being a truck: the meteorological optical range is "
+            f"{self.min_range} or more."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The meteorological range, which is the same in all frames, decides."""
+        is_judged = ego_may_be(case, VehicleKind.TRUCK) & case.events.has_attempt
+        margin = meteorological_range(case) - self.min_range.f32
+        return finding_at_frame(case.events.attempt, margin, is_judged)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """The range that the law asks for; a driver can only wait for it."""
+        needed = self.min_range.f32
+        actual = float(needed) + breach.margin
+        return single_change(RemedyQuantity.SIGHT, actual, needed, breach.first_frame)
+
+
+_MOVING_OUT_SPEED = quantity(0.2, "m/s", why="Faster sideways motion is no swaying in the lane")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOtherOvertaking(Criterion):
+    """At the attempt, no vehicle overtakes the ego or is about to.
+
+    Attributes:
+        min_arrival: Smallest lawful time until the next vehicle on the left is beside the ego.
+        max_arrival: Later arrivals count as this, so that margins stay finite.
+        reach: Followers in the lane of the ego count up to this distance behind it.
+        max_lateral_speed: A follower that moves left faster has begun to pull out.
+    """
+
+    min_arrival: Quantity = quantity(
+        4.0,
+        "s",
+        why="A vehicle that arrives within the first part of a lane change overtakes already",
+    )
+    max_arrival: Quantity = quantity(
+        60.0, "s", why="Later arrivals count as this, so that margins stay finite"
+    )
+    reach: Quantity = quantity(
+        100.0, "m", why="A follower farther back has not begun to overtake the ego"
+    )
+    max_lateral_speed: Quantity = _MOVING_OUT_SPEED
+    unit: str = "s"
+
+    @property
+    def conditional_inputs(self) -> frozenset[str]:
+        """The indicators: a follower might indicate."""
+        return frozenset(["indicators"])
+
+    def predicate(self) -> str:
+        """The arrival on the left, and the followers in the lane."""
+        return (
+            "At attempt: no vehicle behind in the lane on the left arrives beside the ego within "
+            f"{self.min_arrival}, and no vehicle within {self.reach} behind in its lane signals "
+            f"left or moves left at over {self.max_lateral_speed}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The arrival of the next vehicle on the left decides, as the attempt begins.
+
+        A follower that has begun to pull out is an arrival in 0 s.
+        """
+        has_attempt = case.events.has_attempt
+        # Only attempts are looked up: most simulations of a batch may have none.
+        others = _others_at_attempt(case)
+        ego_lane = _ego_lane_at_attempt(case)[:, None]
+        is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
+        is_left_follower = is_behind & (others.lane == ego_lane + 1)
+        is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
+
+        has_begun = self._has_begun_to_pull_out(case, others, is_follower)
+        arrival = self._first_arrival(case, others, is_left_follower)
+        arrival = np.where(has_begun, np.float32(0.0), arrival)
+        # A breach seen in the motion is certain. Without one, a follower with unknown lamps might
+        # indicate, so the verdict is open.
+        is_doubtful = is_follower.any(axis=1) & ("indicators" in case.trajectories.unknown)
+        to_batch = partial(scatter, simulations=has_attempt, count=len(has_attempt))
+        return finding_at_frame(
+            case.events.attempt,
+            to_batch(arrival - self.min_arrival.f32),
+            to_batch((is_left_follower | is_follower).any(axis=1)),
+            doubtful=to_batch(is_doubtful),
+        )
+
+    ERROR_FORMULA: ClassVar[str] = (
+        "sqrt(2 sp^2 + 2 time^2 sv^2) / closing speed; 0 where a vehicle signals or moves left"
+    )
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the arrival of the next vehicle on the left [s]."""
+        others, has_attempt = _others_at_attempt(case), case.events.has_attempt
+        is_left_follower = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
+        is_left_follower &= others.lane == _ego_lane_at_attempt(case)[:, None] + 1
+
+        def arrival_with(
+            ego_position_error: F32,
+            other_position_error: F32,
+            ego_speed_error: F32,
+            other_speed_error: F32,
+        ) -> F32:
+            measured = replace(
+                others,
+                gap=others.gap + ego_position_error - other_position_error,
+                speed=others.speed + other_speed_error - ego_speed_error,
+            )
+            return self._first_arrival(case, measured, is_left_follower)
+
+        error = propagated_error(arrival_with, *errors_of_two_vehicles(errors))
+        error = scatter(error, has_attempt, len(has_attempt))
+        has_begun = finding.margin <= -self.min_arrival.f32
+        return np.where(has_begun, np.float32(0.0), error)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A later arrival of the next vehicle on the left; it is 0 s for one that has begun."""
+        needed = self.min_arrival.f32
+        actual = float(needed) + breach.margin
+        return single_change(RemedyQuantity.ARRIVAL, actual, needed, breach.first_frame)
+
+    def _has_begun_to_pull_out(self, case: Case, others: OtherVehicles, is_follower: Mask) -> Mask:
+        """Whether any follower moves to the left, or indicates to, at each attempt, (attempt,)."""
+        index, slot = np.nonzero(is_follower)
+        simulation = np.flatnonzero(case.events.has_attempt)[index]
+        frame, limit = case.events.attempt[simulation], self.max_lateral_speed.f32
+        speed_to_left = denoised_lateral_speed_at(
+            case.trajectories, simulation, slot, frame, float(limit)
+        )
+        is_moving_left = is_follower.copy()
+        is_moving_left[is_follower] = speed_to_left > limit
+
+        lamp = indicator_to_overtaking_side(case.trajectories.road)
+        is_known = "indicators" not in case.trajectories.unknown
+        is_indicating = is_follower & ((others.lights & lamp) != 0) & is_known
+        return (is_moving_left | is_indicating).any(axis=1)
+
+    def _first_arrival(self, case: Case, others: OtherVehicles, is_left_follower: Mask) -> F32:
+        """Time until the first vehicle behind on the left is beside the ego, (attempt,) [s].
+
+        Speeds are constant.
+        """
+        simulation = np.flatnonzero(case.events.has_attempt)
+        longest = self.max_arrival.f32
+        ego_speed = case.signals.speed[simulation, case.events.attempt[simulation], None]
+        closing_speed = others.speed - ego_speed
+        is_closing = is_left_follower & (closing_speed > 0)
+        gap = maximum(others.gap, np.float32(0.0))
+        time = gap / np.where(is_closing, closing_speed, np.float32(1.0))
+        return np.where(is_closing & (time < longest), time, longest).min(axis=1)
+
+
+def _others_at_attempt(case: Case) -> OtherVehicles:
+    """All vehicles at each attempt, one row for each simulation with an attempt."""
+    simulation = np.flatnonzero(case.events.has_attempt)
+    return other_vehicles_at(case.trajectories, case.events.attempt[simulation], simulation)
+
+
+def _ego_lane_at_attempt(case: Case) -> U8:
+    """Lane of the ego at each attempt, shape (attempt,)."""
+    simulation = np.flatnonzero(case.events.has_attempt)
+    return case.signals.lane[simulation, case.events.attempt[simulation]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetInLane(Criterion):
+    """At the attempt, the target neither indicates to the left nor moves left.
+
+    Attributes:
+        max_lateral_speed: A target that moves left faster leaves its lane.
+    """
+
+    max_lateral_speed: Quantity = _MOVING_OUT_SPEED
+    unit: str = "m/s"
+
+    @property
+    def conditional_inputs(self) -> frozenset[str]:
+        """The indicators: the target might indicate."""
+        return frozenset(["indicators"])
+
+    def predicate(self) -> str:
+        """The indicator, the speed, and the margin of a signal alone."""
+        return (
+            "At attempt: the target does not signal left, and moves left at no more than "
+            f"{self.max_lateral_speed}. A signal alone counts as a margin of "
+            f"-{self.max_lateral_speed}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The speed of the target to the left decides, as the attempt begins."""
+        trajectories, attempt = case.trajectories, case.events.attempt
+        has_target, slot = case.target.slot != NO_VEHICLE, slot_or_ego(case.target.slot)
+        limit = self.max_lateral_speed.f32
+        # Without an attempt the target need not be recorded in that frame.
+        simulation = np.flatnonzero(has_target & case.events.has_attempt)
+        speed_to_left = np.zeros(len(slot), np.float32)
+        speed_to_left[simulation] = denoised_lateral_speed_at(
+            trajectories, simulation, slot[simulation], attempt[simulation], float(limit)
+        )
+        margin = limit - speed_to_left
+
+        lights = trajectories.states.lights[np.arange(len(slot)), slot, np.maximum(attempt, 0)]
+        is_unknown = "indicators" in trajectories.unknown
+        lamp = indicator_to_overtaking_side(trajectories.road)
+        is_indicating = has_target & ((lights & lamp) != 0) & (not is_unknown)
+        margin = np.where(is_indicating, np.minimum(margin, -limit), margin)
+        doubtful = np.full(len(slot), is_unknown)
+        return finding_at_frame(attempt, margin, has_target, doubtful=doubtful)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A target that does not move left."""
+        return change_by_margin(
+            breach,
+            RemedyQuantity.TARGET_DRIFT,
+            self.max_lateral_speed.f32,
+            breach.first_frame,
+            breach.target_slot,
+        )
+
+
+_THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
+"""A third difference: 0 for a parabola, with 20 times the variance of the noise."""
+
+
+def denoised_lateral_speed_at(
+    trajectories: Trajectories,
+    simulation: IndexArray,
+    slot: IndexArray,
+    frame: Frames,
+    limit: float,
+) -> F32:
+    """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
+
+    In a recording the central difference over about 0.2 s is widened, up to twice
+    `LATERAL_NOISE_TIME`, until its standard error is `LATERAL_ERROR_SHARE` of the limit. The noise
+    of a position is the root mean square of its third differences around the frame, over the root
+    of 20; the error of a difference over 2 h is the noise times the root of 2, over 2 h.
+    Simulations have no noise.
+
+    Args:
+        trajectories: The batch.
+        simulation: Simulation of each vehicle.
+        slot: Its slot.
+        frame: A frame in which it is recorded.
+        limit: The speed with which it is compared [m/s].
+    """
+    if not trajectories.unknown:
+        return lateral_speed_at(trajectories, simulation, slot, frame)
+    interval = trajectories.scenario.frame_interval_ms
+    max_half_window = int(float(LATERAL_NOISE_TIME.f32) * 1000.0 / interval)
+    max_error = float(LATERAL_ERROR_SHARE.f32) * limit
+    noise = _lateral_noise(trajectories, simulation, slot, frame, max(2, max_half_window))
+    required_duration = np.sqrt(2.0) * noise / max_error
+    half_window = np.ceil(required_duration / 2.0 * 1000.0 / interval)
+    min_half_window = lateral_speed_half_window(interval)
+    max_half_window = max(min_half_window, max_half_window)
+    half_window = np.clip(half_window, min_half_window, max_half_window).astype(np.int32)
+    return lateral_speed_at(trajectories, simulation, slot, frame, half_window)
+
+
+def _lateral_noise(
+    trajectories: Trajectories,
+    simulation: IndexArray,
+    slot: IndexArray,
+    frame: Frames,
+    half_window: int,
+) -> NDArray[np.float64]:
+    """Standard deviation of the noise of a lateral position, from the frames around it [m]."""
+    frames = frame[:, None] + np.arange(-half_window, half_window + 1)
+    is_recorded = (frames >= 0) & (frames < trajectories.num_frames[simulation, None])
+    instants = (simulation[:, None], slot[:, None], np.where(is_recorded, frames, 0))
+    is_recorded &= trajectories.state_mask[instants]
+    d = trajectories.states.d[instants] * float(METRES_PER_MM)
+    num_differences = frames.shape[1] - len(_THIRD_DIFFERENCE) + 1
+    windows = [
+        (d[:, k : k + num_differences], is_recorded[:, k : k + num_differences])
+        for k in range(len(_THIRD_DIFFERENCE))
+    ]
+    third_difference = sum(
+        weight * values for weight, (values, _) in zip(_THIRD_DIFFERENCE, windows, strict=True)
+    )
+    is_complete = np.logical_and.reduce([is_inside for _, is_inside in windows])
+    squares = np.where(is_complete, third_difference**2, 0.0).sum(axis=1)
+    return np.sqrt(squares / np.maximum(is_complete.sum(axis=1), 1) / (_THIRD_DIFFERENCE**2).sum())
