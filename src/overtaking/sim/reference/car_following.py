@@ -129,7 +129,7 @@ def blend_iidm_with_cah(
         Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8.
     """
     excess = minimum(iidm - cah, ZERO)
-    # Hyperbolic tangent of the excess over the comfortable deceleration.
+    # (e - 1) / (e + 1) is the hyperbolic tangent of the excess over the comfortable deceleration.
     e = exp(TWO * excess / vehicle.decel)
     softened = cah + vehicle.decel * ((e - ONE) / (e + ONE))
     # The IIDM has no lower bound at small gaps; no vehicle brakes harder than gravity.

@@ -120,15 +120,18 @@ def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours
     along, against = (_interpolate_knots(table, s) for table in road.sight)
     by_road = np.where(vehicles.travel_sign < 0, against, along)
     leader = neighbours.slot[LEADER]
-    # The line of sight passes the leader's rear corner on the side of the opposing lane.
+    # Lateral offsets from the driver's eye, which is beside the middle of the vehicle. The line of
+    # sight passes the leader's rear corner on the side of the opposing lane.
     rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
     half_width = value_at_slot(vehicles.half_width, leader)
-    corner = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset
-    middle = HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
-    opposing_lane = middle - state.motion.d - constants.eye_offset
+    corner_offset = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset
+    opposing_lane_d = HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
+    lane_offset = opposing_lane_d - state.motion.d - constants.eye_offset
     is_tall = (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0)
-    hides = is_tall & (corner > 0) & (opposing_lane > 0)
-    past_leader = np.where(hides, opposing_lane * (rear / maximum(corner, MIN_SIGHT_LINE)), FAR)
+    hides = is_tall & (corner_offset > 0) & (lane_offset > 0)
+    # By similar triangles it meets the middle of the opposing lane at this distance.
+    distance = lane_offset * (rear / maximum(corner_offset, MIN_SIGHT_LINE))
+    past_leader = np.where(hides, distance, FAR)
     by_bends = minimum(by_road, state.road.sight_distance)
     return minimum(minimum(by_bends, past_leader), params.simulations.oncoming_sight)
 

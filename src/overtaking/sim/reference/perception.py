@@ -26,8 +26,8 @@ from overtaking.world.step_parameters import StepParameters
 # Closer vehicles are as visible as at this gap, and loom as much [m].
 _NEAREST_GAP = np.float32(1.0)
 _FARTHEST_GAP = np.float32(1e4)  # Larger than every range of sight; keeps squares finite [m].
-_MAX_OPTICAL_DEPTH = np.float32(40.0)  # exp(-40) shows nothing; larger exponents overflow.
-_MIN_LOG_CONTRAST = np.float32(0.02)  # Keeps the range of sight above 0 in glare.
+_MAX_OPTICAL_DEPTH = np.float32(40.0)  # Nothing is visible through it; bounds the exponent [1].
+_MIN_LOG_CONTRAST = np.float32(0.02)  # The outline of a near vehicle shows even against the sun.
 _MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite where every looming counts [rad/s].
 
 MIN_SIGHT_LINE = np.float32(0.1)
@@ -103,8 +103,9 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     vehicles, constants, choice = params.vehicles, params.constants, state.lane_choice
     all_slots = np.arange(len(state.motion.s))[:, None]
     interval = int(constants.glance_interval)
-    # Slots look one after the other; 7 and 20 have no common factor. Looks drawn for each driver
-    # would save nothing: in a block of sixteen simulations some driver looks at every decision.
+    # Drivers look one after the other: the stagger of 7 and the interval of 20 decisions have no
+    # common factor. Looks at random times would not make the engine faster: in a block of sixteen
+    # simulations some driver would look at every decision.
     is_due = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
     is_due = is_due & (decision_index >= interval)
     # While a driver may still cancel its lane change.
@@ -167,8 +168,8 @@ def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Ma
     # Where the line of sight to the neighbour passes the leader's rear.
     crossing = lateral_distance[role] * (rear / maximum(distance, MIN_SIGHT_LINE))
     offset = np.abs(crossing - lateral_distance[LEADER])
-    is_behind_leader = (distance > rear) & (slot != leader)
-    is_blocked = is_behind_leader & (offset < value_at_slot(vehicles.half_width, leader))
+    is_beyond_leader = (distance > rear) & (slot != leader)
+    is_blocked = is_beyond_leader & (offset < value_at_slot(vehicles.half_width, leader))
     return (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0) & is_blocked
 
 

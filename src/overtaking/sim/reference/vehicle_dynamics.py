@@ -16,7 +16,7 @@ from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
 _MIN_SLIDING_SPEED = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
-_MIN_LATERAL_GRIP = np.float32(1.0)  # Squared side force left at full braking, a divisor [N^2].
+_MIN_LATERAL_GRIP = np.float32(1.0)  # Keeps a divisor above 0 at full braking [N^2].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
