@@ -39,7 +39,7 @@ mod vehicle_handle;
 
 pub use math::vectors::SIMD_LANES;
 pub use names::{ModelConstants, SIMULATION_NAMES, VEHICLE_NAMES, neighbour_role};
-pub use params::{CourseTable, MAX_STATIONS, Road, RoadDirections};
+pub use params::{CourseTable, MAX_STATIONS, Road, RoadDirections, RoadPose};
 pub use recorder::frame_tiles::prefetch;
 pub use recorder::output::{MAX_PERCEPTS, Output};
 pub use road_conditions::{friction_at_film, friction_at_speed};

@@ -10,7 +10,7 @@ use crate::math::vectors::{
     F32, Mask, at_least, at_most, at_slot, each_at_slot, min, select, splat,
 };
 use crate::neighbour_search::{Neighbours, VisibleBody, lane_borders};
-use crate::params::{MAX_STATIONS, Params, station_indices};
+use crate::params::{KnotTable, Params, station_indices};
 use crate::perception::{
     Conspicuity, MIN_SIGHT_LINE, detection_time, extrapolate_motion, sight_range_ratio,
 };
@@ -326,9 +326,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (constants, road) = (&params.constants, &params.road);
         let (s, _) = self.road_position();
         let is_oncoming = self.vehicle().travel_sign.simd_lt(0.0);
-        let [along, against] = &road.directions.sight;
         let mut by_road = splat(params.simd, 0.0);
-        for (table, applies) in [(along, !is_oncoming), (against, is_oncoming)] {
+        let directions = &road.directions;
+        for (table, applies) in [
+            (&directions.sight_along, !is_oncoming),
+            (&directions.sight_against, is_oncoming),
+        ] {
             if applies.any_true() {
                 by_road = select(applies, interpolate_knots(table, s), by_road);
             }
@@ -371,12 +374,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Values of a table of `RoadDirections::sight` at stations [m].
+/// The quantity of a table at stations [m]; 0 before the first station of the table.
 #[inline(always)]
-fn interpolate_knots<S: Simd>(
-    [stations, values, slopes]: &[[f32; MAX_STATIONS]; 3],
-    s: F32<S>,
-) -> F32<S> {
+fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
+    let KnotTable {
+        stations,
+        values,
+        slopes,
+    } = table;
     let mut result = splat(s.simd, 0.0);
     for index in station_indices(stations) {
         let value = values[index] + (s - stations[index]) * slopes[index];

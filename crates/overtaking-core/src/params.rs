@@ -24,12 +24,39 @@ pub struct Road {
     pub film_path: [f32; 8],
     /// +1 in right-hand traffic, -1 in left-hand traffic.
     pub overtaking_sign: f32,
-    /// World x and y of the point (s, d) = (0, 0) [m], heading of the road [rad], cosine and sine of the heading.
-    pub pose: [f32; 5],
+    /// Place of the road in the world.
+    pub pose: RoadPose,
     /// Own direction and oncoming traffic.
     pub directions: RoadDirections,
     /// Geometry, sight distances and speed limits by station.
     pub course_table: CourseTable,
+}
+
+/// Place of a road in the plane of the world.
+#[derive(Clone, Copy, Debug)]
+pub struct RoadPose {
+    /// World coordinates of the point (s, d) = (0, 0) [m].
+    pub x0: f32,
+    /// The second coordinate [m].
+    pub y0: f32,
+    /// Heading of the road [rad].
+    pub heading: f32,
+    /// Cosine of the heading [1].
+    pub cosine: f32,
+    /// Sine of the heading [1].
+    pub sine: f32,
+}
+
+impl From<[f32; 5]> for RoadPose {
+    fn from([x0, y0, heading, cosine, sine]: [f32; 5]) -> Self {
+        Self {
+            x0,
+            y0,
+            heading,
+            cosine,
+            sine,
+        }
+    }
 }
 
 /// Geometry, sight distances and speed limits of a road at stations 2 m apart, from s = 0.
@@ -97,9 +124,51 @@ impl Road {
     }
 }
 
-/// Number of columns in the tables of sight and of the solid line. Chosen; `overtaking.world.road_parameters` has the
-/// same number.
+/// Number of stations in a `KnotTable` and in `LineMarks`. Chosen; `overtaking.world.road_parameters` has the same
+/// number. Tables of fewer stations are padded with copies of the last one.
 pub const MAX_STATIONS: usize = 64;
+
+/// A quantity that is linear between stations of a road.
+#[derive(Clone, Copy, Debug)]
+pub struct KnotTable {
+    /// Stations [m].
+    pub stations: [f32; MAX_STATIONS],
+    /// The quantity there.
+    pub values: [f32; MAX_STATIONS],
+    /// Its change per metre from there on.
+    pub slopes: [f32; MAX_STATIONS],
+}
+
+impl From<[[f32; MAX_STATIONS]; 3]> for KnotTable {
+    fn from([stations, values, slopes]: [[f32; MAX_STATIONS]; 3]) -> Self {
+        Self {
+            stations,
+            values,
+            slopes,
+        }
+    }
+}
+
+/// Marks of the line between the two directions of a road.
+#[derive(Clone, Copy, Debug)]
+pub struct LineMarks {
+    /// Stations [m].
+    pub stations: [f32; MAX_STATIONS],
+    /// 1 if from there on traffic along the road must not cross the line, else 0.
+    pub is_solid_along: [f32; MAX_STATIONS],
+    /// 1 if from there on oncoming traffic must not cross the line, else 0.
+    pub is_solid_against: [f32; MAX_STATIONS],
+}
+
+impl From<[[f32; MAX_STATIONS]; 3]> for LineMarks {
+    fn from([stations, is_solid_along, is_solid_against]: [[f32; MAX_STATIONS]; 3]) -> Self {
+        Self {
+            stations,
+            is_solid_along,
+            is_solid_against,
+        }
+    }
+}
 
 /// The two directions of a road, and the line between them.
 #[derive(Clone, Copy, Debug)]
@@ -113,12 +182,12 @@ pub struct RoadDirections {
     /// Sum of the lateral positions of both edges; an oncoming vehicle at `d` is at `edge_sum - d`
     /// in the coordinates of its own direction [m].
     pub edge_sum: f32,
-    /// Sight distances that a map states, along and against the road: stations [m], sight distance there [m], and its
-    /// change per metre from there on [1].
-    pub sight: [[[f32; MAX_STATIONS]; 3]; 2],
-    /// Stations [m]; 1 if from there on traffic along the road must not cross the line, else 0; the same for oncoming
-    /// traffic.
-    pub solid_line: [[f32; MAX_STATIONS]; 3],
+    /// Sight distance that a map states along the road [m].
+    pub sight_along: KnotTable,
+    /// Sight distance that a map states for oncoming traffic [m].
+    pub sight_against: KnotTable,
+    /// Line between the directions.
+    pub line_marks: LineMarks,
 }
 
 /// Indices of the stations of a table, without the copies of the last station that pad it.

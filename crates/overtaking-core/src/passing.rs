@@ -9,7 +9,7 @@ use crate::gap_acceptance::GapAcceptanceInputs;
 use crate::math::vectors::{F32, Mask, at_least, at_slot, each_at_slot, max, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 use crate::oncoming::OncomingVehicle;
-use crate::params::{Params, station_indices};
+use crate::params::{LineMarks, Params, station_indices};
 use crate::state::{FAR, LEADER};
 use crate::vehicle_handle::VehicleHandle;
 
@@ -219,7 +219,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     pub fn line_is_solid(self, distance: F32<S>) -> Mask<S> {
         let (params, travel_sign) = (self.params, self.vehicle().travel_sign);
-        let [stations, along, against] = &params.road.directions.solid_line;
+        let LineMarks {
+            stations,
+            is_solid_along,
+            is_solid_against,
+        } = &params.road.directions.line_marks;
         let is_oncoming = travel_sign.simd_lt(0.0);
         let (s, _) = self.road_position();
         let places = [s, s + travel_sign * distance];
@@ -227,8 +231,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         for k in station_indices(stations) {
             let mark = select(
                 is_oncoming,
-                splat(params.simd, against[k]),
-                splat(params.simd, along[k]),
+                splat(params.simd, is_solid_against[k]),
+                splat(params.simd, is_solid_along[k]),
             );
             for (is_solid, place) in is_solid.iter_mut().zip(places) {
                 *is_solid = select(place.simd_ge(stations[k]), mark, *is_solid);

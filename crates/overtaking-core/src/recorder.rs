@@ -11,7 +11,7 @@ use crate::gap_acceptance::Intent;
 use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, clamp_to, select, splat};
 use crate::names::lights;
 use crate::oncoming::OncomingVehicle;
-use crate::params::Params;
+use crate::params::{Params, RoadPose};
 use crate::recorder::frame_tiles::{
     FRAMES_PER_TILE, FrameTile, NUM_PACKED_WORDS, NUM_STATE_WORDS, Row, packed, put_tile, transpose,
 };
@@ -455,7 +455,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (road, vehicle) = (&params.road, self.vehicle());
-        let [x0, y0, heading, cosine, sine] = road.pose;
+        let RoadPose {
+            x0,
+            y0,
+            heading,
+            cosine,
+            sine,
+        } = road.pose;
         let (s, from_slow) = self.road_position();
         let d = road.overtaking_sign * from_slow;
         let mut lane = i32x16::splat(params.simd, NO_VEHICLE);

@@ -9,7 +9,7 @@ use std::io::{BufReader, Read};
 use std::sync::Arc;
 
 use overtaking_core::{
-    CourseTable, Inputs, ModelConstants, Output, ParameterSwitch, Road, RoadDirections,
+    CourseTable, Inputs, ModelConstants, Output, ParameterSwitch, Road, RoadDirections, RoadPose,
     SIMULATION_NAMES, VEHICLE_NAMES, require_level, with_outputs,
 };
 use overtaking_portable::simulate_at;
@@ -93,18 +93,17 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     constants.friction_speeds = floats(file)?;
     constants.friction_films = floats(file)?;
     let (boundaries, film_path) = (floats(file)?, floats(file)?);
-    let ([overtaking_sign], pose) = (floats(file)?, floats(file)?);
+    let [overtaking_sign] = floats(file)?;
+    let pose = RoadPose::from(floats(file)?);
     let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = floats(file)?;
     let directions = RoadDirections {
         num_own_lanes: num_own_lanes as usize,
         has_oncoming_traffic: has_oncoming_traffic > 0.0,
         length,
         edge_sum,
-        sight: [
-            [floats(file)?, floats(file)?, floats(file)?],
-            [floats(file)?, floats(file)?, floats(file)?],
-        ],
-        solid_line: [floats(file)?, floats(file)?, floats(file)?],
+        sight_along: [floats(file)?, floats(file)?, floats(file)?].into(),
+        sight_against: [floats(file)?, floats(file)?, floats(file)?].into(),
+        line_marks: [floats(file)?, floats(file)?, floats(file)?].into(),
     };
     let mut parameters = || -> Outcome<_> {
         let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;

@@ -152,19 +152,21 @@ struct RoadValues {
 impl RoadValues {
     /// The road as the engine reads it.
     fn road(&self) -> Road {
+        let [sight_along, sight_against] = self.sight;
         Road {
             num_lanes: self.num_lanes.clamp(1, 8),
             boundaries: self.boundaries,
             film_path: self.film_path,
             overtaking_sign: self.overtaking_sign,
-            pose: self.pose,
+            pose: self.pose.into(),
             directions: RoadDirections {
                 num_own_lanes: self.num_own_lanes.clamp(1, 8),
                 has_oncoming_traffic: self.has_oncoming_traffic,
                 length: self.length,
                 edge_sum: self.edge_sum,
-                sight: self.sight,
-                solid_line: self.solid_line,
+                sight_along: sight_along.into(),
+                sight_against: sight_against.into(),
+                line_marks: self.solid_line.into(),
             },
             course_table: CourseTable::from_rows(&self.course_table),
         }
