@@ -61,7 +61,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if !params.road.can_overtake(slot) {
             return time_gap;
         }
-        let follows = self.is_in_stage(stage::FOLLOW);
+        let follows = self.state.overtake.stage[slot].simd_eq(stage::FOLLOW);
         let is_about_to_pull_out = self.state.overtake.time_indicating[slot].simd_gt(0.0) & follows;
         let kept_time_gap = select(
             is_about_to_pull_out,

@@ -121,10 +121,11 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         }
     }
 
-    /// Whether the driver is in a stage of an overtake.
+    /// Whether the driver is in a stage of an overtake; false for wrecks.
     #[inline(always)]
     pub fn is_in_stage(self, stage: f32) -> Mask<S> {
-        self.state.overtake.stage[self.slot].simd_eq(stage)
+        let is_sound = self.state.motion.is_wreck[self.slot].simd_eq(0.0);
+        is_sound & self.state.overtake.stage[self.slot].simd_eq(stage)
     }
 
     /// Whether the driver pulls out or passes, and has not begun to return.
