@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain.remedies import (
     at_limit,
-    elsewhere,
     see_oncoming_traffic,
 )
 from overtaking.labels.law.germany.driving import V2, V3, limits
-from overtaking.labels.law.germany.opposite import O9, O16, O17
+from overtaking.labels.law.germany.opposite import O16
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,9 +34,7 @@ def _slower(facts: BreachContext) -> tuple[Remedy, ...]:
 GERMAN: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
-        (O9, elsewhere),
         (O16, see_oncoming_traffic),
-        (O17, elsewhere),
         (V2, _at_limit),
         (V3, _slower),
     )

@@ -37,7 +37,6 @@ from overtaking.labels.law.sight import (
     required_passing_sight,
 )
 from overtaking.labels.law.speed import L12, L13, speed_limits
-from overtaking.labels.law.zones import L17, L29, target_keeps_its_side
 from overtaking.model.verdicts import Case, Finding
 from overtaking.world.road_surface import stoppable_speed
 
@@ -112,21 +111,6 @@ def off_the_line(facts: BreachContext) -> tuple[Remedy, ...]:
     return single_change(RemedyQuantity.CLEARANCE, facts.margin, 0.0)
 
 
-def elsewhere(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L29, O9 and O17: overtake this much before or after the place."""
-    return single_change(RemedyQuantity.PLACE, -facts.margin, 0.0)
-
-
-def elsewhere_or_target_in_lane(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L17: before or after the place, or with the target on its own side of the road."""
-    alone = target_keeps_its_side(facts.case)
-    if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < SAME_MARGIN_M:
-        return single_change(
-            RemedyQuantity.CLEARANCE, facts.margin, 0.0, facts.first_frame, facts.target_slot
-        )
-    return elsewhere(facts)
-
-
 def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
     """L26: the oncoming vehicle brakes less or stays in its lane, whichever it did not."""
     limit = float(ABRUPT_BRAKING.f32)
@@ -152,13 +136,11 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L15, see_farther),
         (L15s, see_farther),
         (L16, wider),
-        (L17, elsewhere_or_target_in_lane),
         (L20, slow_lanes),
         (L24, gaps.oncoming),
         (L25, gaps.time_to_pass),
         (L26, oncoming_drives_on),
         (L27, gaps.to_return),
-        (L29, elsewhere),
     )
 }
 """Remedies by the check of a rule. A remedy reads the same numbers as the check, so rules of other

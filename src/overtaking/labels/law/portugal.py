@@ -21,10 +21,12 @@ from overtaking.labels.law.criteria.starting import (
     NoOtherOvertaking,
     TargetInLane,
 )
+from overtaking.labels.law.criteria.zones import NoOvertakingSigns, NoOvertakingZones
 from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
 from overtaking.labels.law.rule import (
+    DEFAULT_AND_STRICTER,
     EVERY_POLICY,
     NO_POLICY,
     STRICT_ONLY,
@@ -36,7 +38,6 @@ from overtaking.labels.law.rule import (
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speed import L12, L13
 from overtaking.labels.law.texts import edition, with_texts
-from overtaking.labels.law.zones import L17, L29
 
 L1 = Rule(
     id="pt.ce.36@2013",
@@ -202,6 +203,24 @@ L11 = Rule(
     consulted_source="38(2)(e) read in the decree (page 69); 18(3) quoted by circulaseguro.pt",
 )
 
+L17 = Rule(
+    id="pt.ce.41@2013",
+    code="L17",
+    article="Article 41(1)(a) to (e), (2) and (3)",
+    title="Places and targets",
+    gloss="Do not overtake on crests, immediately before and at level crossings, junctions and "
+    "crossings, in bends of reduced visibility, where the carriageway is too narrow, nor a vehicle"
+    " that overtakes a third. Crests, bends, junctions, level crossings and third vehicles do not "
+    "count where there are two or more lanes in the same direction and the opposite side is not "
+    "used.",
+    criterion=NoOvertakingZones(),
+    grade=Grade.BY_ROAD,
+    required_by=DEFAULT_AND_STRICTER,
+    limit_phrase="a place where one may overtake",
+    text_source=TextSource.SECONDARY,
+    consulted_source="41(3) read in the decree (page 70); 41(1) and (2) quoted by postal.pt",
+)
+
 L18 = Rule(
     id="pt.ce.21@2013",
     code="L18",
@@ -318,6 +337,23 @@ L28 = Rule(
     text_source=TextSource.RECALLED,
     consulted_source="the beginning of 40(1) read in the decree (page 69); the distance and "
     "paragraph 2 not found",
+)
+
+L29 = Rule(
+    id="pt.rst.24-c14@2019",
+    code="L29",
+    article="Regulation of signs, Article 24 (signs C14a to C14c)",
+    title="Signs against overtaking",
+    gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
+    "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
+    criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
+    grade=Grade.BY_ROAD,
+    required_by=DEFAULT_AND_STRICTER,
+    source="pt-signs-2019",
+    limit_phrase="the end of the stretch where a sign forbids to overtake",
+    text_source=TextSource.RECALLED,
+    consulted_source="C14a to C14c named by a list of signs (slideshare.net); their wording not "
+    "found",
 )
 
 # fmt: off

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp, two_way_road
+from tests.support.law_fixtures_of_two_ways import place
 from tests.support.overtakes import BESIDE, crossing, overtake, passing
 
 from overtaking.core.errors import KnowledgeError
@@ -19,6 +20,7 @@ from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.portugal import PORTUGAL
+from overtaking.model.road_course import ZoneKind
 from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -109,6 +111,14 @@ BY_HAND = [
         "L11",
         lambda: passing(1, ego={"speed": FASTER}, target={"kind": "B", "s": 48.0}, events=BESIDE),
         (30.0 - 29.0) / 29.0 * SV / 29.0,
+    ),
+    ("L17", lambda: place(ZoneKind.NARROW, 300.0, 350.0), SP),
+    ("L29", lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0), SP),
+    # The ego is back at 30 m/s; it crosses a lane of 3.5 m in 3 s.
+    (
+        "O17",
+        lambda: place(ZoneKind.PEDESTRIAN_CROSSING, 566.0, 570.0),
+        math.hypot(1.0, 30.0 / (3.5 / 3.0)) * SP,
     ),
 ]
 """Code of a rule, a case, and the error that the formula gives for it."""

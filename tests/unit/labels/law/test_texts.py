@@ -147,7 +147,6 @@ def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
     ("code", "numbers"),
     [
         ("V3", ["law_de.fog.sight", "law_de.fog.speed"]),
-        ("O17", ["law.places.before", "law_de.pass.level_crossing"]),
     ],
 )
 def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):

@@ -8,5 +8,6 @@ shared functions and numbers are in `law.case`, `law.margins`, `law.measurement_
 - `following`: distance to the vehicle ahead;
 - `lamps_and_indicators`: use of indicators, beam and fog lamps;
 - `returning`: the return to the original lane, and the use of the right lane;
-- `starting`: begin of an overtake, and the vehicles that it must not endanger.
+- `starting`: begin of an overtake, and the vehicles that it must not endanger;
+- `zones`: places and signs that forbid to overtake.
 """

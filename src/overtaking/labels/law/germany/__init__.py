@@ -24,8 +24,9 @@ from overtaking.labels.law.criteria.starting import (
     SpeedAdvantage,
     TargetInLane,
 )
+from overtaking.labels.law.criteria.zones import NoOvertakingAtCrossings, NoOvertakingSigns
 from overtaking.labels.law.germany.driving import S1, V1, V2, V3, V1s
-from overtaking.labels.law.germany.opposite import O9, O14, O15, O16, O17
+from overtaking.labels.law.germany.opposite import O14, O15, O16
 from overtaking.labels.law.germany.overtaking import O3
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.rule import (
@@ -309,6 +310,22 @@ O8 = Rule(
     consulted_source="5(4a) at dein-gesetz.de",
 )
 
+O9 = Rule(
+    id="de.stvo.5-3-2@2013",
+    code="O9",
+    article="§ 5(3) number 2 StVO; signs 276 and 277",
+    title="Signs",
+    gloss="Sign 276 forbids motor vehicles to overtake motor vehicles with several tracks, sign "
+    "277 those above 3.5 t.",
+    criterion=NoOvertakingSigns(exempts_two_wheelers=True, is_undecidable_without_zones=True),
+    grade=Grade.LIGHT,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase="the end of the stretch where a sign forbids to overtake",
+    text_source=TextSource.READ,
+    consulted_source="5(3) at dejure.org; annex 2, numbers 53 and 54, at sicherestrassen.de",
+)
+
 _BICYCLE_GAP = quantity(2.0, "m", "de-stvo-2013", why="Outside built-up areas")
 _BICYCLE_GAP_IN_TOWN = quantity(1.5, "m", "de-stvo-2013", why="Inside built-up areas")
 
@@ -376,6 +393,31 @@ O13 = Rule(
     limit_phrase="the speed it had",
     text_source=TextSource.READ,
     consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",
+)
+
+O17 = Rule(
+    id="de.stvo.19-1-3.26-3@2013",
+    code="O17",
+    article="§ 19(1) sentence 3 and § 26(3) StVO",
+    title="Crossings",
+    gloss="Drivers do not overtake at crossings of pedestrians, and do not overtake motor vehicles "
+    "at level crossings, from their sign on.",
+    criterion=NoOvertakingAtCrossings(
+        level_approach_length=quantity(
+            240.0,
+            "m",
+            "de-stvo-2013",
+            why="§ 19(1) sentence 3: from sign 156 on, which stands about so far ahead (annex 1)",
+        )
+    ),
+    grade=Grade.LIGHT,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase="a place where one may overtake",
+    text_source=TextSource.READ,
+    consulted_source="19(1) at fahrschule.de; 26(3) at dejure.org and buzer.de; sign 156 in annex "
+    "1 at librs.net (2009)",
+    fine="80 EUR at crossings of pedestrians (BKat 113)",
 )
 
 _FOG_LAMP_RANGE = quantity(50.0, "m", "de-stvo-2013", why="§ 3(1) sentence 3, § 17(3)")

@@ -1,0 +1,366 @@
+"""Criteria about places and signs that forbid to overtake."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import HALF, as_f32
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.case import (
+    RoadInterval,
+    distance_to_intervals,
+    ego_may_be,
+    opposing_lane_span,
+    overtaking_span,
+    target_may_be,
+    zone_intervals,
+)
+from overtaking.labels.law.margins import (
+    SAME_MARGIN_M,
+    UNCONSTRAINED,
+    breach_frames_in,
+    finding_from_margins,
+    finding_not_applicable,
+)
+from overtaking.labels.law.measurement_errors import MeasurementErrors, return_time_error
+from overtaking.labels.law.numbers import quantity
+from overtaking.labels.law.remedies import BreachContext, Remedy, RemedyQuantity, single_change
+from overtaking.labels.law.rule import Criterion
+from overtaking.labels.snapshots import METRES_PER_MM, at_frame, slot_or_ego
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import Case, Finding, Verdict
+from overtaking.world.sight_distance import all_zones_for
+
+_NO_FRAME = np.iinfo(np.int32).max  # Later than any frame.
+
+_WITH_APPROACH = (ZoneKind.JUNCTION, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.LEVEL_CROSSING)
+"""Places that one must not overtake immediately before, either."""
+
+_WAIVED_ON_SEVERAL_LANES = (
+    ZoneKind.CREST,
+    ZoneKind.LEVEL_CROSSING,
+    ZoneKind.JUNCTION,
+    ZoneKind.BEND,
+)
+"""Places where an ego with several lanes may overtake if it does not use the other side."""
+
+_ALWAYS_FORBIDDEN = (ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.NARROW)
+
+_WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego back on its side"
+
+_ERROR_FORMULA = "sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)"
+
+_APPROACH_LENGTH = quantity(
+    50.0, "m", why="This is 'immediately before'; a car at 60 km/h stops within it"
+)
+"""Length of road that is 'immediately before' a crossing or junction."""
+
+ApproachLength = Callable[[ZoneKind], float]
+"""Length of road before a place of a kind that counts as part of it [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOvertakingZones(Criterion):
+    """The ego overtakes in no dangerous place, and no vehicle that itself overtakes.
+
+    Attributes:
+        approach_length: Length of road before a crossing or junction that counts as part of it.
+    """
+
+    approach_length: Quantity = _APPROACH_LENGTH
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kind of the road."""
+        return frozenset(["road_kind"])
+
+    def predicate(self) -> str:
+        """The places, and the target that overtakes."""
+        return (
+            f"{_WHILE_OVERTAKING}: the ego's front is in no such place of the road, nor "
+            f"{self.approach_length} or less before a crossing or junction. On two-way roads, "
+            "at attempt: the target's body is not over the line between the directions."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest distance from a place, or of the target from the line, decides."""
+        trajectories = case.trajectories
+        if not (
+            trajectories.road.is_two_way
+            or trajectories.road.course
+            or "road_kind" in trajectories.unknown
+        ):
+            return finding_not_applicable(case.signals.num_simulations)
+        all_simulations = np.ones(case.signals.num_simulations, np.bool_)
+        has_several_lanes = all_simulations & (trajectories.road.num_lanes > 1)
+        is_waived = has_several_lanes & ~opposing_lane_span(case).is_nonempty
+        return _combined_findings(
+            [
+                _keeps_out_of(case, self._intervals(case, _ALWAYS_FORBIDDEN), all_simulations),
+                _keeps_out_of(case, self._intervals(case, _WAIVED_ON_SEVERAL_LANES), ~is_waived),
+                _target_keeps_its_side(case),
+            ]
+        )
+
+    ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a position along the road, or of the return where that decides [m]."""
+        return _zone_margin_error(case, finding, errors, _approach_lengths(self.approach_length))
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """Before or after the place, or with the target on its own side of the road."""
+        target_margin = float(_target_keeps_its_side(breach.case).margin[0])
+        if target_margin < 0 and abs(target_margin - breach.margin) < SAME_MARGIN_M:
+            return single_change(
+                RemedyQuantity.CLEARANCE,
+                breach.margin,
+                0.0,
+                breach.first_frame,
+                breach.target_slot,
+            )
+        return _overtake_elsewhere(breach)
+
+    def _intervals(self, case: Case, kinds: Iterable[ZoneKind]) -> list[RoadInterval]:
+        return zone_intervals(case, kinds, _approach_lengths(self.approach_length))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOvertakingSigns(Criterion):
+    """The ego does not overtake where a sign forbids it for the ego and its target.
+
+    Attributes:
+        has_sign_for_motorcycles: Whether the law has a sign that forbids motorcycles to overtake.
+        exempts_two_wheelers: Whether heavy vehicles, too, may overtake bicycles and motorcycles.
+        is_undecidable_without_zones: Whether an overtake on a road without zones is undecidable
+            where the posted speed limit is unknown.
+    """
+
+    has_sign_for_motorcycles: bool = False
+    exempts_two_wheelers: bool = False
+    is_undecidable_without_zones: bool = False
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kinds of ego and target, and the signs, which are known with the posted limits."""
+        return frozenset(["kinds", "speed_limit"])
+
+    def predicate(self) -> str:
+        """The stretches of signs, and the targets."""
+        targets = (
+            ", the target being no bicycle and no motorcycle"
+            if self.exempts_two_wheelers
+            else " and its target"
+        )
+        return (
+            f"{_WHILE_OVERTAKING}: the ego's front is not in a stretch with a sign for it{targets}."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest distance from a stretch with such a sign decides."""
+        trajectories, has_attempt = case.trajectories, case.events.has_attempt
+        if not all_zones_for(trajectories.road, 1):
+            # Only a posted limit tells that signs are known.
+            may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
+            may_have_sign &= self.is_undecidable_without_zones
+            attempt = case.events.attempt
+            return finding_from_margins(
+                may_have_sign, np.zeros(len(attempt), np.float32), attempt, attempt
+            )
+        has_target = case.target.slot != NO_VEHICLE
+        has_several_tracks = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
+        applies_by_sign = {
+            ZoneKind.NO_OVERTAKING: has_several_tracks & has_target,
+            ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.TRUCK) & has_target,
+        }
+        if self.exempts_two_wheelers:
+            applies_by_sign[ZoneKind.NO_OVERTAKING_HEAVY] &= has_several_tracks
+        if self.has_sign_for_motorcycles:
+            applies_by_sign[ZoneKind.NO_OVERTAKING_MOTORCYCLE] = (
+                ego_may_be(case, VehicleKind.MOTORCYCLE) & has_target
+            )
+        return _keeps_out_of_zones(case, applies_by_sign, _approach_lengths(_APPROACH_LENGTH))
+
+    ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a position along the road, or of the return where that decides [m]."""
+        return _zone_margin_error(case, finding, errors, _approach_lengths(_APPROACH_LENGTH))
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """Before or after the stretch."""
+        return _overtake_elsewhere(breach)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOvertakingAtCrossings(Criterion):
+    """The ego overtakes no vehicle where pedestrians cross, no motor vehicle where rails cross.
+
+    Attributes:
+        pedestrian_approach_length: Length of road before a crossing of pedestrians that counts as
+            part of it.
+        level_approach_length: The same before a level crossing.
+    """
+
+    pedestrian_approach_length: Quantity = _APPROACH_LENGTH
+    level_approach_length: Quantity
+    unit: str = "m"
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kind of the target."""
+        return frozenset(["kinds"])
+
+    def predicate(self) -> str:
+        """Both crossings, with the road before them."""
+        return (
+            f"{_WHILE_OVERTAKING}: the ego's front is not in a crossing of pedestrians or "
+            f"{self.pedestrian_approach_length} before it, nor, the target being no bicycle, in a "
+            f"level crossing or {self.level_approach_length} before it."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest distance from a crossing decides."""
+        if not case.trajectories.road.course:
+            return finding_not_applicable(case.signals.num_simulations)
+        has_target = case.target.slot != NO_VEHICLE
+        applies_by_kind = {
+            ZoneKind.PEDESTRIAN_CROSSING: has_target,
+            ZoneKind.LEVEL_CROSSING: has_target & target_may_be(case, bicycle=False),
+        }
+        return _keeps_out_of_zones(case, applies_by_kind, self._approach_lengths())
+
+    ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a position along the road, or of the return where that decides [m]."""
+        return _zone_margin_error(case, finding, errors, self._approach_lengths())
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """Before or after the crossing."""
+        return _overtake_elsewhere(breach)
+
+    def _approach_lengths(self) -> ApproachLength:
+        return _approach_lengths(self.pedestrian_approach_length, self.level_approach_length)
+
+
+def _approach_lengths(approach: Quantity, before_rails: Quantity | None = None) -> ApproachLength:
+    """Function from the kind of a place to the length of road before it that counts [m].
+
+    Args:
+        approach: Length before crossings and junctions.
+        before_rails: Length before level crossings, if it differs.
+    """
+    lengths: dict[ZoneKind, float] = dict.fromkeys(_WITH_APPROACH, float(approach.f32))
+    if before_rails is not None:
+        lengths[ZoneKind.LEVEL_CROSSING] = float(before_rails.f32)
+    return lambda kind: lengths.get(kind, 0.0)
+
+
+def _keeps_out_of(case: Case, intervals: list[RoadInterval], applies: Mask) -> Finding:
+    """The ego does not overtake in some intervals, in the simulations to which they apply."""
+    span, margin = overtaking_span(case), distance_to_intervals(case, intervals)
+    rows = np.flatnonzero(applies & span.is_nonempty)
+    is_in_span = span.mask(rows, margin.shape[1])
+    min_margin = np.full(len(applies), UNCONSTRAINED)
+    min_margin[rows] = np.where(is_in_span, margin[rows], UNCONSTRAINED).min(axis=1)
+    first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
+    return finding_from_margins(
+        applies & span.is_nonempty & (min_margin < UNCONSTRAINED),
+        min_margin,
+        first,
+        last,
+        longest=longest,
+    )
+
+
+def _keeps_out_of_zones(
+    case: Case, applies_by_kind: Mapping[ZoneKind, Mask], approach_length: ApproachLength
+) -> Finding:
+    """The ego does not overtake in places of some kinds.
+
+    Args:
+        case: The batch.
+        applies_by_kind: The simulations to which each kind applies, shape (simulation,).
+        approach_length: As for `zone_intervals`.
+    """
+    return _combined_findings(
+        [
+            _keeps_out_of(case, zone_intervals(case, [kind], approach_length), applies)
+            for kind, applies in applies_by_kind.items()
+        ]
+    )
+
+
+def _target_keeps_its_side(case: Case) -> Finding:
+    """On a two-way road the target is not itself over the line between the directions."""
+    trajectories, events, road = case.trajectories, case.events, case.trajectories.road
+    if not (road.is_two_way or "road_kind" in trajectories.unknown):
+        return finding_not_applicable(case.signals.num_simulations)
+    frame = events.attempt
+    line = np.float32(road.overtaking_sign * road.lane_boundaries[-1])
+    has_target = (case.target.slot != NO_VEHICLE) & (frame != NEVER)
+    return finding_from_margins(has_target, line - target_left_edge(case), frame, frame)
+
+
+def target_left_edge(case: Case) -> F32:
+    """How far the target reaches to the left at the attempt, shape (simulation,) [m]."""
+    trajectories, row = case.trajectories, np.arange(case.signals.num_simulations)
+    slot, frame = slot_or_ego(case.target.slot), np.maximum(case.events.attempt, 0)
+    lateral_position = (
+        np.float32(trajectories.road.overtaking_sign)
+        * as_f32(trajectories.states.d[row, slot, frame])
+        * METRES_PER_MM
+    )
+    return lateral_position + trajectories.scenario.vehicles.width[row, slot] * HALF
+
+
+def _target_is_motorcycle(case: Case) -> Mask:
+    """Whether the target is known to be a motorcycle, shape (simulation,)."""
+    slot, trajectories = case.target.slot, case.trajectories
+    kind = trajectories.scenario.vehicles.kind[np.arange(len(slot)), slot_or_ego(slot)]
+    return (kind == VehicleKind.MOTORCYCLE) & ("kinds" not in trajectories.unknown)
+
+
+def _combined_findings(findings: list[Finding]) -> Finding:
+    """Several checks of one rule: the smallest margin, and the frames of all breaches."""
+    applies = np.stack([finding.verdict != Verdict.NOT_APPLICABLE for finding in findings])
+    margins = np.stack([finding.margin for finding in findings])
+    min_margin = np.where(applies, margins, UNCONSTRAINED).min(axis=0)
+    first_frames = np.stack([finding.first_frame for finding in findings])
+    first = np.where(first_frames == NEVER, _NO_FRAME, first_frames).min(axis=0)
+    last = np.stack([finding.last_frame for finding in findings]).max(axis=0)
+    longest = np.stack([finding.longest_run for finding in findings]).max(axis=0)
+    return finding_from_margins(
+        min_margin < UNCONSTRAINED, min_margin, first, last, longest=longest
+    )
+
+
+def _zone_margin_error(
+    case: Case, finding: Finding, errors: MeasurementErrors, approach_length: ApproachLength
+) -> F32:
+    """Error of a position along the road, and of the return where that decides [m].
+
+    Where the overtake ends by the return to the own side, and the margin is the one of that frame,
+    an error of the lateral position moves the end of the overtake.
+    """
+    end, position_error = overtaking_span(case).last, np.float32(errors.position_std)
+    distance = distance_to_intervals(case, zone_intervals(case, ZoneKind, approach_length))
+    return_decides = np.abs(at_frame(distance, end) - finding.margin) < SAME_MARGIN_M
+    return_decides &= end == opposing_lane_span(case).last
+    return_error = at_frame(case.signals.speed, end) * return_time_error(case, errors)
+    both_errors = np.sqrt(position_error * position_error + return_error * return_error)
+    return np.where(return_decides, both_errors, position_error)
+
+
+def _overtake_elsewhere(breach: BreachContext) -> tuple[Remedy]:
+    """One remedy: to overtake as far before or after the place as the ego was within it."""
+    return single_change(RemedyQuantity.PLACE, -breach.margin, 0.0)
