@@ -11,7 +11,7 @@ from overtaking.core.float32_math import ZERO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.event_detection import nan_if_begun_before_recording
 from overtaking.labels.law.case import nearest_oncoming_at, neighbour_at, seconds_of
-from overtaking.labels.law.lines_and_lanes import is_solid_at, solid_borders
+from overtaking.labels.law.criteria.lines_and_lanes import is_solid_at, solid_borders
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
     entry_margin_ahead,

@@ -8,8 +8,6 @@ from overtaking.core.arrays import F32
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
-from overtaking.labels.law.case import signed_lane
-from overtaking.labels.law.lines_and_lanes import L2, L16, L20, left_lane_widths
 from overtaking.labels.law.margins import SAME_MARGIN_M
 from overtaking.labels.law.numbers import ABRUPT_BRAKING, LINE_TOLERANCE, STOPPING_REACTION_TIME
 from overtaking.labels.law.oncoming_traffic import (
@@ -92,25 +90,6 @@ def _more_sight(facts: BreachContext, needed: np.float32) -> tuple[Remedy, ...]:
     )
 
 
-def wider(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L16: a lane on the left that is wide enough, or, of course, no overtake here."""
-    widths = left_lane_widths(facts.case.trajectories.road)
-    width = float(widths[min(int(facts.case.events.original_lane[0]), len(widths) - 1)])
-    return single_change(RemedyQuantity.WIDTH, width, width - facts.margin, facts.first_frame)
-
-
-def slow_lanes(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L20: in the faster of the two slowest lanes."""
-    lanes = signed_lane(facts.case.signals.lane)[0, facts.frames]
-    worst, needed = int(lanes.argmax()), int(constant("law.trucks.lanes")) - 1
-    return single_change(RemedyQuantity.LANE, lanes[worst], needed, facts.frames[worst])
-
-
-def off_the_line(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L2: so much farther from the line."""
-    return single_change(RemedyQuantity.CLEARANCE, facts.margin, 0.0)
-
-
 def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
     """L26: the oncoming vehicle brakes less or stays in its lane, whichever it did not."""
     limit = float(ABRUPT_BRAKING.f32)
@@ -128,15 +107,12 @@ def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
-        (L2, off_the_line),
         (L12, not_too_fast),
         (L13, not_too_slow),
         (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),
         (L14s, lambda facts: _stop(facts, facts.case.signals.sight_unlit)),
         (L15, see_farther),
         (L15s, see_farther),
-        (L16, wider),
-        (L20, slow_lanes),
         (L24, gaps.oncoming),
         (L25, gaps.time_to_pass),
         (L26, oncoming_drives_on),

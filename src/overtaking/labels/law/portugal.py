@@ -9,6 +9,11 @@ from overtaking.labels.law.criteria.alongside import (
 )
 from overtaking.labels.law.criteria.following import SafeDistance, SlowVehicleDistance
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
+from overtaking.labels.law.criteria.lines_and_lanes import (
+    RightmostLanesForTrucks,
+    SolidLines,
+    WidthForOvertaking,
+)
 from overtaking.labels.law.criteria.returning import (
     NoForcedBraking,
     ReturnDelay,
@@ -22,7 +27,6 @@ from overtaking.labels.law.criteria.starting import (
     TargetInLane,
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingSigns, NoOvertakingZones
-from overtaking.labels.law.lines_and_lanes import L2, L16, L20
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
 from overtaking.labels.law.rule import (
@@ -53,6 +57,23 @@ L1 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="36(1) quoted by dinheirovivo.pt (2021); 38(3) and 42 read in the decree "
     "(pages 69, 70); 37 not found",
+)
+
+L2 = Rule(
+    id="pt.rst.60-m1-m3@2019",
+    code="L2",
+    article="Regulation of signs, Article 60 (marks M1 and M3); Highway Code, Article 146(o)",
+    title="Continuous line",
+    gloss="A continuous line must be neither trodden on nor crossed; of a continuous and a broken"
+    " line side by side the one nearer to the driver rules.",
+    criterion=SolidLines(),
+    grade=Grade.BY_BREACH,
+    required_by=EVERY_POLICY,
+    source="pt-signs-2019",
+    limit_phrase="the continuous line",
+    text_source=TextSource.SECONDARY,
+    consulted_source="the mark M1 quoted by ecsm.pt; 146(o) as listed by "
+    "contraordenacao.webnode.pt",
 )
 
 L3 = Rule(
@@ -203,6 +224,20 @@ L11 = Rule(
     consulted_source="38(2)(e) read in the decree (page 69); 18(3) quoted by circulaseguro.pt",
 )
 
+L16 = Rule(
+    id="pt.ce.41-1-g@2013",
+    code="L16",
+    article="Articles 41(1)(g) and 38(2)(a)",
+    title="Sufficient width",
+    gloss="Do not overtake where the carriageway is not wide enough.",
+    criterion=WidthForOvertaking(),
+    grade=Grade.BY_ROAD,
+    required_by=EVERY_POLICY,
+    limit_phrase="the width that overtaking takes",
+    text_source=TextSource.SECONDARY,
+    consulted_source="41(1)(g) quoted by postal.pt; 38(2)(a) quoted by dinheirovivo.pt (2021)",
+)
+
 L17 = Rule(
     id="pt.ce.41@2013",
     code="L17",
@@ -264,6 +299,31 @@ L19 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="61 quoted by onossogrupinho.blogspot.com (2009); 60 quoted by "
     "pplware.sapo.pt",
+)
+
+L20 = Rule(
+    id="pt.ce.74@2013",
+    code="L20",
+    article="Article 74",
+    title="Lanes for trucks",
+    gloss="On motorways with three or more lanes in one direction, goods vehicles over 3.5 t use "
+    "only the two right-most.",
+    criterion=RightmostLanesForTrucks(
+        num_open_lanes=quantity(
+            2.0, "1", "pt-highway-code-2013", why="The right-most lanes that are open to them"
+        ),
+        min_lanes=quantity(
+            3.0,
+            "1",
+            "pt-highway-code-2013",
+            why="On motorways with at least so many lanes each way",
+        ),
+    ),
+    grade=Grade.LIGHT,
+    required_by=DEFAULT_AND_STRICTER,
+    limit_phrase="the two right-most lanes",
+    text_source=TextSource.RECALLED,
+    consulted_source="74 not found",
 )
 
 L21 = Rule(

@@ -105,6 +105,7 @@ BY_HAND = [
     ("L28", lambda: behind(kind="T", speed=10.0, road=two_way_road()), math.sqrt(2.0) * SP),
     # Lanes are 3.75 m wide. The ego is a fifth of a lane left of the middle of its lane.
     ("L1", lambda: passing(1.2), 0.5 * SP / (1.875 - 0.2 * 3.75)),
+    ("L2", overtake, SP),
     ("L10", overtake, math.sqrt(2.0) * SP),
     ("L11", lambda: passing(2.4 / 3.75, target={"kind": "B"}), math.sqrt(2.0) * SP / 1.5),
     (
@@ -113,6 +114,8 @@ BY_HAND = [
         (30.0 - 29.0) / 29.0 * SV / 29.0,
     ),
     ("L17", lambda: place(ZoneKind.NARROW, 300.0, 350.0), SP),
+    # The centre of the truck is 0.3 m right of the border of the third lane.
+    ("L20", lambda: passing(1.5 - 0.3 / 3.75, ego={"kind": "T"}), 0.5 * SP / 0.3),
     ("L29", lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0), SP),
     # The ego is back at 30 m/s; it crosses a lane of 3.5 m in 3 s.
     (

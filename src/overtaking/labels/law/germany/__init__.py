@@ -12,6 +12,7 @@ from overtaking.labels.law.criteria.following import (
     TimeDistance,
 )
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
+from overtaking.labels.law.criteria.lines_and_lanes import SolidLines
 from overtaking.labels.law.criteria.returning import (
     NoForcedBraking,
     ReturnDelay,
@@ -25,7 +26,7 @@ from overtaking.labels.law.criteria.starting import (
     TargetInLane,
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingAtCrossings, NoOvertakingSigns
-from overtaking.labels.law.germany.driving import S1, V1, V2, V3, V1s
+from overtaking.labels.law.germany.driving import V1, V2, V3, V1s
 from overtaking.labels.law.germany.opposite import O14, O15, O16
 from overtaking.labels.law.germany.overtaking import O3
 from overtaking.labels.law.numbers import quantity
@@ -444,6 +445,22 @@ B1 = Rule(
     limit_phrase="the right lamps",
     text_source=TextSource.READ,
     consulted_source="17 at ra.de",
+)
+
+S1 = Rule(
+    id="de.stvo.295@2013",
+    code="S1",
+    article="§ 41(1) StVO, annex 2, signs 295 and 296",
+    title="Continuous line",
+    gloss="A continuous line must not be driven over, not even in part; beside a broken one, the "
+    "line of the own side rules.",
+    criterion=SolidLines(),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the continuous line",
+    text_source=TextSource.READ,
+    consulted_source="annex 2, number 68, at sicherestrassen.de; sign 296 at fahrlehrer-rathje.de",
 )
 
 # fmt: off

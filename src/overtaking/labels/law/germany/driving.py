@@ -10,7 +10,6 @@ from overtaking.labels.law.case import (
     meteorological_range,
     speed_limit_bounds,
 )
-from overtaking.labels.law.lines_and_lanes import L2, OFF_THE_LINE
 from overtaking.labels.law.margins import (
     UNCONSTRAINED,
     finding_over_span,
@@ -128,18 +127,4 @@ V3 = Rule(
     applies_without_attempt=True,
     check=_slow_in_fog,
     spread=OF_SPEED,
-)
-
-
-S1 = adopt(
-    L2,
-    id="de.stvo.295@2013",
-    code="S1",
-    article="§ 41(1) StVO, annex 2, signs 295 and 296",
-    title="Continuous line",
-    predicate=OFF_THE_LINE,
-    gloss="A continuous line must not be driven over, not even in part; beside a broken one, the "
-    "line of the own side rules.",
-    grade=Grade.LIGHT,
-    source=_STVO,
 )

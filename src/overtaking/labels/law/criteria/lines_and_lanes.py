@@ -1,0 +1,270 @@
+"""Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from overtaking.core.arrays import F32, IndexArray, Mask
+from overtaking.core.float32_math import HALF, as_f32
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.case import ego_may_be, judged_span, signed_lane
+from overtaking.labels.law.margins import (
+    UNCONSTRAINED,
+    breach_frames_in,
+    finding_at_frame,
+    finding_from_margins,
+    finding_not_applicable,
+    minimum_to_limit,
+    reduce_span,
+)
+from overtaking.labels.law.measurement_errors import MeasurementErrors, lane_margin_error
+from overtaking.labels.law.numbers import LINE_TOLERANCE, quantity
+from overtaking.labels.law.remedies import BreachContext, Remedy, RemedyQuantity, single_change
+from overtaking.labels.law.rule import Criterion
+from overtaking.labels.snapshots import FrameSpan
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.road import DrivingSide, Road, RoadMark
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
+from overtaking.model.verdicts import Case, Finding, Severity, Verdict
+
+_SOLID_MARKS = frozenset(
+    [RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.CURB, RoadMark.GRASS]
+)
+"""Marks that a vehicle must not cross from the lane; of a mixed line the nearer one counts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolidLines(Criterion):
+    """No corner of the ego is beyond a line that is continuous for it."""
+
+    unit: str = "m"
+    applies_without_attempt: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The marks of the road."""
+        return frozenset(["marks"])
+
+    def predicate(self) -> str:
+        """The lines, and the stretch of a line that counts."""
+        return (
+            f"At every frame: no corner of the ego is more than {LINE_TOLERANCE} over a line "
+            "that is continuous for the lane it comes from, nor over a kerb or grass. Of the line "
+            "between the directions the stretch beside the ego's centre counts: an ego that is "
+            "beyond it when it becomes continuous for the ego's direction breaks the rule."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The smallest distance from a continuous line decides."""
+        road, span = case.trajectories.road, judged_span(case)
+        if "marks" in case.trajectories.unknown:
+            never = np.full(len(span.first), NEVER)  # Any line may be there: the rule applies.
+            return finding_from_margins(
+                span.is_nonempty, np.zeros(len(never), np.float32), never, never
+            )
+        if not (solid := solid_borders(road)):
+            return finding_not_applicable(case.signals.num_simulations)
+        tolerance = LINE_TOLERANCE.f32
+        distances = [_min_distance_to_border(case, span, k, sides) for k, sides in solid.items()]
+        min_margin = np.minimum.reduce(distances) + tolerance
+        rows = np.flatnonzero(span.is_nonempty & (min_margin < 0))
+        is_over = [
+            _distances_to_border(case, rows, k, sides) + tolerance < 0 for k, sides in solid.items()
+        ]
+        first, last, longest = breach_frames_in(span, rows, np.logical_or.reduce(is_over))
+        applies = span.is_nonempty & (min_margin < UNCONSTRAINED)
+        finding = finding_from_margins(applies, min_margin, first, last, longest=longest)
+        # Very serious where the line separates the directions of travel, else light.
+        separates_directions = road.is_two_way and road.num_lanes in solid
+        is_beyond_road = (distances[-1] + tolerance < 0) & separates_directions
+        severity = np.where(is_beyond_road, Severity.VERY_SERIOUS, Severity.LIGHT)
+        is_illegal = finding.verdict == Verdict.ILLEGAL
+        return finding.replace(
+            severity=np.where(is_illegal, severity, Severity.NONE).astype(np.uint8)
+        )
+
+    ERROR_FORMULA: ClassVar[str] = "sp"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of one position across the road [m]."""
+        del case
+        return np.full_like(finding.margin, errors.position_std)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """As much farther from the line as the ego was over it."""
+        return single_change(RemedyQuantity.CLEARANCE, breach.margin, 0.0)
+
+
+def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
+    """The borders with a line that is continuous from the right, from the left, or from both."""
+    marks = [(lane.right_mark, lane.left_mark) for lane in road.lanes]
+    if road.driving_side is not DrivingSide.RIGHT:
+        marks = [(left, right) for right, left in marks]
+    borders = {}
+    for k in range(road.num_lanes + 1):
+        from_right = k > 0 and marks[k - 1][1] in _SOLID_MARKS
+        if k == road.num_lanes:
+            from_right = any(mark in _SOLID_MARKS for _, mark in road.overtaking_edge_marks)
+        from_left = k < road.num_lanes and marks[k][0] in _SOLID_MARKS
+        if from_right or from_left:
+            borders[k] = (from_right, from_left)
+    return borders
+
+
+def is_solid_at(road: Road, s: F32) -> Mask:
+    """Whether the line on the fast side of the fastest lane is continuous from there at `s`."""
+    stations, marks = zip(*road.overtaking_edge_marks, strict=True)
+    is_solid = np.array([mark in _SOLID_MARKS for mark in marks])
+    return is_solid[np.searchsorted(np.array(stations), s, side="right") - 1]
+
+
+def _min_distance_to_border(case: Case, span: FrameSpan, k: int, sides: tuple[bool, bool]) -> F32:
+    """Smallest distance of the ego's body from border k in a span, shape (simulation,) [m]."""
+    signals, road = case.signals, case.trajectories.road
+    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
+    if k == 0:
+        return minimum_to_limit(signals.right_edge, border, span, is_most=False).min_margin
+    if k == road.num_lanes and len(road.overtaking_edge_marks) == 1:
+        return minimum_to_limit(signals.left_edge, border, span, is_most=True).min_margin
+    all_simulations = np.arange(signals.num_simulations)
+    return reduce_span(np.minimum, _distances_to_border(case, all_simulations, k, sides), span)
+
+
+def _distances_to_border(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -> F32:
+    """Distance of the ego's body from border k, negative where it treads on it, (row, time) [m].
+
+    Beyond an edge of the road it stays negative. A line that may be crossed from one side counts
+    only while the ego comes from the other side.
+    """
+    signals, road = case.signals, case.trajectories.road
+    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
+    on_right, on_left = border - signals.left_edge[rows], signals.right_edge[rows] - border
+    if k == 0:
+        return on_left
+    if k == road.num_lanes:
+        return np.where(is_solid_at(road, signals.s[rows]), on_right, UNCONSTRAINED)
+    distance = np.maximum(on_right, on_left)
+    from_right, from_left = sides
+    if from_right and from_left:
+        return distance
+    came_from_right = _came_from_right(on_right >= 0, on_left >= 0)
+    return np.where(came_from_right == from_right, distance, np.abs(distance))
+
+
+def _came_from_right(is_right: Mask, is_left: Mask) -> Mask:
+    """Whether the ego was last wholly on the right of a border, shape (simulation, time)."""
+    frame = np.arange(is_right.shape[1], dtype=np.int32)
+    last_right = np.maximum.accumulate(np.where(is_right, frame, -1), axis=1)
+    last_left = np.maximum.accumulate(np.where(is_left, frame, -1), axis=1)
+    return last_right >= last_left
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WidthForOvertaking(Criterion):
+    """At the attempt there is a driving lane on the left with room for the ego.
+
+    Attributes:
+        min_border_distance: Smallest lawful distance of the ego from either border of that lane.
+    """
+
+    min_border_distance: Quantity = quantity(
+        0.2, "m", "stl-monitor", why="Room to either border of the lane (close_to_lane_border)"
+    )
+    unit: str = "m"
+
+    def predicate(self) -> str:
+        """The lane, and how much wider than the ego it is."""
+        room = 2.0 * self.min_border_distance.number
+        return (
+            "At attempt: the lane on the left is a driving lane and at least "
+            f"{room:.3g} {self.min_border_distance.unit} wider than the ego."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The width of the lane on the left, less that of the ego and the room, decides."""
+        width = case.trajectories.scenario.vehicles.width[:, EGO_SLOT]
+        needed = width + np.float32(2.0) * self.min_border_distance.f32
+        margin = _left_lane_width(case) - needed
+        return finding_at_frame(case.events.attempt, margin, case.events.has_attempt)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """A lane on the left that is wide enough."""
+        width = float(_left_lane_width(breach.case)[0])
+        return single_change(RemedyQuantity.WIDTH, width, width - breach.margin, breach.first_frame)
+
+
+def _left_lane_width(case: Case) -> F32:
+    """Width of the driving lane left of the original lane, 0 without one, (simulation,) [m]."""
+    road = case.trajectories.road
+    neighbour = road.overtaking_side_neighbour
+    is_driving_lane = neighbour is not None and neighbour.kind == "driving"
+    width_beyond = neighbour.width if neighbour is not None and is_driving_lane else 0.0
+    widths = np.array([lane.width for lane in road.lanes[1:]] + [width_beyond], np.float32)
+    return widths[np.minimum(case.events.original_lane, len(widths) - 1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RightmostLanesForTrucks(Criterion):
+    """On a motorway with several lanes a truck is in one of the slowest.
+
+    Attributes:
+        num_open_lanes: Number of the slowest lanes that trucks may use.
+        min_lanes: Smallest number of lanes of the motorways that the rule is about.
+    """
+
+    num_open_lanes: Quantity
+    min_lanes: Quantity
+    unit: str = "lanes"
+    applies_without_attempt: bool = True
+
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """The kind of the ego, and the kind of the road."""
+        return frozenset(["kinds", "road_kind"])
+
+    def predicate(self) -> str:
+        """The motorways, and the lanes."""
+        return (
+            "At every frame, the ego being a truck on a motorway with at least "
+            f"{self.min_lanes.bare()} lanes: its lane is one of the "
+            f"{self.num_open_lanes.bare()} slowest."
+        )
+
+    def check(self, case: Case) -> Finding:
+        """The fastest lane that the ego used decides."""
+        signals, road = case.signals, case.trajectories.road
+        is_truck = ego_may_be(case, VehicleKind.TRUCK)
+        is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
+        if not (is_motorway and is_truck.any() and road.num_lanes >= self.min_lanes.f32):
+            return finding_not_applicable(signals.num_simulations)
+        span, num_open_lanes = judged_span(case), self.num_open_lanes.f32
+        applies = is_truck & span.is_nonempty
+        rows = np.flatnonzero(applies)
+        # The strip beyond the slow edge counts as below lane 0.
+        lane, margin = signed_lane(signals.lane[rows]), np.zeros(len(applies), np.float32)
+        fastest = as_f32(reduce_span(np.maximum, lane, span.select(rows)))
+        margin[rows] = num_open_lanes - HALF - fastest
+        breaches = np.flatnonzero(margin[rows] < 0)
+        is_too_fast = lane[breaches] >= num_open_lanes
+        first, last, longest = breach_frames_in(span, rows[breaches], is_too_fast)
+        return finding_from_margins(applies, margin, first, last, longest=longest)
+
+    ERROR_FORMULA: ClassVar[str] = "0.5 sp / distance from the border that decides"
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Half a lane where the centre of the ego is one error from the last open lane [lanes]."""
+        del finding
+        road, span = case.trajectories.road, judged_span(case)
+        borders = as_f32(road.overtaking_sign * road.lane_boundaries)
+        border = borders[int(self.num_open_lanes.f32)]
+        rows, frames = span.instants()
+        farthest = np.full(len(span.first), -UNCONSTRAINED, np.float32)
+        np.maximum.at(farthest, rows, case.signals.lateral_position[rows, frames] - border)
+        return lane_margin_error(farthest, errors)
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """The fastest lane that is open to trucks."""
+        lanes = signed_lane(breach.case.signals.lane)[0, breach.frames]
+        worst, needed = int(lanes.argmax()), int(self.num_open_lanes.f32) - 1
+        return single_change(RemedyQuantity.LANE, lanes[worst], needed, breach.frames[worst])
