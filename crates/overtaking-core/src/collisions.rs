@@ -1,4 +1,5 @@
-//! Contacts: oriented boxes, swept over a step; see `overtaking.sim.reference.collisions`.
+//! Contacts of oriented boxes that are swept over a step; the twin of `overtaking.sim.reference.collisions`, which names
+//! the sources.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -6,63 +7,151 @@ use fearless_simd::prelude::*;
 use crate::decision_context::RoadPositions;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{F32, Mask, assign_where, clamp, clamp_to, max, min, select, splat};
-use crate::params::{Params, StepLength};
+use crate::params::Params;
 use crate::state::{EGO_SLOT, State, in_opposite_frame, stage};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the instant of contact finite without relative motion [m].
-const TINY: f32 = 1e-6;
-/// Steps before and after which nothing happens.
+/// Keeps the time of contact finite without relative motion [m].
+const MIN_MOTION: f32 = 1e-6;
+/// Share of a step before or after which nothing happens [1].
 const NEVER: f32 = 1e9;
-
-/// Bodies that stay further apart than this do not touch, whatever is rounded [m].
+/// Bodies that stay farther apart than this do not touch, whatever is rounded [m].
 const ROUNDING_MARGIN: f32 = 0.05;
 
-/// Which pairs may touch before the next decision: lower slot, higher slot, in which simulations.
-pub type Pairs<S> = Vec<(usize, usize, Mask<S>)>;
-
-/// A vector along and across the road.
-type Vector<S> = (F32<S>, F32<S>);
-
-/// One vehicle of each simulation as an oriented box.
+/// A vector in road coordinates: a position or its difference [m], or a velocity [m/s].
 #[derive(Clone, Copy)]
-struct OrientedBox<S: Simd> {
+struct RoadVector<S: Simd> {
     s: F32<S>,
     d: F32<S>,
+}
+
+/// Body of one vehicle in each simulation.
+#[derive(Clone, Copy)]
+struct OrientedBox<S: Simd> {
+    /// Centre [m].
+    s: F32<S>,
+    d: F32<S>,
+    /// Of the angle between the vehicle and the road.
     sine: F32<S>,
     cosine: F32<S>,
+    /// Half of the sizes [m].
     half_length: F32<S>,
     half_width: F32<S>,
 }
 
-/// Which pairs may touch before the next decision.
+/// Frame of the first vehicle of a pair, seen from the second: 1, or -1 where the axes of their frames are opposite.
+///
+/// `None` on one-way roads, and for the first vehicle itself.
+type PairFrame<S> = Option<F32<S>>;
+
+/// Two vehicles that may touch before the next decision.
+#[derive(Clone, Copy)]
+pub struct VehiclePair<S: Simd> {
+    /// Lower slot.
+    pub first: usize,
+    /// Higher slot.
+    pub second: usize,
+    /// In which simulations they may touch.
+    pub is_near: Mask<S>,
+}
+
+/// The pairs that may touch before the next decision, ordered by their slots.
+pub type Pairs<S> = Vec<VehiclePair<S>>;
+
+/// A step over which bodies are swept.
+pub struct SweptStep<'a, S: Simd, const N: usize> {
+    /// Index of the integration step with which it begins.
+    pub index: u32,
+    /// Length of the step [s].
+    pub length: f32,
+    /// Positions of all vehicles at its start.
+    pub start: &'a RoadPositions<S, N>,
+}
+
+/// Part of a step that is still to come.
+#[derive(Clone, Copy)]
+struct RemainingStep<S: Simd> {
+    /// By which the position is moved back, 0 to 1.
+    share: F32<S>,
+    /// By which the heading is turned back [s].
+    time: F32<S>,
+}
+
+/// Overlap of two boxes in relative motion.
+struct SweptOverlap<S: Simd> {
+    /// Share of the step at which it begins.
+    enter: F32<S>,
+    /// Share of the step at which it ends.
+    leave: F32<S>,
+    /// Unit normal from the first box to the second.
+    normal: RoadVector<S>,
+}
+
+impl<S: Simd> SweptOverlap<S> {
+    /// Whether the boxes overlap at some time of the step.
+    #[inline(always)]
+    fn is_within_step(&self) -> Mask<S> {
+        self.enter.simd_le(self.leave) & self.enter.simd_le(1.0) & self.leave.simd_ge(0.0)
+    }
+}
+
+/// A contact of two vehicles in the frame of the first.
+struct Impact<S: Simd> {
+    /// Whether they touch in this step.
+    exists: Mask<S>,
+    /// Unit normal from the first to the second.
+    normal: RoadVector<S>,
+    /// Levers of the impulse about both centres [m].
+    lever_first: F32<S>,
+    lever_second: F32<S>,
+    /// Closing speed along the normal [m/s].
+    closing_speed: F32<S>,
+    /// Time of the contact [s].
+    time: F32<S>,
+    /// Rest of the step [s].
+    remaining_time: F32<S>,
+}
+
+/// Impulse on one vehicle in its own frame.
+struct Impulse<S: Simd> {
+    /// Along the normal [N s].
+    size: F32<S>,
+    /// About the vehicle's centre [m].
+    lever: F32<S>,
+}
+
+/// Find the pairs that may touch before the next decision.
 #[inline(always)]
 pub fn pairs_that_may_touch<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<S, N>,
     params: &Params<S, N>,
     pairs: &mut Pairs<S>,
 ) {
-    let (constants, vehicles) = (&params.constants, &params.vehicles);
+    let (constants, vehicles, motion) = (&params.constants, &params.vehicles, &state.motion);
     pairs.clear();
-    for i in 0..params.num_slots_in_use {
-        for j in i + 1..params.num_slots_in_use {
-            let (s, d) = state.vehicle(params, i).position_of::<TWO_WAY>(j);
-            let along = (s - state.motion.s[i])
-                .abs()
-                .simd_lt(vehicles[i].half_length + vehicles[j].half_length + constants.near_gap);
-            let aside = (d - state.motion.d[i])
-                .abs()
-                .simd_lt(vehicles[i].half_width + vehicles[j].half_width + constants.near_side);
-            let near =
-                along & aside & vehicles[i].valid.simd_gt(0.0) & vehicles[j].valid.simd_gt(0.0);
-            if near.any_true() {
-                pairs.push((i, j, near));
+    for first in 0..params.num_slots_in_use {
+        for second in first + 1..params.num_slots_in_use {
+            let (s, d) = state.vehicle(params, first).position_of::<TWO_WAY>(second);
+            let half_lengths = vehicles[first].half_length + vehicles[second].half_length;
+            let half_widths = vehicles[first].half_width + vehicles[second].half_width;
+            let distance_s = (s - motion.s[first]).abs();
+            let distance_d = (d - motion.d[first]).abs();
+            let is_near = distance_s.simd_lt(half_lengths + constants.near_gap)
+                & distance_d.simd_lt(half_widths + constants.near_side)
+                & vehicles[first].valid.simd_gt(0.0)
+                & vehicles[second].valid.simd_gt(0.0);
+            if is_near.any_true() {
+                pairs.push(VehiclePair {
+                    first,
+                    second,
+                    is_near,
+                });
             }
         }
     }
 }
 
-/// Who has left the lanes, or stands across them, is lost: a wreck that slides to rest.
+/// Turn vehicles that have left the road, or stand across it, into wrecks that slide to rest.
 #[inline(always)]
 pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -70,291 +159,337 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
     step: u32,
 ) {
     let (constants, road) = (&params.constants, &params.road);
-    for i in 0..params.num_slots_in_use {
-        let beyond = state.motion.d[i].simd_lt(road.boundaries[0] - constants.edge_margin)
-            | state.motion.d[i].simd_gt(road.boundaries[road.num_lanes] + constants.edge_margin);
-        let lost = (beyond | state.motion.heading[i].abs().simd_gt(constants.spin_angle))
-            & params.vehicles[i].valid.simd_gt(0.0)
-            & state.motion.is_wreck[i].simd_eq(0.0);
-        assign_where(&mut state.motion.is_wreck[i], lost, splat(params.simd, 1.0));
-        if i == EGO_SLOT {
-            end_after_ego_accident(state, params, lost, step as i32);
+    let min_d = road.boundaries[0] - constants.edge_margin;
+    let max_d = road.boundaries[road.num_lanes] + constants.edge_margin;
+    for slot in 0..params.num_slots_in_use {
+        let motion = &mut state.motion;
+        let is_off_road = motion.d[slot].simd_lt(min_d) | motion.d[slot].simd_gt(max_d);
+        let is_across = motion.heading[slot].abs().simd_gt(constants.spin_angle);
+        let is_lost = (is_off_road | is_across)
+            & params.vehicles[slot].valid.simd_gt(0.0)
+            & motion.is_wreck[slot].simd_eq(0.0);
+        assign_where(&mut motion.is_wreck[slot], is_lost, splat(params.simd, 1.0));
+        if slot == EGO_SLOT {
+            end_after_ego_accident(state, params, is_lost, step as i32);
         }
     }
 }
 
-/// An accident of the ego ends the simulation soon.
+/// End simulations some time after an accident of the ego at a step.
 #[inline(always)]
 pub(crate) fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    crashed: Mask<S>,
+    has_crashed: Mask<S>,
     step: i32,
 ) {
     let constants = &params.constants;
     assign_where(
         &mut state.overtake.stage[EGO_SLOT],
-        crashed,
+        has_crashed,
         splat(params.simd, stage::CRASHED),
     );
-    let after = splat(
+    let last_step = splat(
         params.simd,
         step as f32 + (constants.after_collision / constants.step).round_ties_even(),
     );
-    let sooner = min(state.end_step, after);
-    assign_where(&mut state.end_step, crashed, sooner);
+    let end_step = min(state.end_step, last_step);
+    assign_where(&mut state.end_step, has_crashed, end_step);
 }
 
-/// Exchange momentum in every near pair that touched during the last step.
+/// Exchange momentum in every pair that touched during the last step.
+///
+/// For the rest of the step after a contact, the pair moves with its new velocities.
 #[inline(always)]
 pub fn resolve_contacts<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    pairs: &[(usize, usize, Mask<S>)],
-    step_start: &RoadPositions<S, N>,
-    step: u32,
-    stride: &StepLength,
+    pairs: &[VehiclePair<S>],
+    swept: &SweptStep<'_, S, N>,
 ) {
     let was_sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
-    for (i, j, near) in pairs.iter().copied() {
+    for pair in pairs {
         params.simd.vectorize(
             #[inline(always)]
-            || resolve_pair(state, params, near, step_start, (step, stride), (i, j)),
+            || resolve_pair(state, params, pair, swept),
         );
     }
-    let hit = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
-    end_after_ego_accident(state, params, hit, step as i32);
+    let has_crashed = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
+    end_after_ego_accident(state, params, has_crashed, swept.index as i32);
 }
 
-/// Exchange momentum in one pair, where it touched during the last step.
+/// Exchange the momentum of one pair, where it touched during the step, and record its contact.
 #[inline(always)]
 pub(crate) fn resolve_pair<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    near: Mask<S>,
-    step_start: &RoadPositions<S, N>,
-    (step, stride): (u32, &StepLength),
-    (i, j): (usize, usize),
+    pair: &VehiclePair<S>,
+    swept: &SweptStep<'_, S, N>,
 ) {
-    let (constants, vehicles) = (&params.constants, &params.vehicles);
-    let turn = state.vehicle(params, i).pair_frame(j);
-    let (a, b) = (
-        state.vehicle(params, i).oriented_box(None),
-        state.vehicle(params, j).oriented_box(turn),
-    );
-    let was = in_first_frame(params, turn, step_start.s[j], step_start.d[j]);
-    let then = (was.0 - step_start.s[i], was.1 - step_start.d[i]);
-    let now = (b.s - a.s, b.d - a.d);
-    let near = near & !stay_clear(&a, &b, then, now);
-    if !near.any_true() {
+    let VehiclePair { first, second, .. } = *pair;
+    let frame = pair_frame(params, first, second);
+    let Some(impact) = find_impact(state, params, (pair, frame), swept) else {
         return;
-    }
-    let overlap = swept_overlap(&a, &b, then, now);
-    let near = near & is_within_step(overlap.0, overlap.1);
-    if !near.any_true() {
-        return;
-    }
-    let share = 1.0 - clamp_to(overlap.0, 0.0, 1.0);
-    let a = state
-        .vehicle(params, i)
-        .box_at(step_start, (share, share * stride.length), None);
-    let b = state
-        .vehicle(params, j)
-        .box_at(step_start, (share, share * stride.length), turn);
-    let (enter, leave, along, across) = swept_overlap(&a, &b, then, now);
-    let within = is_within_step(enter, leave);
-    let enter = clamp_to(enter, 0.0, 1.0);
-    // Levers of any other instant than the one that the pair goes on from would make spin.
-    let turned = share * stride.length;
-    let a = state
-        .vehicle(params, i)
-        .box_at(step_start, (1.0 - enter, turned), None);
-    let b = state
-        .vehicle(params, j)
-        .box_at(step_start, (1.0 - enter, turned), turn);
-    let (arm_a, arm_b) = contact_arms(&a, &b);
-    let velocity_a = state.vehicle(params, i).point_velocity(arm_a, None);
-    let velocity_b = state.vehicle(params, j).point_velocity(arm_b, turn);
-    let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
-    let instant = step as f32 * constants.step + enter * stride.length;
-    let runs = instant.simd_lt(state.end_step * constants.step);
-    let hit = near & within & approach.simd_gt(0.0) & runs;
-    if !hit.any_true() {
-        return;
-    }
-    let lever_a = arm_a.0 * across - arm_a.1 * along;
-    let lever_b = arm_b.0 * across - arm_b.1 * along;
-    let softness = vehicles[i].inverse_mass + vehicles[j].inverse_mass;
-    let softness = softness
-        + lever_a * lever_a * vehicles[i].inverse_inertia
-        + lever_b * lever_b * vehicles[j].inverse_inertia;
-    let zero = splat(params.simd, 0.0);
-    let impulse = select(
-        hit,
-        (1.0 + constants.restitution) * approach / softness,
-        zero,
-    );
-    let left = (1.0 - enter) * stride.length;
-    apply_impulse(
-        state,
-        params,
-        i,
-        -impulse,
-        (along, across),
-        lever_a,
-        (hit, left),
-    );
-    let (theirs, lever_b) =
-        turn.map_or((impulse, lever_b), |turn| (turn * impulse, turn * lever_b));
-    apply_impulse(
-        state,
-        params,
-        j,
-        theirs,
-        (along, across),
-        lever_b,
-        (hit, left),
-    );
-    for (own, other) in [(i, j), (j, i)] {
-        let sooner = state.first_contact.partner[own].simd_lt(0.0)
-            | instant.simd_lt(state.first_contact.time[own]);
-        let first = hit & sooner;
-        let slot = splat(params.simd, other as f32);
-        state.first_contact.partner[own] = select(first, slot, state.first_contact.partner[own]);
-        state.first_contact.time[own] = select(first, instant, state.first_contact.time[own]);
-        state.first_contact.impulse[own] = select(first, impulse, state.first_contact.impulse[own]);
-        state.first_contact.closing_speed[own] =
-            select(first, approach, state.first_contact.closing_speed[own]);
-        state.motion.is_wreck[own] =
-            select(hit, splat(params.simd, 1.0), state.motion.is_wreck[own]);
-    }
+    };
+    let size = impulse_size(params, &impact, pair);
+    let on_first = Impulse {
+        size: -size,
+        lever: impact.lever_first,
+    };
+    let on_second = Impulse {
+        size: turned(frame, size),
+        lever: turned(frame, impact.lever_second),
+    };
+    apply_impulse(state, params, first, &impact, &on_first);
+    apply_impulse(state, params, second, &impact, &on_second);
+    record_contact(state, params, (first, second), &impact, size);
+    record_contact(state, params, (second, first), &impact, size);
 }
 
-/// How vehicle `j` is seen from vehicle `i`: 1, or -1 where its axes point the other way; none on a road of
-/// one direction.
-type PairFrame<S> = Option<F32<S>>;
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    #[inline(always)]
-    fn pair_frame(self, j: usize) -> PairFrame<S> {
-        let params = self.params;
-        params
-            .road
-            .directions
-            .has_oncoming_traffic
-            .then(|| self.vehicle().travel_sign * params.vehicles[j].travel_sign)
-    }
-}
-
-/// A position of the second vehicle of a pair in the frame of the first.
+/// The contact of a pair during the step; `None` if it touches in no simulation.
+///
+/// The boxes keep their heading while they are swept: first the heading at the end of the step, then the heading at the
+/// time of contact that this gives.
 #[inline(always)]
-fn in_first_frame<S: Simd, const N: usize>(
+fn find_impact<S: Simd, const N: usize>(
+    state: &State<S, N>,
     params: &Params<S, N>,
-    turn: PairFrame<S>,
-    s: F32<S>,
-    d: F32<S>,
-) -> Vector<S> {
-    turn.map_or((s, d), |turn| {
-        in_opposite_frame(params, turn.simd_lt(0.0), s, d)
+    (pair, frame): (&VehiclePair<S>, PairFrame<S>),
+    swept: &SweptStep<'_, S, N>,
+) -> Option<Impact<S>> {
+    let constants = &params.constants;
+    let VehiclePair { first, second, .. } = *pair;
+    let (vehicle_1, vehicle_2) = (state.vehicle(params, first), state.vehicle(params, second));
+    let (a, b) = (vehicle_1.oriented_box(None), vehicle_2.oriented_box(frame));
+    let start = swept.start;
+    let second_start = in_first_frame(params, frame, start.s[second], start.d[second]);
+    let start_offset = RoadVector {
+        s: second_start.s - start.s[first],
+        d: second_start.d - start.d[first],
+    };
+    let end_offset = RoadVector {
+        s: b.s - a.s,
+        d: b.d - a.d,
+    };
+    let is_near = pair.is_near & !stay_clear(&a, &b, start_offset, end_offset);
+    if !is_near.any_true() {
+        return None;
+    }
+    let overlap = swept_overlap(&a, &b, start_offset, end_offset);
+    let is_near = is_near & overlap.is_within_step();
+    if !is_near.any_true() {
+        return None;
+    }
+    let share = 1.0 - clamp_to(overlap.enter, 0.0, 1.0);
+    let time = share * swept.length;
+    let remaining = RemainingStep { share, time };
+    let a = vehicle_1.box_at(swept, remaining, None);
+    let b = vehicle_2.box_at(swept, remaining, frame);
+    let overlap = swept_overlap(&a, &b, start_offset, end_offset);
+    let enter = clamp_to(overlap.enter, 0.0, 1.0);
+    // Levers at the time of contact: those at any other time would create spin.
+    let remaining = RemainingStep {
+        share: 1.0 - enter,
+        time,
+    };
+    let a = vehicle_1.box_at(swept, remaining, None);
+    let b = vehicle_2.box_at(swept, remaining, frame);
+    let (arm_first, arm_second) = contact_arms(&a, &b);
+    let velocity_first = vehicle_1.point_velocity(arm_first, None);
+    let velocity_second = vehicle_2.point_velocity(arm_second, frame);
+    let normal = overlap.normal;
+    let closing_speed = (velocity_first.s - velocity_second.s) * normal.s
+        + (velocity_first.d - velocity_second.d) * normal.d;
+    let time_of_contact = swept.index as f32 * constants.step + enter * swept.length;
+    let is_running = time_of_contact.simd_lt(state.end_step * constants.step);
+    let exists = is_near & overlap.is_within_step() & closing_speed.simd_gt(0.0) & is_running;
+    if !exists.any_true() {
+        return None;
+    }
+    Some(Impact {
+        exists,
+        normal,
+        lever_first: arm_first.s * normal.d - arm_first.d * normal.s,
+        lever_second: arm_second.s * normal.d - arm_second.d * normal.s,
+        closing_speed,
+        time: time_of_contact,
+        remaining_time: (1.0 - enter) * swept.length,
     })
 }
 
-/// Whether boxes overlap at some time of the step.
+/// Impulse along the normal of two rigid bodies without friction between them [N s].
 #[inline(always)]
-fn is_within_step<S: Simd>(enter: F32<S>, leave: F32<S>) -> Mask<S> {
-    enter.simd_le(leave) & enter.simd_le(1.0) & leave.simd_ge(0.0)
+fn impulse_size<S: Simd, const N: usize>(
+    params: &Params<S, N>,
+    impact: &Impact<S>,
+    pair: &VehiclePair<S>,
+) -> F32<S> {
+    let first = &params.vehicles[pair.first];
+    let second = &params.vehicles[pair.second];
+    let compliance = first.inverse_mass + second.inverse_mass;
+    let compliance = compliance
+        + impact.lever_first * impact.lever_first * first.inverse_inertia
+        + impact.lever_second * impact.lever_second * second.inverse_inertia;
+    let size = (1.0 + params.constants.restitution) * impact.closing_speed / compliance;
+    select(impact.exists, size, splat(params.simd, 0.0))
 }
 
-/// Whether boxes along the road around both bodies are apart during the whole step: most near pairs
-/// are, and this is known without a division.
+/// Keep the first contact of the vehicle in `slot`, and make it a wreck.
+///
+/// Pairs are resolved in the order of slots, so of two contacts in one step the earlier may come second.
+#[inline(always)]
+fn record_contact<S: Simd, const N: usize>(
+    state: &mut State<S, N>,
+    params: &Params<S, N>,
+    (slot, partner): (usize, usize),
+    impact: &Impact<S>,
+    size: F32<S>,
+) {
+    let contact = &mut state.first_contact;
+    let is_earlier = contact.partner[slot].simd_lt(0.0) | impact.time.simd_lt(contact.time[slot]);
+    let is_first = impact.exists & is_earlier;
+    let partner = splat(params.simd, partner as f32);
+    contact.partner[slot] = select(is_first, partner, contact.partner[slot]);
+    contact.time[slot] = select(is_first, impact.time, contact.time[slot]);
+    contact.impulse[slot] = select(is_first, size, contact.impulse[slot]);
+    contact.closing_speed[slot] =
+        select(is_first, impact.closing_speed, contact.closing_speed[slot]);
+    let is_wreck = &mut state.motion.is_wreck[slot];
+    *is_wreck = select(impact.exists, splat(params.simd, 1.0), *is_wreck);
+}
+
+/// The frame of the first vehicle, seen from the second.
+#[inline(always)]
+fn pair_frame<S: Simd, const N: usize>(
+    params: &Params<S, N>,
+    first: usize,
+    second: usize,
+) -> PairFrame<S> {
+    let (first, second) = (&params.vehicles[first], &params.vehicles[second]);
+    let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
+    has_oncoming_traffic.then(|| first.travel_sign * second.travel_sign)
+}
+
+/// A component of a vector, or a lever, of the second vehicle in the frame of the first.
+#[inline(always)]
+fn turned<S: Simd>(frame: PairFrame<S>, value: F32<S>) -> F32<S> {
+    frame.map_or(value, |turn| turn * value)
+}
+
+/// A position of the second vehicle in the frame of the first.
+#[inline(always)]
+fn in_first_frame<S: Simd, const N: usize>(
+    params: &Params<S, N>,
+    frame: PairFrame<S>,
+    s: F32<S>,
+    d: F32<S>,
+) -> RoadVector<S> {
+    let (s, d) = frame.map_or((s, d), |turn| {
+        in_opposite_frame(params, turn.simd_lt(0.0), s, d)
+    });
+    RoadVector { s, d }
+}
+
+/// Whether boxes along the road around both bodies are apart during the whole step.
+///
+/// Most near pairs are, and this test needs no division.
 #[inline(always)]
 fn stay_clear<S: Simd>(
     a: &OrientedBox<S>,
     b: &OrientedBox<S>,
-    then: Vector<S>,
-    now: Vector<S>,
+    start_offset: RoadVector<S>,
+    end_offset: RoadVector<S>,
 ) -> Mask<S> {
-    let (along_a, across_a) = extent(a);
-    let (along_b, across_b) = extent(b);
-    let apart = |then: F32<S>, now: F32<S>, reach: F32<S>| {
-        (then.simd_gt(reach) & now.simd_gt(reach)) | (then.simd_lt(-reach) & now.simd_lt(-reach))
+    let (extent_a, extent_b) = (extent(a), extent(b));
+    let is_apart = |start: F32<S>, end: F32<S>, distance: F32<S>| {
+        (start.simd_gt(distance) & end.simd_gt(distance))
+            | (start.simd_lt(-distance) & end.simd_lt(-distance))
     };
-    apart(then.0, now.0, along_a + along_b + ROUNDING_MARGIN)
-        | apart(then.1, now.1, across_a + across_b + ROUNDING_MARGIN)
-}
-
-/// Half of the room that a body takes along and across the road.
-#[inline(always)]
-fn extent<S: Simd>(body: &OrientedBox<S>) -> Vector<S> {
-    let (sine, cosine) = (body.sine.abs(), body.cosine.abs());
-    (
-        body.half_length * cosine + body.half_width * sine,
-        body.half_length * sine + body.half_width * cosine,
+    is_apart(
+        start_offset.s,
+        end_offset.s,
+        extent_a.s + extent_b.s + ROUNDING_MARGIN,
+    ) | is_apart(
+        start_offset.d,
+        end_offset.d,
+        extent_a.d + extent_b.d + ROUNDING_MARGIN,
     )
 }
 
+/// Half of the space that a body takes along and across the road.
+#[inline(always)]
+fn extent<S: Simd>(body: &OrientedBox<S>) -> RoadVector<S> {
+    let (sine, cosine) = (body.sine.abs(), body.cosine.abs());
+    RoadVector {
+        s: body.half_length * cosine + body.half_width * sine,
+        d: body.half_length * sine + body.half_width * cosine,
+    }
+}
+
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// The body at the end of the step, in the first frame. The sine and cosine of its heading are in the state.
     #[inline(always)]
-    fn oriented_box(self, turn: PairFrame<S>) -> OrientedBox<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (sine, cosine) = (
-            state.motion.sin_heading[slot],
-            state.motion.cos_heading[slot],
-        );
-        let (half_length, half_width) = (self.vehicle().half_length, self.vehicle().half_width);
-        let (s, d) = in_first_frame(params, turn, state.motion.s[slot], state.motion.d[slot]);
+    fn oriented_box(self, frame: PairFrame<S>) -> OrientedBox<S> {
+        let (motion, slot, vehicle) = (&self.state.motion, self.slot, self.vehicle());
+        let position = in_first_frame(self.params, frame, motion.s[slot], motion.d[slot]);
         OrientedBox {
-            s,
-            d,
-            sine: turn.map_or(sine, |turn| turn * sine),
-            cosine: turn.map_or(cosine, |turn| turn * cosine),
-            half_length,
-            half_width,
+            s: position.s,
+            d: position.d,
+            sine: turned(frame, motion.sin_heading[slot]),
+            cosine: turned(frame, motion.cos_heading[slot]),
+            half_length: vehicle.half_length,
+            half_width: vehicle.half_width,
         }
     }
 
-    /// A vehicle as it was when a `share` of the step, a time `left`, was still to come.
+    /// The body when a part of the step was still to come, in the first frame.
     #[inline(always)]
     fn box_at(
         self,
-        step_start: &RoadPositions<S, N>,
-        (share, left): (F32<S>, F32<S>),
-        turn: PairFrame<S>,
+        swept: &SweptStep<'_, S, N>,
+        remaining: RemainingStep<S>,
+        frame: PairFrame<S>,
     ) -> OrientedBox<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (sine, cosine) =
-            sincos(state.motion.heading[slot] - left * state.motion.yaw_rate[slot]);
-        let s = state.motion.s[slot] - share * (state.motion.s[slot] - step_start.s[slot]);
-        let d = state.motion.d[slot] - share * (state.motion.d[slot] - step_start.d[slot]);
-        let (s, d) = in_first_frame(params, turn, s, d);
+        let (motion, slot, vehicle) = (&self.state.motion, self.slot, self.vehicle());
+        let (sine, cosine) = sincos(motion.heading[slot] - remaining.time * motion.yaw_rate[slot]);
+        let s = motion.s[slot] - remaining.share * (motion.s[slot] - swept.start.s[slot]);
+        let d = motion.d[slot] - remaining.share * (motion.d[slot] - swept.start.d[slot]);
+        let position = in_first_frame(self.params, frame, s, d);
         OrientedBox {
-            s,
-            d,
-            sine: turn.map_or(sine, |turn| turn * sine),
-            cosine: turn.map_or(cosine, |turn| turn * cosine),
-            half_length: self.vehicle().half_length,
-            half_width: self.vehicle().half_width,
+            s: position.s,
+            d: position.d,
+            sine: turned(frame, sine),
+            cosine: turned(frame, cosine),
+            half_length: vehicle.half_length,
+            half_width: vehicle.half_width,
+        }
+    }
+
+    /// Velocity of a point at an arm from the centre [m/s]; arm and velocity are in the first frame.
+    #[inline(always)]
+    fn point_velocity(self, arm: RoadVector<S>, frame: PairFrame<S>) -> RoadVector<S> {
+        let yaw_rate = self.state.motion.yaw_rate[self.slot];
+        let (along, across) = self.road_velocity();
+        RoadVector {
+            s: turned(frame, along) - yaw_rate * arm.d,
+            d: turned(frame, across) + yaw_rate * arm.s,
         }
     }
 }
 
-/// Start and end of the overlap as shares of the step, and the unit normal from a to b.
+/// Overlap of two boxes in relative motion, given at the end of the step.
+///
+/// Along each separating axis of both boxes the relative centre moves linearly, which gives the part of the step in which
+/// the projections overlap. The axis that starts to overlap last is the normal. The offsets are from the centre of `a` to
+/// the centre of `b`.
 #[inline(always)]
 fn swept_overlap<S: Simd>(
     a: &OrientedBox<S>,
     b: &OrientedBox<S>,
-    then: Vector<S>,
-    now: Vector<S>,
-) -> (F32<S>, F32<S>, F32<S>, F32<S>) {
+    start_offset: RoadVector<S>,
+    end_offset: RoadVector<S>,
+) -> SweptOverlap<S> {
     let simd = a.s.simd;
-    let turn_cosine = (a.cosine * b.cosine + a.sine * b.sine).abs();
-    let turn_sine = (a.sine * b.cosine - a.cosine * b.sine).abs();
-    let reach = [
-        a.half_length + b.half_length * turn_cosine + b.half_width * turn_sine,
-        a.half_width + b.half_length * turn_sine + b.half_width * turn_cosine,
-        b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
-        b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
-    ];
     let axes = [
         (a.cosine, a.sine),
         (-a.sine, a.cosine),
@@ -362,101 +497,115 @@ fn swept_overlap<S: Simd>(
         (-b.sine, b.cosine),
     ];
     let (mut enter, mut leave) = (splat(simd, -NEVER), splat(simd, NEVER));
-    let (mut along, mut across) = (splat(simd, 0.0), splat(simd, 0.0));
-    for ((axis_s, axis_d), limit) in axes.into_iter().zip(reach) {
-        let start = then.0 * axis_s + then.1 * axis_d;
-        let change = now.0 * axis_s + now.1 * axis_d - start;
-        let change = select(change.abs().simd_lt(TINY), splat(simd, TINY), change);
-        let (one, two) = ((-limit - start) / change, (limit - start) / change);
-        let (begin, end) = (min(one, two), max(one, two));
-        let later = begin.simd_gt(enter);
-        let facing = start + change * clamp_to(begin, 0.0, 1.0);
-        let sign = select(facing.simd_lt(0.0), splat(simd, -1.0), splat(simd, 1.0));
-        along = select(later, sign * axis_s, along);
-        across = select(later, sign * axis_d, across);
-        enter = max(begin, enter);
-        leave = min(end, leave);
+    let (mut normal_s, mut normal_d) = (splat(simd, 0.0), splat(simd, 0.0));
+    for ((axis_s, axis_d), distance) in axes.into_iter().zip(overlap_distances(a, b)) {
+        let start = start_offset.s * axis_s + start_offset.d * axis_d;
+        let change = end_offset.s * axis_s + end_offset.d * axis_d - start;
+        let is_still = change.abs().simd_lt(MIN_MOTION);
+        let change = select(is_still, splat(simd, MIN_MOTION), change);
+        let at_first_side = (-distance - start) / change;
+        let at_second_side = (distance - start) / change;
+        let axis_enter = min(at_first_side, at_second_side);
+        let axis_leave = max(at_first_side, at_second_side);
+        let is_later = axis_enter.simd_gt(enter);
+        // From a to b, at the time when this axis starts to overlap.
+        let offset = start + change * clamp_to(axis_enter, 0.0, 1.0);
+        let sign = select(offset.simd_lt(0.0), splat(simd, -1.0), splat(simd, 1.0));
+        normal_s = select(is_later, sign * axis_s, normal_s);
+        normal_d = select(is_later, sign * axis_d, normal_d);
+        enter = max(axis_enter, enter);
+        leave = min(axis_leave, leave);
     }
-    (enter, leave, along, across)
-}
-
-#[inline(always)]
-fn contact_arms<S: Simd>(a: &OrientedBox<S>, b: &OrientedBox<S>) -> (Vector<S>, Vector<S>) {
-    let (ahead, aside) = (b.s - a.s, b.d - a.d);
-    let near_a = nearest_point(a, ahead, aside);
-    let near_b = nearest_point(b, -ahead, -aside);
-    let point = (
-        0.5 * (near_a.0 + ahead + near_b.0),
-        0.5 * (near_a.1 + aside + near_b.1),
-    );
-    (point, (point.0 - ahead, point.1 - aside))
-}
-
-#[inline(always)]
-fn nearest_point<S: Simd>(box_: &OrientedBox<S>, ahead: F32<S>, aside: F32<S>) -> Vector<S> {
-    let (sine, cosine) = (box_.sine, box_.cosine);
-    let along = clamp(
-        ahead * cosine + aside * sine,
-        -box_.half_length,
-        box_.half_length,
-    );
-    let across = clamp(
-        aside * cosine - ahead * sine,
-        -box_.half_width,
-        box_.half_width,
-    );
-    (
-        along * cosine - across * sine,
-        along * sine + across * cosine,
-    )
-}
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
-    #[inline(always)]
-    fn point_velocity(self, arm: Vector<S>, turn: PairFrame<S>) -> Vector<S> {
-        let (state, slot) = (self.state, self.slot);
-        let (sine, cosine) = (
-            state.motion.sin_heading[slot],
-            state.motion.cos_heading[slot],
-        );
-        let along = state.motion.vx[slot] * cosine - state.motion.vy[slot] * sine;
-        let across = state.motion.vx[slot] * sine + state.motion.vy[slot] * cosine;
-        let (along, across) = turn.map_or((along, across), |turn| (turn * along, turn * across));
-        (
-            along - state.motion.yaw_rate[slot] * arm.1,
-            across + state.motion.yaw_rate[slot] * arm.0,
-        )
+    SweptOverlap {
+        enter,
+        leave,
+        normal: RoadVector {
+            s: normal_s,
+            d: normal_d,
+        },
     }
 }
 
-/// Change the motion of vehicle `slot` by an impulse, and its place by what is left of the step.
+/// Distance of the centres along each axis of both boxes below which projections overlap [m].
+#[inline(always)]
+fn overlap_distances<S: Simd>(a: &OrientedBox<S>, b: &OrientedBox<S>) -> [F32<S>; 4] {
+    let turn_cosine = (a.cosine * b.cosine + a.sine * b.sine).abs();
+    let turn_sine = (a.sine * b.cosine - a.cosine * b.sine).abs();
+    [
+        a.half_length + b.half_length * turn_cosine + b.half_width * turn_sine,
+        a.half_width + b.half_length * turn_sine + b.half_width * turn_cosine,
+        b.half_length + a.half_length * turn_cosine + a.half_width * turn_sine,
+        b.half_width + a.half_length * turn_sine + a.half_width * turn_cosine,
+    ]
+}
+
+/// Contact point relative to both centres, midway between each box's point next to the other.
+#[inline(always)]
+fn contact_arms<S: Simd>(a: &OrientedBox<S>, b: &OrientedBox<S>) -> (RoadVector<S>, RoadVector<S>) {
+    let offset = RoadVector {
+        s: b.s - a.s,
+        d: b.d - a.d,
+    };
+    let opposite_offset = RoadVector {
+        s: -offset.s,
+        d: -offset.d,
+    };
+    let point_of_a = nearest_point(a, offset);
+    let point_of_b = nearest_point(b, opposite_offset);
+    let arm_first = RoadVector {
+        s: 0.5 * (point_of_a.s + offset.s + point_of_b.s),
+        d: 0.5 * (point_of_a.d + offset.d + point_of_b.d),
+    };
+    let arm_second = RoadVector {
+        s: arm_first.s - offset.s,
+        d: arm_first.d - offset.d,
+    };
+    (arm_first, arm_second)
+}
+
+/// The point of a body nearest to another point, both relative to its centre [m].
+#[inline(always)]
+fn nearest_point<S: Simd>(body: &OrientedBox<S>, offset: RoadVector<S>) -> RoadVector<S> {
+    let (sine, cosine) = (body.sine, body.cosine);
+    let along = offset.s * cosine + offset.d * sine;
+    let across = offset.d * cosine - offset.s * sine;
+    let along = clamp(along, -body.half_length, body.half_length);
+    let across = clamp(across, -body.half_width, body.half_width);
+    RoadVector {
+        s: along * cosine - across * sine,
+        d: along * sine + across * cosine,
+    }
+}
+
+/// Change the motion of the vehicle in `slot` by an impulse, and its position over the rest of the step.
 #[inline(always)]
 fn apply_impulse<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    impulse: F32<S>,
-    normal: Vector<S>,
-    lever: F32<S>,
-    (hit, left): (Mask<S>, F32<S>),
+    impact: &Impact<S>,
+    impulse: &Impulse<S>,
 ) {
+    let (vehicle, time) = (&params.vehicles[slot], impact.remaining_time);
     let zero = splat(params.simd, 0.0);
-    let change = impulse * params.vehicles[slot].inverse_mass;
-    let (along, across) = state
-        .vehicle(params, slot)
-        .point_velocity((zero, zero), None);
-    let (along, across) = (along + change * normal.0, across + change * normal.1);
-    let spin = impulse * lever * params.vehicles[slot].inverse_inertia;
-    state.motion.s[slot] += left * (change * normal.0);
-    state.motion.d[slot] += left * (change * normal.1);
-    state.motion.heading[slot] += left * spin;
-    state.motion.yaw_rate[slot] += spin;
-    let (sine, cosine) = sincos(state.motion.heading[slot]);
-    state.motion.vx[slot] = select(hit, along * cosine + across * sine, state.motion.vx[slot]);
-    state.motion.vy[slot] = select(hit, across * cosine - along * sine, state.motion.vy[slot]);
-    (
-        state.motion.sin_heading[slot],
-        state.motion.cos_heading[slot],
-    ) = (sine, cosine);
+    let centre = RoadVector { s: zero, d: zero };
+    let velocity = state.vehicle(params, slot).point_velocity(centre, None);
+    let speed_change = impulse.size * vehicle.inverse_mass;
+    let change_s = speed_change * impact.normal.s;
+    let change_d = speed_change * impact.normal.d;
+    let (along, across) = (velocity.s + change_s, velocity.d + change_d);
+    let spin_change = impulse.size * impulse.lever * vehicle.inverse_inertia;
+    let motion = &mut state.motion;
+    motion.s[slot] += time * change_s;
+    motion.d[slot] += time * change_d;
+    motion.heading[slot] += time * spin_change;
+    motion.yaw_rate[slot] += spin_change;
+    let (sine, cosine) = sincos(motion.heading[slot]);
+    let (vx, vy) = (
+        along * cosine + across * sine,
+        across * cosine - along * sine,
+    );
+    motion.vx[slot] = select(impact.exists, vx, motion.vx[slot]);
+    motion.vy[slot] = select(impact.exists, vy, motion.vy[slot]);
+    (motion.sin_heading[slot], motion.cos_heading[slot]) = (sine, cosine);
 }

@@ -1,4 +1,4 @@
-//! Another driver at the ego's wheel; see `overtaking.sim.reference.ego_action`.
+//! Actions of an external driver of the ego; the twin of `overtaking.sim.reference.ego_action`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -10,7 +10,7 @@ use crate::params::Params;
 use crate::state::{EGO_SLOT, State, stage};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Numbers of an action.
+/// Largest number of parts of an action.
 pub const MAX_ACTION_PARTS: usize = 3;
 
 macro_rules! declare_action_kinds {
@@ -22,7 +22,7 @@ macro_rules! declare_action_kinds {
         }
 
         impl ActionKind {
-            /// The kind of a name.
+            /// The kind with this name.
             pub fn from_name(name: &str) -> Option<Self> {
                 match name {
                     $($name => Some(Self::$kind),)*
@@ -30,7 +30,7 @@ macro_rules! declare_action_kinds {
                 }
             }
 
-            /// Steps to a unit of each number.
+            /// Integer steps in a unit of each part.
             fn scales(self) -> [f32; MAX_ACTION_PARTS] {
                 match self {
                     $(Self::$kind => $scales,)*
@@ -42,36 +42,37 @@ macro_rules! declare_action_kinds {
 with_action_kinds! { declare_action_kinds! }
 
 impl ActionKind {
-    /// Whether the external driver turns the wheels.
+    /// Whether the external driver sets the wheel angle.
     fn steers_wheels(self) -> bool {
         matches!(self, Self::AccelSteer | Self::AccelSteerSignal)
     }
 }
 
-/// What another driver did in all simulations of a batch.
+/// Recorded actions of an external driver in all simulations of a batch.
 #[derive(Clone, Copy)]
 pub struct ActionLog<'a> {
-    /// What the numbers mean.
+    /// Meaning of the numbers.
     pub kind: ActionKind,
-    /// Steps of each number, (simulation, decision, part).
+    /// Integer steps of each part, (simulation, decision, part).
     pub values: &'a [i32],
-    /// Decisions of a simulation, one at least; the last goes on.
+    /// Number of decisions of each simulation, at least one. After them the last action stays.
     pub decisions: usize,
 }
 
 impl ActionLog<'_> {
-    /// The orders of a decision to the simulations of a block.
+    /// The actions in the simulations of a block at a decision.
     pub(crate) fn action_at<S: Simd>(
         &self,
         simd: S,
         simulations: &[usize; SIMD_LANES],
-        decision: usize,
+        decision_index: usize,
     ) -> EgoAction<S> {
-        let at = decision.min(self.decisions - 1);
+        let last_index = decision_index.min(self.decisions - 1);
         let scales = self.kind.scales();
         let values = core::array::from_fn(|part| {
-            let steps = simulations.map(|one| {
-                self.values[(one * self.decisions + at) * MAX_ACTION_PARTS + part] as f32
+            let steps = simulations.map(|simulation| {
+                let row = simulation * self.decisions + last_index;
+                self.values[row * MAX_ACTION_PARTS + part] as f32
             });
             F32::simd_from(simd, steps) / scales[part]
         });
@@ -82,27 +83,41 @@ impl ActionLog<'_> {
     }
 }
 
-/// What another driver asks for at a decision, in SI units.
+/// Action of an external driver at a decision, in SI units.
 #[derive(Clone, Copy)]
 pub struct EgoAction<S: Simd> {
     kind: ActionKind,
     values: [F32<S>; MAX_ACTION_PARTS],
 }
 
+/// Manoeuvres that the external driver cancels.
+struct RequestedCancels<S: Simd> {
+    pull_out: Mask<S>,
+    return_: Mask<S>,
+    /// A pass in the opposing lane.
+    passing: Mask<S>,
+}
+
 impl<S: Simd> EgoAction<S> {
-    /// The acceleration that is asked for, unless the ego keeps its own pedals.
+    /// Requested acceleration [m/s^2]; `None` if the model operates the pedals.
     #[inline(always)]
     pub fn requested_accel(&self) -> Option<F32<S>> {
         (self.kind != ActionKind::Decision).then_some(self.values[0])
     }
 
-    /// The angle of the front wheels that is asked for, unless the ego steers.
+    /// Requested angle of the front wheels [rad]; `None` if the model steers.
     #[inline(always)]
     pub fn wheel_angle(&self) -> Option<F32<S>> {
-        self.kind.steers_wheels().then_some(self.values[1])
+        self.steers_wheels().then_some(self.values[1])
     }
 
-    /// Its `Move`, if it has one.
+    /// Whether the external driver sets the wheel angle.
+    #[inline(always)]
+    fn steers_wheels(&self) -> bool {
+        self.kind.steers_wheels()
+    }
+
+    /// A constant of `ego_move`; `None` if the kind of action has no move.
     #[inline(always)]
     fn move_code(&self) -> Option<F32<S>> {
         match self.kind {
@@ -111,143 +126,161 @@ impl<S: Simd> EgoAction<S> {
             _ => None,
         }
     }
+
+    /// Side of the requested lane change: 1 to the left, -1 to the right, 0 for no change.
+    #[inline(always)]
+    fn requested_side(&self) -> F32<S> {
+        let Some(code) = self.move_code() else {
+            let lane_change_part = if self.steers_wheels() { 2 } else { 1 };
+            return self.values[lane_change_part];
+        };
+        let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
+        let to_left = code.simd_eq(ego_move::INDICATE_PULL_OUT) | code.simd_eq(ego_move::PULL_OUT);
+        let to_right = code.simd_eq(ego_move::INDICATE_RETURN) | code.simd_eq(ego_move::RETURN);
+        select(to_left, one, select(to_right, -one, zero))
+    }
+
+    /// Manoeuvres that the action cancels if they are under way.
+    #[inline(always)]
+    fn requested_cancels(&self) -> RequestedCancels<S> {
+        if let Some(code) = self.move_code() {
+            let cancels = code.simd_eq(ego_move::CANCEL);
+            return RequestedCancels {
+                pull_out: cancels,
+                return_: cancels,
+                passing: cancels,
+            };
+        }
+        let side = self.requested_side();
+        RequestedCancels {
+            pull_out: side.simd_lt(0.0),
+            return_: side.simd_gt(0.0),
+            passing: side.simd_ne(side),
+        }
+    }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether there is a faster lane, and no lane change under way.
+    /// Whether the ego has a lane on its left and is not changing lanes.
     #[inline(always)]
     pub fn can_pull_out(self) -> Mask<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let settled = self.is_in_stage(stage::FOLLOW) | self.is_in_stage(stage::PASS);
-        settled
-            & self.has_finished_lane_change()
-            & state.lane_choice.lane[slot].simd_lt((params.road.num_lanes - 1) as f32)
+        let is_ready = self.is_in_stage(stage::FOLLOW) | self.is_in_stage(stage::PASS);
+        let lane = self.state.lane_choice.lane[self.slot];
+        let has_lane = lane.simd_lt((self.params.road.num_lanes - 1) as f32);
+        is_ready & self.has_finished_lane_change() & has_lane
     }
 
-    /// Whether there is a slower lane, and no lane change under way that cannot be given up.
+    /// Whether the ego follows or passes and has a lane on its right.
     #[inline(always)]
     pub fn can_return(self) -> Mask<S> {
-        let (state, slot) = (self.state, self.slot);
         let follows = self.is_in_stage(stage::FOLLOW) & self.has_finished_lane_change();
-        (follows | self.is_in_stage(stage::PASS)) & state.lane_choice.lane[slot].simd_ge(1.0)
+        let has_lane = self.state.lane_choice.lane[self.slot].simd_ge(1.0);
+        (follows | self.is_in_stage(stage::PASS)) & has_lane
+    }
+
+    /// Whether the ego moves over now: by its move, else after its indicator lead time.
+    #[inline(always)]
+    fn moves_over_now(self, action: &EgoAction<S>) -> Mask<S> {
+        if let Some(code) = action.move_code() {
+            return code.simd_eq(ego_move::PULL_OUT) | code.simd_eq(ego_move::RETURN);
+        }
+        let time_indicating = self.state.overtake.time_indicating[self.slot];
+        time_indicating.simd_gt(self.vehicle().indicator_lead_time)
     }
 }
 
-/// What the ego sets out to do: what another driver asks for, where that is possible.
+/// Intent of the ego: the request of the external driver, where it is possible.
 #[inline(always)]
 pub fn intent_from_action<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    orders: &EgoAction<S>,
+    action: &EgoAction<S>,
 ) -> Intent<S> {
-    if orders.kind.steers_wheels() {
+    if action.steers_wheels() {
         return intent_from_position(state, params);
     }
-    let zero = splat(params.simd, 0.0);
-    let side = requested_side(orders);
-    let turned = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
-    state.overtake.time_indicating[EGO_SLOT] =
-        select(turned, zero, state.overtake.time_indicating[EGO_SLOT]);
-    let start = state.vehicle(params, EGO_SLOT).can_pull_out() & side.simd_gt(0.0);
-    let back = state.vehicle(params, EGO_SLOT).can_return() & side.simd_lt(0.0);
-    update_indicator(state, params, EGO_SLOT, start, back);
-    let [now, drops_out, drops_back] = if let Some(code) = orders.move_code() {
-        let is = |which: f32| code.simd_eq(which);
-        let cancels = is(ego_move::CANCEL);
-        [
-            is(ego_move::PULL_OUT) | is(ego_move::RETURN),
-            cancels,
-            cancels,
-        ]
-    } else {
-        let shown = state.overtake.time_indicating[EGO_SLOT]
-            .simd_gt(params.vehicles[EGO_SLOT].indicator_lead_time);
-        [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
-    };
-    let mut gives_up = state.vehicle(params, EGO_SLOT).can_cancel_pull_out();
-    if params.road.directions.has_oncoming_traffic && orders.move_code().is_some() {
-        gives_up |= state.vehicle(params, EGO_SLOT).can_abort_pass();
+    let side = action.requested_side();
+    // A driver that changes to the other side must indicate anew for the whole lead time.
+    let turns_round = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
+    let time_indicating = &mut state.overtake.time_indicating[EGO_SLOT];
+    *time_indicating = select(turns_round, splat(params.simd, 0.0), *time_indicating);
+    let ego = state.vehicle(params, EGO_SLOT);
+    let wants_to_pull_out = ego.can_pull_out() & side.simd_gt(0.0);
+    let wants_to_return = ego.can_return() & side.simd_lt(0.0);
+    update_indicator(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return);
+    let ego = state.vehicle(params, EGO_SLOT);
+    let starts_now = ego.moves_over_now(action);
+    let cancels = action.requested_cancels();
+    let mut cancels_pull_out = ego.can_cancel_pull_out() & cancels.pull_out;
+    if params.road.directions.has_oncoming_traffic {
+        cancels_pull_out |= ego.can_abort_pass() & cancels.passing;
     }
     Intent {
-        wants_to_pull_out: start,
-        wants_to_return: back,
-        starts_pull_out: start & now,
-        starts_return: back & now,
-        cancels_pull_out: gives_up & drops_out,
-        cancels_return: state.vehicle(params, EGO_SLOT).can_cancel_return() & drops_back,
-        has_passed_target: state.vehicle(params, EGO_SLOT).has_passed_target(),
-        has_finished_lane_change: state.vehicle(params, EGO_SLOT).has_finished_lane_change(),
+        wants_to_pull_out,
+        wants_to_return,
+        starts_pull_out: wants_to_pull_out & starts_now,
+        starts_return: wants_to_return & starts_now,
+        cancels_pull_out,
+        cancels_return: ego.can_cancel_return() & cancels.return_,
+        has_passed_target: ego.has_passed_target(),
+        has_finished_lane_change: ego.has_finished_lane_change(),
     }
 }
 
-/// Light the indicator that another driver asks for, if that is a part of its action.
+/// Set the ego's indicator if the action names a side.
+///
+/// With a wheel angle, the lane of the action only sets the indicator. A move that names a side sets it whether or not
+/// the scenario's driver uses indicators.
 #[inline(always)]
 pub fn set_requested_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
-    orders: &EgoAction<S>,
+    action: &EgoAction<S>,
 ) {
     if !matches!(
-        orders.kind,
+        action.kind,
         ActionKind::AccelMove | ActionKind::AccelSteerSignal
     ) {
         return;
     }
-    let side = requested_side(orders);
-    let sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
-    let told = if orders.kind.steers_wheels() {
-        sound
+    let side = action.requested_side();
+    let is_sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
+    let sets_indicator = if action.steers_wheels() {
+        is_sound
     } else {
-        sound & side.simd_ne(0.0)
+        is_sound & side.simd_ne(0.0)
     };
-    state.controls.indicator[EGO_SLOT] = select(told, side, state.controls.indicator[EGO_SLOT]);
+    let indicator = &mut state.controls.indicator[EGO_SLOT];
+    *indicator = select(sets_indicator, side, *indicator);
 }
 
-/// Where the ego is to go: 1 towards the fast side, -1 towards the slow side, 0 nowhere.
-#[inline(always)]
-fn requested_side<S: Simd>(orders: &EgoAction<S>) -> F32<S> {
-    let Some(code) = orders.move_code() else {
-        let wish = if orders.kind.steers_wheels() { 2 } else { 1 };
-        return orders.values[wish];
-    };
-    let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
-    let is = |which: f32| code.simd_eq(which);
-    select(
-        is(ego_move::INDICATE_PULL_OUT) | is(ego_move::PULL_OUT),
-        one,
-        select(
-            is(ego_move::INDICATE_RETURN) | is(ego_move::RETURN),
-            -one,
-            zero,
-        ),
-    )
-}
-
-/// What the ego has set out to do, told from the lane that it is in: nothing is shown before.
+/// Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
+///
+/// Its lane changes are known only once the centre has crossed a line, so it wants nothing before.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
 ) -> Intent<S> {
     let mut lane = splat(params.simd, 0.0);
-    for k in 1..params.road.num_lanes {
-        let beyond = state.motion.d[EGO_SLOT].simd_ge(params.road.boundaries[k]);
-        lane = select(beyond, splat(params.simd, k as f32), lane);
+    for index in 1..params.road.num_lanes {
+        let is_beyond = state.motion.d[EGO_SLOT].simd_ge(params.road.boundaries[index]);
+        lane = select(is_beyond, splat(params.simd, index as f32), lane);
     }
-    let faster = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
-    let slower = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
-    let out = state.vehicle(params, EGO_SLOT).is_in_stage(stage::PULL_OUT);
-    let comes_back = state.vehicle(params, EGO_SLOT).is_in_stage(stage::RETURN)
-        | state.vehicle(params, EGO_SLOT).is_in_stage(stage::ABORT);
-    let never = lane.simd_ne(lane);
-    update_indicator(state, params, EGO_SLOT, never, never);
+    let is_left_of_lane = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
+    let is_right_of_lane = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
+    let no_wish = lane.simd_ne(lane);
+    update_indicator(state, params, EGO_SLOT, no_wish, no_wish);
+    let ego = state.vehicle(params, EGO_SLOT);
+    let pulls_out = ego.is_in_stage(stage::PULL_OUT);
+    let goes_back = ego.is_in_stage(stage::RETURN) | ego.is_in_stage(stage::ABORT);
     Intent {
-        wants_to_pull_out: never,
-        wants_to_return: never,
-        starts_pull_out: faster & !comes_back,
-        starts_return: slower & !out,
-        cancels_pull_out: slower & out,
-        cancels_return: faster & comes_back,
-        has_passed_target: state.vehicle(params, EGO_SLOT).has_passed_target(),
-        has_finished_lane_change: state.vehicle(params, EGO_SLOT).has_finished_lane_change(),
+        wants_to_pull_out: no_wish,
+        wants_to_return: no_wish,
+        starts_pull_out: is_left_of_lane & !goes_back,
+        starts_return: is_right_of_lane & !pulls_out,
+        cancels_pull_out: is_right_of_lane & pulls_out,
+        cancels_return: is_left_of_lane & goes_back,
+        has_passed_target: ego.has_passed_target(),
+        has_finished_lane_change: ego.has_finished_lane_change(),
     }
 }

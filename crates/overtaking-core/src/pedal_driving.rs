@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::collisions::resolve_pair;
+use crate::collisions::{SweptStep, VehiclePair, resolve_pair};
 use crate::decision_context::RoadPositions;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{
@@ -272,17 +272,17 @@ fn resolve_pairs<S: Simd>(
         simd.vectorize(
             #[inline(always)]
             || {
-                let step_start = RoadPositions { s: old_s, d: old_d };
-                let stride = params.derived.fine;
-                let in_all_lanes = zero.simd_eq(0.0);
-                resolve_pair(
-                    &mut state,
-                    &params,
-                    in_all_lanes,
-                    &step_start,
-                    (0, &stride),
-                    (0, 1),
-                );
+                let pair = VehiclePair {
+                    first: 0,
+                    second: 1,
+                    is_near: zero.simd_eq(0.0),
+                };
+                let swept = SweptStep {
+                    index: 0,
+                    length: params.derived.fine.length,
+                    start: &RoadPositions { s: old_s, d: old_d },
+                };
+                resolve_pair(&mut state, &params, &pair, &swept);
             },
         );
         for (slot, body) in pair.iter().copied().enumerate() {

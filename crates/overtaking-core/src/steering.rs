@@ -1,4 +1,5 @@
-//! Where in the lane to be, and the wheel angle that gets there; see `overtaking.sim.reference.steering`.
+//! Lateral path of a lane change, and the wheel angle that follows it; the twin of
+//! `overtaking.sim.reference.steering`, which names the sources.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -9,62 +10,85 @@ use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Lay a quintic from where the path of vehicle `slot` is now to the centre of another lane.
+/// What a driver requests of the front wheels.
+struct RequestedSteering<S: Simd> {
+    /// Wheel angle [rad].
+    angle: F32<S>,
+    /// Lateral acceleration of a two-wheeler that leans [m/s^2].
+    lean: F32<S>,
+}
+
+/// Start a quintic path of the vehicle in `slot` from its present path to the lateral position `end_d`.
+///
+/// Position, velocity and acceleration are continuous; at the end velocity and acceleration are 0.
 #[inline(always)]
 pub fn start_path<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     slot: usize,
-    moved: Mask<S>,
-    centre: F32<S>,
+    starts: Mask<S>,
+    end_d: F32<S>,
     duration: F32<S>,
 ) {
-    let (place, speed) = path_position(state, slot, 0.0);
+    let (d, velocity) = path_position(state, slot, 0.0);
     let accel = path_accel(state, slot, splat(duration.simd, 0.0));
     let t = duration;
-    let rest = centre - place - speed * t - 0.5 * accel * (t * t);
-    let lost = -(speed + accel * t);
-    let bend = -accel;
+    // Changes that the terms of third to fifth order make up until the end.
+    let d_change = end_d - d - velocity * t - 0.5 * accel * (t * t);
+    let velocity_change = -(velocity + accel * t);
+    let accel_change = -accel;
     let t2 = t * t;
     let t3 = t2 * t;
-    let c3 = (10.0 * rest - 4.0 * (lost * t) + 0.5 * (bend * t2)) / t3;
-    let c4 = (-15.0 * rest + 7.0 * (lost * t) - bend * t2) / (t3 * t);
-    let c5 = (6.0 * rest - 3.0 * (lost * t) + 0.5 * (bend * t2)) / (t3 * t2);
-    for (k, value) in [place, speed, 0.5 * accel, c3, c4, c5]
-        .into_iter()
-        .enumerate()
-    {
-        state.path.coefficients[slot][k] = select(moved, value, state.path.coefficients[slot][k]);
-    }
+    let c3 = (10.0 * d_change - 4.0 * (velocity_change * t) + 0.5 * (accel_change * t2)) / t3;
+    let c4 = (-15.0 * d_change + 7.0 * (velocity_change * t) - accel_change * t2) / (t3 * t);
+    let c5 = (6.0 * d_change - 3.0 * (velocity_change * t) + 0.5 * (accel_change * t2)) / (t3 * t2);
     let zero = splat(t.simd, 0.0);
-    state.path.elapsed[slot] = select(moved, zero, state.path.elapsed[slot]);
-    state.path.duration[slot] = select(moved, duration, state.path.duration[slot]);
-    state.lane_choice.time_since_lane_change[slot] =
-        select(moved, zero, state.lane_choice.time_since_lane_change[slot]);
+    let path = &mut state.path;
+    for (coefficient, value) in
+        path.coefficients[slot]
+            .iter_mut()
+            .zip([d, velocity, 0.5 * accel, c3, c4, c5])
+    {
+        *coefficient = select(starts, value, *coefficient);
+    }
+    path.elapsed[slot] = select(starts, zero, path.elapsed[slot]);
+    path.duration[slot] = select(starts, duration, path.duration[slot]);
+    let time_since_lane_change = &mut state.lane_choice.time_since_lane_change[slot];
+    *time_since_lane_change = select(starts, zero, *time_since_lane_change);
 }
 
-/// Position and velocity of the lateral path of vehicle `slot`, a time `ahead`.
+/// Position [m] and velocity [m/s] of the lateral path of the vehicle in `slot`, `lookahead` seconds ahead.
 #[inline(always)]
-pub fn path_position<S: Simd, const N: usize>(
+fn path_position<S: Simd, const N: usize>(
     state: &State<S, N>,
     slot: usize,
-    ahead: f32,
+    lookahead: f32,
 ) -> (F32<S>, F32<S>) {
-    let t = min(state.path.elapsed[slot] + ahead, state.path.duration[slot]);
+    let t = min(
+        state.path.elapsed[slot] + lookahead,
+        state.path.duration[slot],
+    );
     let [c0, c1, c2, c3, c4, c5] = state.path.coefficients[slot];
-    let place = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
-    let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
-    (place, speed)
+    let d = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
+    let velocity = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
+    (d, velocity)
 }
 
-/// Acceleration of the lateral path of vehicle `slot`, a time `ahead`.
+/// Acceleration of the lateral path of the vehicle in `slot`, `lookahead` seconds ahead [m/s^2].
 #[inline(always)]
-fn path_accel<S: Simd, const N: usize>(state: &State<S, N>, slot: usize, ahead: F32<S>) -> F32<S> {
-    let t = min(state.path.elapsed[slot] + ahead, state.path.duration[slot]);
+fn path_accel<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    slot: usize,
+    lookahead: F32<S>,
+) -> F32<S> {
+    let t = min(
+        state.path.elapsed[slot] + lookahead,
+        state.path.duration[slot],
+    );
     let [_, _, c2, c3, c4, c5] = state.path.coefficients[slot];
     2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
 }
 
-/// Answer the side wind after a lag; at the first frame it is held already.
+/// Follow the side wind with a lag; at the first frame the driver in `slot` holds against it already.
 #[inline(always)]
 pub fn update_wind_trim<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -72,161 +96,170 @@ pub fn update_wind_trim<S: Simd, const N: usize>(
     slot: usize,
     step: u32,
 ) {
-    let vehicle = &params.vehicles[slot];
-    let pushed = state.friction_and_wind.wind_force[slot] * vehicle.inverse_mass;
-    let angle = vehicle.understeer * pushed
-        + state.friction_and_wind.wind_moment[slot] * vehicle.moment_angle;
-    let target = -select(vehicle.two_wheeler.simd_gt(0.0), pushed, angle);
+    let target = state.vehicle(params, slot).wind_trim();
+    let wind_trim = &mut state.controls.wind_trim[slot];
     if step == 0 {
-        state.controls.wind_trim[slot] = target;
+        *wind_trim = target;
     }
-    state.controls.wind_trim[slot] = state.controls.wind_trim[slot]
-        + (target - state.controls.wind_trim[slot]) * params.derived.wind_trim_share;
+    *wind_trim = *wind_trim + (target - *wind_trim) * params.derived.wind_trim_share;
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// How far the front wheels may turn from the slip angle on the friction of this decision.
-    #[inline(always)]
-    pub fn slip_reach(self) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        params.constants.slip_share
-            * 0.5
-            * (state.friction_and_wind.mu_left[slot] + state.friction_and_wind.mu_right[slot])
-            / self.vehicle().front_stiffness
-    }
-}
-
-/// Drive vehicle `slot` steadily along the bend at the first frame, as who came into it before.
+/// Let the vehicle in `slot` drive steadily along the bend at the first frame, as if it had entered it before.
+///
+/// The vehicle turns with the road; its rear points outwards by the slip of the rear tyres.
 #[inline(always)]
 pub fn settle_into_bend<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
 ) {
-    let (constants, vehicle, v) = (
-        &params.constants,
-        &params.vehicles[slot],
-        state.motion.vx[slot],
-    );
-    let rides = vehicle.two_wheeler.simd_gt(0.0);
-    let rate = state.road.curvature[slot] * v;
-    let accel = rate * v;
-    let slips = vehicle.cg_rear * rate - v * (accel / (constants.gravity * vehicle.rear_stiffness));
-    let angle = state.road.curvature[slot] * (vehicle.wheelbase + vehicle.understeer * (v * v));
-    state.controls.wheel_angle[slot] = select(rides, accel, angle);
-    state.motion.vy[slot] = select(rides, splat(params.simd, 0.0), slips);
-    state.motion.heading[slot] = -atan(state.motion.vy[slot] / at_least(v, constants.slip_speed));
-    (
-        state.motion.sin_heading[slot],
-        state.motion.cos_heading[slot],
-    ) = sincos(state.motion.heading[slot]);
-    (state.motion.yaw_rate[slot], state.motion.accel_lat[slot]) = (rate, accel);
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let (motion, curvature) = (&mut state.motion, state.road.curvature[slot]);
+    let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
+    let v = motion.vx[slot];
+    let yaw_rate = curvature * v;
+    let accel_lat = yaw_rate * v;
+    let rear_slip = accel_lat / (constants.gravity * vehicle.rear_stiffness);
+    let vy = vehicle.cg_rear * yaw_rate - v * rear_slip;
+    let angle = curvature * (vehicle.wheelbase + vehicle.understeer * (v * v));
+    state.controls.wheel_angle[slot] = select(is_two_wheeler, accel_lat, angle);
+    motion.vy[slot] = select(is_two_wheeler, splat(params.simd, 0.0), vy);
+    motion.heading[slot] = -atan(motion.vy[slot] / at_least(v, constants.slip_speed));
+    (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(motion.heading[slot]);
+    (motion.yaw_rate[slot], motion.accel_lat[slot]) = (yaw_rate, accel_lat);
 }
 
-/// Turn the front wheels of vehicle `slot`, or lean, towards the path for one step; the angle in its middle.
+/// Turn the front wheels of the vehicle in `slot`, or lean, towards the path for one step.
+///
+/// Returns the wheel angle [rad], or the lean [m/s^2], in the middle of the step. Wheels and lean follow with a lag: they
+/// move towards the request in the middle of the step, which the last step's accelerations predict.
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    stride: &StepLength,
+    step_length: &StepLength,
 ) -> F32<S> {
-    let wanted = state
-        .vehicle(params, slot)
-        .requested_steering::<VARIES>(stride.half);
-    turn_wheels(state, params, slot, wanted, stride)
+    let driver = state.vehicle(params, slot);
+    let request = driver.requested_steering::<VARIES>(step_length.half);
+    turn_wheels(state, params, slot, &request, step_length)
 }
 
-/// The same for the ego, where another driver has ordered an angle of the front wheels.
+/// Turn the front wheels of the ego, or lean, towards the angle that an external driver requests, for one step.
+///
+/// Returns the same as `steer`.
 #[inline(always)]
 pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    ordered: F32<S>,
-    stride: &StepLength,
+    ego_wheel_angle: F32<S>,
+    step_length: &StepLength,
 ) -> F32<S> {
-    let (_, lean) = state
-        .vehicle(params, EGO_SLOT)
-        .requested_steering::<VARIES>(stride.half);
+    let ego = state.vehicle(params, EGO_SLOT);
     let limit = params.constants.steering_limit;
-    let angle = clamp_to(ordered, -limit, limit);
-    turn_wheels(state, params, EGO_SLOT, (angle, lean), stride)
+    let request = RequestedSteering {
+        angle: clamp_to(ego_wheel_angle, -limit, limit),
+        ..ego.requested_steering::<VARIES>(step_length.half)
+    };
+    turn_wheels(state, params, EGO_SLOT, &request, step_length)
 }
 
-/// Turn the front wheels of vehicle `slot`, or lean, as asked, with a lag.
+/// Turn the front wheels of the vehicle in `slot`, or lean, as requested, with a lag; returns the same as `steer`.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (angle, lean): (F32<S>, F32<S>),
-    stride: &StepLength,
+    request: &RequestedSteering<S>,
+    step_length: &StepLength,
 ) -> F32<S> {
-    let wheel = state.controls.wheel_angle[slot];
+    let start_angle = state.controls.wheel_angle[slot];
+    let max_turn = step_length.max_wheel_turn;
     let turn = clamp_to(
-        (angle - wheel) * stride.steering,
-        -stride.max_wheel_turn,
-        stride.max_wheel_turn,
+        (request.angle - start_angle) * step_length.steering,
+        -max_turn,
+        max_turn,
     );
-    let lean = (lean - wheel) * stride.leaning;
-    let moved = select(params.vehicles[slot].two_wheeler.simd_gt(0.0), lean, turn);
-    let (is_sound, zero) = (
-        state.motion.is_wreck[slot].simd_eq(0.0),
-        splat(params.simd, 0.0),
-    );
-    state.controls.wheel_angle[slot] = select(is_sound, wheel + moved, zero);
-    state.path.elapsed[slot] += stride.length;
-    select(is_sound, wheel + 0.5 * moved, zero)
+    let lean_change = (request.lean - start_angle) * step_length.leaning;
+    let is_two_wheeler = params.vehicles[slot].two_wheeler.simd_gt(0.0);
+    let change = select(is_two_wheeler, lean_change, turn);
+    let is_sound = state.motion.is_wreck[slot].simd_eq(0.0);
+    let zero = splat(params.simd, 0.0);
+    state.controls.wheel_angle[slot] = select(is_sound, start_angle + change, zero);
+    state.path.elapsed[slot] += step_length.length;
+    select(is_sound, start_angle + 0.5 * change, zero)
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
+    /// Wheel angle [rad], or lean [m/s^2], that holds a straight course in the side wind.
     #[inline(always)]
-    fn requested_steering<const VARIES: bool>(self, ahead: f32) -> (F32<S>, F32<S>) {
+    fn wind_trim(self) -> F32<S> {
+        let (wind, slot, vehicle) = (&self.state.friction_and_wind, self.slot, self.vehicle());
+        let wind_accel = wind.wind_force[slot] * vehicle.inverse_mass;
+        let angle = vehicle.understeer * wind_accel + wind.wind_moment[slot] * vehicle.moment_angle;
+        -select(vehicle.two_wheeler.simd_gt(0.0), wind_accel, angle)
+    }
+
+    /// Largest difference of the wheel angle from the slip angle, on the friction of this decision [rad].
+    ///
+    /// Beyond this slip more angle gives no more force.
+    #[inline(always)]
+    pub fn slip_reach(self) -> F32<S> {
+        let (friction, slot) = (&self.state.friction_and_wind, self.slot);
+        self.params.constants.slip_share * 0.5 * (friction.mu_left[slot] + friction.mu_right[slot])
+            / self.vehicle().front_stiffness
+    }
+
+    /// Steering that the driver requests `lookahead` seconds ahead.
+    ///
+    /// A vehicle follows its steering late: by the lag of the wheels and the time in which its tyres build up the side
+    /// force. Drivers therefore request the acceleration of the path earlier by this time.
+    #[inline(always)]
+    fn requested_steering<const VARIES: bool>(self, lookahead: f32) -> RequestedSteering<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let (place, speed) = path_position(state, slot, ahead);
-        let late = select(
+        let (constants, vehicle, motion) = (&params.constants, self.vehicle(), &state.motion);
+        let (path_d, path_velocity) = path_position(state, slot, lookahead);
+        let lag = select(
             vehicle.two_wheeler.simd_gt(0.0),
             splat(params.simd, constants.two_wheeler_lag),
-            constants.steering_lag + vehicle.side_lag * state.motion.vx[slot],
+            constants.steering_lag + vehicle.side_lag * motion.vx[slot],
         );
-        let accel = path_accel(state, slot, ahead + late);
-        let (sine, cosine) = (
-            state.motion.sin_heading[slot],
-            state.motion.cos_heading[slot],
-        );
-        let (a_lon, a_lat) = (state.motion.accel_lon[slot], state.motion.accel_lat[slot]);
-        let sideways = state.motion.vx[slot] * sine + state.motion.vy[slot] * cosine;
-        let d = state.motion.d[slot] + ahead * sideways;
-        let sideways = sideways + ahead * (a_lon * sine + a_lat * cosine);
-        let vx = state.motion.vx[slot] + ahead * a_lon;
-        let vy = state.motion.vy[slot]
-            + ahead * (a_lat - state.motion.vx[slot] * state.motion.yaw_rate[slot]);
-        let r = state.motion.yaw_rate[slot] + ahead * state.motion.yaw_accel[slot];
-        let wanted = accel + constants.velocity_gain * (speed - sideways);
-        let aim = place + constants.lane_deviation * state.noise.lane_wander[slot] - d;
-        let wanted = wanted + constants.position_gain * aim;
-        let mut wanted = clamp(
-            wanted,
-            -params.simulations.max_lateral_accel,
-            params.simulations.max_lateral_accel,
-        );
+        let feedforward = path_accel(state, slot, lookahead + lag);
+
+        // State after the lookahead, by the accelerations of the last step.
+        let (sine, cosine) = (motion.sin_heading[slot], motion.cos_heading[slot]);
+        let (accel_lon, accel_lat) = (motion.accel_lon[slot], motion.accel_lat[slot]);
+        let velocity_d = motion.vx[slot] * sine + motion.vy[slot] * cosine;
+        let d = motion.d[slot] + lookahead * velocity_d;
+        let velocity_d = velocity_d + lookahead * (accel_lon * sine + accel_lat * cosine);
+        let vx = motion.vx[slot] + lookahead * accel_lon;
+        let vy =
+            motion.vy[slot] + lookahead * (accel_lat - motion.vx[slot] * motion.yaw_rate[slot]);
+        let yaw_rate = motion.yaw_rate[slot] + lookahead * motion.yaw_accel[slot];
+
+        let wander = constants.lane_deviation * state.noise.lane_wander[slot];
+        let accel = feedforward + constants.velocity_gain * (path_velocity - velocity_d);
+        let accel = accel + constants.position_gain * (path_d + wander - d);
+        // The limit holds for moves within the road; drivers follow its bends in any case.
+        let max_accel_lat = params.simulations.max_lateral_accel;
+        let mut accel = clamp(accel, -max_accel_lat, max_accel_lat);
         if VARIES {
-            wanted += state.road.curvature_ahead[slot] * (vx * vx);
+            accel += state.road.curvature_ahead[slot] * (vx * vx);
         }
         let inverse_speed = 1.0 / at_least(vx, constants.slip_speed);
-        let felt = wanted + constants.yaw_gain * (wanted - vx * r);
-        let angle = felt
-            * (vehicle.wheelbase * (inverse_speed * inverse_speed) + vehicle.understeer)
-            + state.controls.wind_trim[slot];
-        let slip = (vy + vehicle.cg_front * r) * inverse_speed;
+        let damped_accel = accel + constants.yaw_gain * (accel - vx * yaw_rate);
+        let angle_per_accel =
+            vehicle.wheelbase * (inverse_speed * inverse_speed) + vehicle.understeer;
+        let wind_trim = state.controls.wind_trim[slot];
+        let angle = damped_accel * angle_per_accel + wind_trim;
+
+        // A sliding vehicle is steered into the slide.
+        let slip = (vy + vehicle.cg_front * yaw_rate) * inverse_speed;
         let reach = state.controls.slip_reach[slot];
-        let angle = clamp_to(
-            clamp(angle, slip - reach, slip + reach),
-            -constants.steering_limit,
-            constants.steering_limit,
-        );
-        (angle, wanted + state.controls.wind_trim[slot])
+        let limit = constants.steering_limit;
+        RequestedSteering {
+            angle: clamp_to(clamp(angle, slip - reach, slip + reach), -limit, limit),
+            lean: accel + wind_trim,
+        }
     }
 }

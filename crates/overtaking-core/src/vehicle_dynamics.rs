@@ -1,41 +1,73 @@
-//! Motion of a vehicle over one step; see `overtaking.sim.reference.vehicle_dynamics`.
+//! Motion of a vehicle over one step; the twin of `overtaking.sim.reference.vehicle_dynamics`, which names the sources.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::sincos;
-use crate::math::vectors::{
-    F32, Mask, assign_where, at_least, clamp, clamp_to, max, min, select, splat,
-};
-use crate::names::{ModelConstants, VehicleParams};
+use crate::math::vectors::{F32, assign_where, at_least, clamp, clamp_to, max, min, select, splat};
 use crate::params::{Params, StepLength};
 use crate::state::State;
 use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps the direction of a wreck at rest finite [m/s].
 const MIN_SLIDING_SPEED: f32 = 1e-3;
-/// Left sideways by full braking, squared, to divide by [N^2].
+/// Square of the lateral force that full braking leaves, which keeps the slip finite [N^2].
 const MIN_LATERAL_GRIP: f32 = 1.0;
+
+/// Motion and controls in the middle of a step.
+struct MidStep<S: Simd> {
+    /// Speed, extrapolated by the acceleration of the last step [m/s].
+    speed: F32<S>,
+    /// One over the speed, which is bounded from below [s/m].
+    inverse_speed: F32<S>,
+    /// Front wheel angle [rad], or requested lean of a two-wheeler [m/s^2].
+    wheel_angle: F32<S>,
+    /// Air drag and rolling resistance [N].
+    level_resistance: F32<S>,
+    /// The same and the pull of the slope [N].
+    resistance: F32<S>,
+}
 
 /// Loads and forces of one axle.
 struct Axle<S: Simd> {
+    /// Load [N].
     load: F32<S>,
+    /// Longitudinal force [N].
     force_lon: F32<S>,
+    /// Longitudinal force of the right side minus the left side's [N].
     force_difference: F32<S>,
+    /// Largest lateral force [N].
     max_lateral_force: F32<S>,
 }
 
-/// What a step comes to: velocity and yaw rate at its end, and the mean yaw rate.
+/// Both axles of a vehicle.
+struct Axles<S: Simd> {
+    front: Axle<S>,
+    rear: Axle<S>,
+}
+
+/// Lateral force of an axle.
+struct TyreForce<S: Simd> {
+    /// Against the slip [N].
+    force: F32<S>,
+    /// Growth of its size with the slip [N].
+    slope: F32<S>,
+}
+
+/// Result of a step; the state holds its mean accelerations.
 #[derive(Clone, Copy)]
 pub struct MotionStep<S: Simd> {
+    /// Velocity at the end, in the vehicle's axes [m/s].
     vx: F32<S>,
     vy: F32<S>,
+    /// Yaw rate at the end [rad/s].
     yaw_rate: F32<S>,
+    /// Mean yaw rate [rad/s].
     mean_yaw_rate: F32<S>,
 }
 
 impl<S: Simd> MotionStep<S> {
-    /// At rest.
+    /// A step at rest.
     pub fn none(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         Self {
@@ -47,439 +79,442 @@ impl<S: Simd> MotionStep<S> {
     }
 }
 
-/// Lateral force of an axle against the slip, and how fast it grows with the slip.
+/// Lateral force of an axle, and its slope.
+///
+/// `velocity_across` and `velocity_along` are the velocities of its wheels across and along their planes, in one unit.
 #[inline(always)]
 fn fiala_force<S: Simd>(
     stiffness: F32<S>,
-    across: F32<S>,
-    along: F32<S>,
-    limit: F32<S>,
-) -> (F32<S>, F32<S>) {
-    let one = splat(across.simd, 1.0);
-    let z = stiffness * across / (3.0 * limit * along);
-    let sticks = at_least(one - z.abs(), 0.0);
-    let size = limit * (one - sticks * sticks * sticks);
-    (
-        select(z.simd_lt(0.0), size, -size),
-        stiffness * (sticks * sticks),
-    )
+    velocity_across: F32<S>,
+    velocity_along: F32<S>,
+    max_force: F32<S>,
+) -> TyreForce<S> {
+    let one = splat(stiffness.simd, 1.0);
+    let z = stiffness * velocity_across / (3.0 * max_force * velocity_along);
+    // Share of the contact patch that sticks; the rest slides.
+    let sticking_share = at_least(one - z.abs(), 0.0);
+    let size = max_force * (one - sticking_share * sticking_share * sticking_share);
+    TyreForce {
+        force: select(z.simd_lt(0.0), size, -size),
+        slope: stiffness * (sticking_share * sticking_share),
+    }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Speed and resistance in the middle of the step, by the acceleration of the last one.
     #[inline(always)]
-    fn requested_force(
+    fn mid_step<const VARIES: bool>(
         self,
-        accel: F32<S>,
-        resistance: F32<S>,
-        speed: F32<S>,
-        inverse_speed: F32<S>,
-    ) -> F32<S> {
-        let params = self.params;
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let wanted = vehicle.mass * accel + resistance;
-        let engine = min(vehicle.launch_force, vehicle.power * inverse_speed);
-        let throttle = clamp_to(
-            (vehicle.max_speed + constants.governor_band - speed)
-                * params.derived.per_governor_band,
-            0.0,
-            1.0,
-        );
-        max(min(wanted, engine * throttle), -vehicle.max_brake_force)
-    }
-}
-
-/// Forces of one axle under a load that is asked for a longitudinal force.
-#[inline(always)]
-fn axle_forces<S: Simd>(
-    constants: &ModelConstants,
-    vehicle: &VehicleParams<S>,
-    mu_fast: F32<S>,
-    mu_slow: F32<S>,
-    force: F32<S>,
-    load: F32<S>,
-) -> Axle<S> {
-    let half_load = 0.5 * load;
-    let share = select(
-        force.simd_gt(0.0) & vehicle.two_wheeler.simd_eq(0.0),
-        splat(force.simd, constants.traction_share),
-        splat(force.simd, constants.abs_share),
-    );
-    let bound_fast = share * mu_fast * half_load;
-    let bound_slow = share * mu_slow * half_load;
-    let fast = clamp(0.5 * force, -bound_fast, bound_fast);
-    let slow = clamp(0.5 * force, -bound_slow, bound_slow);
-    let total = fast + slow;
-    let grip = (mu_fast + mu_slow) * half_load;
-    let left = at_least(grip * grip - total * total, MIN_LATERAL_GRIP);
-    Axle {
-        load,
-        force_lon: total,
-        force_difference: slow - fast,
-        max_lateral_force: left.sqrt(),
-    }
-}
-
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Share of the load on the front axle at an acceleration.
-    #[inline(always)]
-    fn front_load_share(self, accel: F32<S>) -> F32<S> {
-        let params = self.params;
-        let vehicle = self.vehicle();
-        let lifted = accel * vehicle.cg_height * params.derived.inverse_gravity;
-        vehicle.inverse_wheelbase
-            * (vehicle.cg_rear - clamp(lifted, -vehicle.cg_front, vehicle.cg_rear))
-    }
-
-    /// Largest acceleration that friction allows.
-    #[inline(always)]
-    fn max_friction_accel(self, constants: &ModelConstants) -> F32<S> {
+        wheel_angle: F32<S>,
+        step_length: &StepLength,
+    ) -> MidStep<S> {
         let (state, slot) = (self.state, self.slot);
-        constants.gravity
-            * 0.5
-            * (state.friction_and_wind.mu_left[slot] + state.friction_and_wind.mu_right[slot])
+        let (constants, vehicle) = (&self.params.constants, self.vehicle());
+        let speed = at_least(
+            state.motion.vx[slot] + step_length.half * state.motion.accel_lon[slot],
+            0.0,
+        );
+        let air_speed = speed - state.friction_and_wind.tail_wind[slot];
+        let level_resistance = vehicle.drag * air_speed * air_speed.abs() + vehicle.rolling;
+        let mut resistance = level_resistance;
+        if VARIES {
+            resistance += constants.gravity * vehicle.mass * state.road.sin_slope[slot];
+        }
+        MidStep {
+            speed,
+            inverse_speed: 1.0 / at_least(speed, constants.slip_speed),
+            wheel_angle,
+            level_resistance,
+            resistance,
+        }
     }
 
-    /// Loads and forces of the front and the rear axle.
+    /// Tyre force requested for an acceleration, within engine, governor and brakes [N].
     #[inline(always)]
-    fn axles(self, force: F32<S>, resistance: F32<S>, angle: F32<S>) -> (Axle<S>, Axle<S>) {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let rides = vehicle.two_wheeler.simd_gt(0.0);
-        let brakes = force.simd_lt(0.0);
-        let weight = self.front_load_share(state.motion.accel_lon[slot]);
-        let share = select(brakes, weight, vehicle.front_drive);
-        let limit = select(
-            force.simd_gt(0.0) & !rides,
-            splat(params.simd, constants.traction_share),
-            splat(params.simd, constants.abs_share),
-        ) * self.max_friction_accel(constants);
-        let asked = force * vehicle.inverse_mass;
-        let (front, rear) = (limit * weight, limit * (1.0 - weight));
-        let asked = clamp(share * asked, -front, front) + clamp((1.0 - share) * asked, -rear, rear);
-        let held = select(
-            rides,
-            splat(params.simd, 0.0),
-            state.motion.accel_lat[slot] * weight * angle,
-        );
-        let weight = self.front_load_share(asked - resistance * vehicle.inverse_mass - held);
-        let share = select(brakes, weight, vehicle.front_drive);
-        let whole = constants.gravity * vehicle.mass;
-        let (fast, slow) = (
-            state.friction_and_wind.mu_left[slot],
-            state.friction_and_wind.mu_right[slot],
-        );
-        (
-            axle_forces(
-                constants,
-                vehicle,
-                fast,
-                slow,
-                share * force,
-                whole * weight,
-            ),
-            axle_forces(
-                constants,
-                vehicle,
-                fast,
-                slow,
-                (1.0 - share) * force,
-                whole * (1.0 - weight),
-            ),
+    fn requested_force(self, requested_accel: F32<S>, mid: &MidStep<S>) -> F32<S> {
+        let (params, vehicle) = (self.params, self.vehicle());
+        let force = vehicle.mass * requested_accel + mid.resistance;
+        let engine_force = min(vehicle.launch_force, vehicle.power * mid.inverse_speed);
+        // The governor closes the throttle over a band of speeds above the largest speed.
+        let speed_margin = vehicle.max_speed + params.constants.governor_band - mid.speed;
+        let throttle = clamp_to(speed_margin * params.derived.per_governor_band, 0.0, 1.0);
+        max(
+            min(force, engine_force * throttle),
+            -vehicle.max_brake_force,
         )
     }
+
+    /// Share of the friction that a requested longitudinal force may use [1].
+    ///
+    /// Traction control lets the engine use a smaller share than anti-lock brakes let the brakes use: driven wheels at
+    /// their limit could not keep the vehicle on course.
+    #[inline(always)]
+    fn friction_share(self, force: F32<S>) -> F32<S> {
+        let (constants, simd) = (&self.params.constants, self.params.simd);
+        let has_traction_control = force.simd_gt(0.0) & self.vehicle().two_wheeler.simd_eq(0.0);
+        select(
+            has_traction_control,
+            splat(simd, constants.traction_share),
+            splat(simd, constants.abs_share),
+        )
+    }
+
+    /// Forces of one axle for a requested longitudinal force [N] under a load [N].
+    ///
+    /// Each side transmits as much as its own friction allows, which turns the vehicle on split friction.
+    #[inline(always)]
+    fn axle_forces(self, force: F32<S>, load: F32<S>) -> Axle<S> {
+        let (friction, slot) = (&self.state.friction_and_wind, self.slot);
+        let (mu_left, mu_right) = (friction.mu_left[slot], friction.mu_right[slot]);
+        let half_load = 0.5 * load;
+        let share = self.friction_share(force);
+        let max_left = share * mu_left * half_load;
+        let max_right = share * mu_right * half_load;
+        let left = clamp(0.5 * force, -max_left, max_left);
+        let right = clamp(0.5 * force, -max_right, max_right);
+        let force_lon = left + right;
+        // Friction circle: longitudinal and lateral force together are at most the grip.
+        let grip = (mu_left + mu_right) * half_load;
+        let squared_lateral_grip = at_least(grip * grip - force_lon * force_lon, MIN_LATERAL_GRIP);
+        Axle {
+            load,
+            force_lon,
+            force_difference: right - left,
+            max_lateral_force: squared_lateral_grip.sqrt(),
+        }
+    }
+
+    /// Share of the load on the front axle at an acceleration, 0 to 1.
+    ///
+    /// It is never negative: an axle can lift off the road, but not pull at it.
+    #[inline(always)]
+    fn front_load_share(self, accel: F32<S>) -> F32<S> {
+        let vehicle = self.vehicle();
+        let shift = accel * vehicle.cg_height * self.params.derived.inverse_gravity;
+        vehicle.inverse_wheelbase
+            * (vehicle.cg_rear - clamp(shift, -vehicle.cg_front, vehicle.cg_rear))
+    }
+
+    /// Largest acceleration that friction allows [m/s^2].
+    #[inline(always)]
+    pub fn max_friction_accel(self) -> F32<S> {
+        let (friction, slot) = (&self.state.friction_and_wind, self.slot);
+        self.params.constants.gravity * 0.5 * (friction.mu_left[slot] + friction.mu_right[slot])
+    }
+
+    /// Loads and forces of both axles for a requested force [N].
+    ///
+    /// The loads follow the acceleration of this step, which depends on the loads. It is estimated by the requested force
+    /// within the friction under the loads of the last step, minus the part of the last step's side force that the turned
+    /// wheels hold back.
+    #[inline(always)]
+    fn axles(self, force: F32<S>, mid: &MidStep<S>) -> Axles<S> {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (constants, vehicle) = (&params.constants, self.vehicle());
+        let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
+        let brakes = force.simd_lt(0.0);
+        let front_load_share = self.front_load_share(state.motion.accel_lon[slot]);
+        let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
+        let max_accel = self.friction_share(force) * self.max_friction_accel();
+        let accel = force * vehicle.inverse_mass;
+        let max_front = max_accel * front_load_share;
+        let max_rear = max_accel * (1.0 - front_load_share);
+        let front_accel = clamp(front_force_share * accel, -max_front, max_front);
+        let rear_accel = clamp((1.0 - front_force_share) * accel, -max_rear, max_rear);
+        let accel = front_accel + rear_accel;
+        let steering_loss = select(
+            is_two_wheeler,
+            splat(params.simd, 0.0),
+            state.motion.accel_lat[slot] * front_load_share * mid.wheel_angle,
+        );
+        // The pull of a slope acts at the centre of gravity, so it shifts no load.
+        let front_load_share = self
+            .front_load_share(accel - mid.level_resistance * vehicle.inverse_mass - steering_loss);
+        // Brakes follow the load, so that no axle locks before the other (required by UN R13-H).
+        let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
+        let weight = constants.gravity * vehicle.mass;
+        Axles {
+            front: self.axle_forces(front_force_share * force, weight * front_load_share),
+            rear: self.axle_forces(
+                (1.0 - front_force_share) * force,
+                weight * (1.0 - front_load_share),
+            ),
+        }
+    }
+
+    /// Yaw moment of stability control, which brakes single wheels [N m].
+    ///
+    /// It reacts to a yaw rate that differs by more than a threshold from the one that the wheel angle requests and
+    /// friction allows. It uses at most the braking force of one wheel. The loss of speed by this braking is neglected.
+    #[inline(always)]
+    fn stability_control(self, mid: &MidStep<S>) -> F32<S> {
+        let (constants, vehicle, speed) = (&self.params.constants, self.vehicle(), mid.speed);
+        let max_accel = self.max_friction_accel();
+        let max_yaw_rate = max_accel / at_least(speed, constants.slip_speed);
+        let requested =
+            speed * mid.wheel_angle / (vehicle.wheelbase + vehicle.understeer * (speed * speed));
+        let error =
+            self.state.motion.yaw_rate[self.slot] - clamp(requested, -max_yaw_rate, max_yaw_rate);
+        let threshold = constants.stability_threshold;
+        let error = error - clamp_to(error, -threshold, threshold);
+        let max_moment = 0.25 * max_accel * vehicle.mass * vehicle.half_track;
+        let moment = -error * (1.0 / constants.stability_time) / vehicle.inverse_inertia;
+        clamp(moment, -max_moment, max_moment)
+    }
 }
 
-/// Advance vehicle `slot` by one step up to its new velocity, with this wheel angle or lean in the middle;
-/// the accelerations are kept in the state.
+/// Advance the vehicle in `slot` by one step up to its new velocity, and store its mean accelerations.
+///
+/// `wheel_angle` is the front wheel angle [rad], or the lean of a two-wheeler [m/s^2], in the middle of the step.
+/// `VARIES` is whether the road bends, rises or has several speed limits.
 #[inline(always)]
 pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    angle: F32<S>,
-    stride: &StepLength,
+    wheel_angle: F32<S>,
+    step_length: &StepLength,
 ) -> MotionStep<S> {
-    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let speed = at_least(
-        state.motion.vx[slot] + stride.half * state.motion.accel_lon[slot],
-        0.0,
-    );
-    let inverse_speed = 1.0 / at_least(speed, constants.slip_speed);
-    let air = speed - state.friction_and_wind.tail_wind[slot];
-    let held_back = vehicle.drag * air * air.abs() + vehicle.rolling;
-    let mut resistance = held_back;
-    if VARIES {
-        resistance += constants.gravity * vehicle.mass * state.road.sin_slope[slot];
-    }
-    let force = state.vehicle(params, slot).requested_force(
-        state.controls.requested_accel[slot],
-        resistance,
-        speed,
-        inverse_speed,
-    );
-    let (front, rear) = state.vehicle(params, slot).axles(force, held_back, angle);
-    let straight = (front.force_lon + rear.force_lon - resistance) * vehicle.inverse_mass;
-    let mut motion = single_track_step(
-        state,
-        params,
-        slot,
-        &(front, rear),
-        resistance,
-        (speed, inverse_speed),
-        angle,
-        stride,
-    );
-    let rides = vehicle.two_wheeler.simd_gt(0.0);
-    if rides.any_true() {
-        leaning_step(
+    let vehicle = &params.vehicles[slot];
+    let handle = state.vehicle(params, slot);
+    let mid = handle.mid_step::<VARIES>(wheel_angle, step_length);
+    let force = handle.requested_force(state.controls.requested_accel[slot], &mid);
+    let axles = handle.axles(force, &mid);
+    let tyre_force = axles.front.force_lon + axles.rear.force_lon;
+    let accel_lon = (tyre_force - mid.resistance) * vehicle.inverse_mass;
+    let mut motion_step = single_track_step(state, params, slot, (&axles, &mid), step_length);
+    if vehicle.two_wheeler.simd_gt(0.0).any_true() {
+        lean(
             state,
             params,
             slot,
-            rides,
-            straight,
-            (inverse_speed, angle),
-            stride,
-            &mut motion,
+            (accel_lon, &mid, step_length),
+            &mut motion_step,
         );
     }
-    let zero = splat(params.simd, 0.0);
-    motion.vx = at_least(motion.vx, 0.0);
-    let creeps =
-        motion.vx.simd_lt(constants.standstill) & motion.vy.abs().simd_lt(constants.standstill);
-    let stands = creeps & state.controls.requested_accel[slot].simd_le(0.0);
-    motion.vx = select(stands, zero, motion.vx);
-    motion.vy = select(stands, zero, motion.vy);
-    motion.yaw_rate = select(stands, zero, motion.yaw_rate);
-    motion.mean_yaw_rate = select(
-        stands,
-        0.5 * state.motion.yaw_rate[slot],
-        motion.mean_yaw_rate,
-    );
-    motion
+    motion_step.vx = at_least(motion_step.vx, 0.0);
+    state
+        .vehicle(params, slot)
+        .stop_when_creeping(&mut motion_step);
+    motion_step
 }
 
 /// A step of the single-track model; side speed and yaw rate by the linearised equations.
-#[allow(clippy::too_many_arguments)]
 #[inline(always)]
 fn single_track_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (front, rear): &(Axle<S>, Axle<S>),
-    resistance: F32<S>,
-    (speed, inverse_speed): (F32<S>, F32<S>),
-    angle: F32<S>,
-    stride: &StepLength,
+    (axles, mid): (&Axles<S>, &MidStep<S>),
+    step_length: &StepLength,
 ) -> MotionStep<S> {
-    let vehicle = &params.vehicles[slot];
-    let (vx, vy, r) = (
-        state.motion.vx[slot],
-        state.motion.vy[slot],
-        state.motion.yaw_rate[slot],
-    );
-    let (sine, cosine) = sincos(angle);
-    let u = (vy + vehicle.cg_front * r) * inverse_speed;
-    let (front_y, front_k) = fiala_force(
+    let (vehicle, inverse_speed) = (&params.vehicles[slot], mid.inverse_speed);
+    let Axles { front, rear } = axles;
+    let motion = &state.motion;
+    let (vx, vy, yaw_rate) = (motion.vx[slot], motion.vy[slot], motion.yaw_rate[slot]);
+    let wind_force = state.friction_and_wind.wind_force[slot];
+    let wind_moment = state.friction_and_wind.wind_moment[slot];
+    let (sine, cosine) = sincos(mid.wheel_angle);
+
+    // Side speed of each axle over the speed; the front wheels are turned by the wheel angle.
+    let u = (vy + vehicle.cg_front * yaw_rate) * inverse_speed;
+    let front_tyre = fiala_force(
         vehicle.front_stiffness * front.load,
         u * cosine - sine,
         cosine + u * sine,
         front.max_lateral_force,
     );
-    let u = (vy - vehicle.cg_rear * r) * inverse_speed;
-    let one = splat(u.simd, 1.0);
-    let (rear_y, rear_k) = fiala_force(
+    let u = (vy - vehicle.cg_rear * yaw_rate) * inverse_speed;
+    let rear_tyre = fiala_force(
         vehicle.rear_stiffness * rear.load,
         u,
-        one,
+        splat(params.simd, 1.0),
         rear.max_lateral_force,
     );
-    let (front_k, rear_k) = (front_k * inverse_speed, rear_k * inverse_speed);
-    let side = front_y * cosine + front.force_lon * sine;
-    let moment = vehicle.half_track * (front.force_difference + rear.force_difference);
-    let across = (side + rear_y + state.friction_and_wind.wind_force[slot]) * vehicle.inverse_mass
-        - speed * r;
-    let moment = moment + state.vehicle(params, slot).stability_control(speed, angle);
-    let turn = vehicle.cg_front * side - vehicle.cg_rear * rear_y
-        + state.friction_and_wind.wind_moment[slot]
-        + moment;
-    let turn = turn * vehicle.inverse_inertia;
-    let (ahead, behind) = (
-        vehicle.cg_front * (front_k * cosine),
-        vehicle.cg_rear * rear_k,
-    );
-    let (by_mass, by_inertia) = (
-        stride.half * vehicle.inverse_mass,
-        stride.half * vehicle.inverse_inertia,
-    );
-    let a11 = 1.0 + by_mass * (front_k * cosine + rear_k);
-    let a12 = by_mass * (ahead - behind) + stride.half * speed;
-    let a21 = by_inertia * (ahead - behind);
-    let a22 = 1.0 + by_inertia * (vehicle.cg_front * ahead + vehicle.cg_rear * behind);
-    let share = stride.length / (a11 * a22 - a12 * a21);
-    let more_vy = share * (a22 * across - a12 * turn);
-    let more_r = share * (a11 * turn - a21 * across);
-    let middle_r = r + 0.5 * more_r;
-    let middle_y = front_y - front_k * (0.5 * (more_vy + vehicle.cg_front * more_r));
-    let along = front.force_lon * cosine - middle_y * sine + rear.force_lon - resistance;
-    state.motion.accel_lon[slot] = along * vehicle.inverse_mass;
-    state.motion.accel_lat[slot] = more_vy * stride.inverse + speed * middle_r;
+    let front_slope = front_tyre.slope * inverse_speed;
+    let rear_slope = rear_tyre.slope * inverse_speed;
+
+    // Rates of change of side speed and yaw rate at the start of the step.
+    let front_side_force = front_tyre.force * cosine + front.force_lon * sine;
+    let split_moment = vehicle.half_track * (front.force_difference + rear.force_difference);
+    let side_force = front_side_force + rear_tyre.force + wind_force;
+    let vy_rate = side_force * vehicle.inverse_mass - mid.speed * yaw_rate;
+    let extra_moment = split_moment + state.vehicle(params, slot).stability_control(mid);
+    let moment = vehicle.cg_front * front_side_force - vehicle.cg_rear * rear_tyre.force
+        + wind_moment
+        + extra_moment;
+    let yaw_accel = moment * vehicle.inverse_inertia;
+
+    // (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates), with the Jacobian J.
+    let half_step = step_length.half;
+    let front_arm = vehicle.cg_front * (front_slope * cosine);
+    let rear_arm = vehicle.cg_rear * rear_slope;
+    let per_mass = half_step * vehicle.inverse_mass;
+    let per_inertia = half_step * vehicle.inverse_inertia;
+    let a11 = 1.0 + per_mass * (front_slope * cosine + rear_slope);
+    let a12 = per_mass * (front_arm - rear_arm) + half_step * mid.speed;
+    let a21 = per_inertia * (front_arm - rear_arm);
+    let a22 = 1.0 + per_inertia * (vehicle.cg_front * front_arm + vehicle.cg_rear * rear_arm);
+    let scale = step_length.length / (a11 * a22 - a12 * a21);
+    let vy_change = scale * (a22 * vy_rate - a12 * yaw_accel);
+    let yaw_rate_change = scale * (a11 * yaw_accel - a21 * vy_rate);
+
+    // The side force of the front tyres in the middle of the step, which turned wheels hold back.
+    let slip_change = 0.5 * (vy_change + vehicle.cg_front * yaw_rate_change);
+    let front_force_mid = front_tyre.force - front_slope * slip_change;
+    let force_lon =
+        front.force_lon * cosine - front_force_mid * sine + rear.force_lon - mid.resistance;
+    let accel_lon = force_lon * vehicle.inverse_mass;
+    let mean_yaw_rate = yaw_rate + 0.5 * yaw_rate_change;
+    let mean_vy = vy + 0.5 * vy_change;
+    state.motion.accel_lon[slot] = accel_lon;
+    state.motion.accel_lat[slot] = vy_change * step_length.inverse + mid.speed * mean_yaw_rate;
     MotionStep {
-        vx: vx + stride.length * (state.motion.accel_lon[slot] + (vy + 0.5 * more_vy) * middle_r),
-        vy: vy + more_vy,
-        yaw_rate: r + more_r,
-        mean_yaw_rate: middle_r,
+        vx: vx + step_length.length * (accel_lon + mean_vy * mean_yaw_rate),
+        vy: vy + vy_change,
+        yaw_rate: yaw_rate + yaw_rate_change,
+        mean_yaw_rate,
     }
 }
 
-impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Yaw moment of stability control, which brakes single wheels.
-    #[inline(always)]
-    fn stability_control(self, speed: F32<S>, angle: F32<S>) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
-        let (constants, vehicle) = (&params.constants, self.vehicle());
-        let grip = self.max_friction_accel(constants);
-        let reach = grip / at_least(speed, constants.slip_speed);
-        let asked = speed * angle / (vehicle.wheelbase + vehicle.understeer * (speed * speed));
-        let off = state.motion.yaw_rate[slot] - clamp(asked, -reach, reach);
-        let off = off
-            - clamp_to(
-                off,
-                -constants.stability_threshold,
-                constants.stability_threshold,
-            );
-        let most = 0.25 * grip * vehicle.mass * vehicle.half_track;
-        clamp(
-            -off * (1.0 / constants.stability_time) / vehicle.inverse_inertia,
-            -most,
-            most,
-        )
-    }
-}
-
-/// A step of a point mass that leans, where it has two wheels.
-#[allow(clippy::too_many_arguments)]
+/// Replace the step of a two-wheeler by that of a point mass that leans by its driver's request and the wind.
+///
+/// It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step.
 #[inline(always)]
-fn leaning_step<S: Simd, const N: usize>(
+fn lean<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    rides: Mask<S>,
-    accel_lon: F32<S>,
-    (inverse_speed, angle): (F32<S>, F32<S>),
-    stride: &StepLength,
-    motion: &mut MotionStep<S>,
+    (accel_lon, mid, step_length): (F32<S>, &MidStep<S>, &StepLength),
+    motion_step: &mut MotionStep<S>,
 ) {
-    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let grip = state.vehicle(params, slot).max_friction_accel(constants);
-    let lean = clamp(
-        angle + state.friction_and_wind.wind_force[slot] * vehicle.inverse_mass,
-        -grip,
-        grip,
-    );
-    let r = lean * inverse_speed;
-    let vx = state.motion.vx[slot] + stride.length * accel_lon;
-    motion.vx = select(rides, vx, motion.vx);
-    motion.vy = select(rides, splat(params.simd, 0.0), motion.vy);
-    motion.yaw_rate = select(rides, r, motion.yaw_rate);
-    motion.mean_yaw_rate = select(rides, r, motion.mean_yaw_rate);
-    assign_where(&mut state.motion.accel_lon[slot], rides, accel_lon);
-    assign_where(&mut state.motion.accel_lat[slot], rides, lean);
+    let vehicle = &params.vehicles[slot];
+    let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
+    let max_accel = state.vehicle(params, slot).max_friction_accel();
+    let wind_accel = state.friction_and_wind.wind_force[slot] * vehicle.inverse_mass;
+    let accel_lat = clamp(mid.wheel_angle + wind_accel, -max_accel, max_accel);
+    let yaw_rate = accel_lat * mid.inverse_speed;
+    let vx = state.motion.vx[slot] + step_length.length * accel_lon;
+    let zero = splat(params.simd, 0.0);
+    motion_step.vx = select(is_two_wheeler, vx, motion_step.vx);
+    motion_step.vy = select(is_two_wheeler, zero, motion_step.vy);
+    motion_step.yaw_rate = select(is_two_wheeler, yaw_rate, motion_step.yaw_rate);
+    motion_step.mean_yaw_rate = select(is_two_wheeler, yaw_rate, motion_step.mean_yaw_rate);
+    assign_where(&mut state.motion.accel_lon[slot], is_two_wheeler, accel_lon);
+    assign_where(&mut state.motion.accel_lat[slot], is_two_wheeler, accel_lat);
 }
 
-/// New place of vehicle `slot` with the mean of the old and the new velocity.
+impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
+    /// Stop a vehicle that hardly moves and is not to accelerate.
+    #[inline(always)]
+    fn stop_when_creeping(self, motion_step: &mut MotionStep<S>) {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let standstill = params.constants.standstill;
+        let creeps = motion_step.vx.simd_lt(standstill) & motion_step.vy.abs().simd_lt(standstill);
+        let stops = creeps & state.controls.requested_accel[slot].simd_le(0.0);
+        let zero = splat(params.simd, 0.0);
+        motion_step.vx = select(stops, zero, motion_step.vx);
+        motion_step.vy = select(stops, zero, motion_step.vy);
+        motion_step.yaw_rate = select(stops, zero, motion_step.yaw_rate);
+        // From the present yaw rate to 0.
+        motion_step.mean_yaw_rate = select(
+            stops,
+            0.5 * state.motion.yaw_rate[slot],
+            motion_step.mean_yaw_rate,
+        );
+    }
+}
+
+/// Move the vehicle in `slot` by the mean of the old and the new velocity, and store the new motion.
+///
+/// In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck slides straight on with
+/// locked wheels, however it and the road turn, and comes to rest.
 #[inline(always)]
 pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    motion: MotionStep<S>,
-    stride: &StepLength,
+    motion_step: MotionStep<S>,
+    step_length: &StepLength,
 ) {
-    let wrecked = state.motion.is_wreck[slot].simd_gt(0.0);
-    let (sine, cosine) = (
-        state.motion.sin_heading[slot],
-        state.motion.cos_heading[slot],
-    );
-    let along = state.motion.vx[slot] * cosine - state.motion.vy[slot] * sine;
-    let across = state.motion.vx[slot] * sine + state.motion.vy[slot] * cosine;
-    let mut r = motion.yaw_rate;
-    let mut kept = splat(params.simd, 1.0);
-    if wrecked.any_true() {
-        (r, kept) = slide_wreck(state, params, slot, wrecked, (along, across), r, stride);
+    let is_wreck = state.motion.is_wreck[slot].simd_gt(0.0);
+    let (along, across) = state.vehicle(params, slot).road_velocity();
+    let mut yaw_rate = motion_step.yaw_rate;
+    let mut kept_share = splat(params.simd, 1.0);
+    if is_wreck.any_true() {
+        let speed = (along * along + across * across).sqrt();
+        (yaw_rate, kept_share) = slide_wreck(state, params, slot, (speed, yaw_rate), step_length);
     }
-    let mean_r = select(
-        wrecked,
-        0.5 * (state.motion.yaw_rate[slot] + r),
-        motion.mean_yaw_rate,
+    let motion = &mut state.motion;
+    let mean_yaw_rate = select(
+        is_wreck,
+        0.5 * (motion.yaw_rate[slot] + yaw_rate),
+        motion_step.mean_yaw_rate,
     );
-    state.motion.heading[slot] += stride.length * mean_r;
-    let mut slides = (along, across);
+    motion.heading[slot] += step_length.length * mean_yaw_rate;
+    let mut sliding_velocity = (along, across);
     if VARIES {
-        let turned = stride.length
-            * (state.road.curvature[slot] * (along + stride.half * state.motion.accel_lon[slot]));
-        state.motion.heading[slot] -= turned;
-        let (aside, ahead) = sincos(turned);
-        slides = (
-            along * ahead + across * aside,
-            across * ahead - along * aside,
+        let road_turn = step_length.length
+            * (state.road.curvature[slot] * (along + step_length.half * motion.accel_lon[slot]));
+        motion.heading[slot] -= road_turn;
+        let (sine, cosine) = sincos(road_turn);
+        sliding_velocity = (
+            along * cosine + across * sine,
+            across * cosine - along * sine,
         );
     }
-    let (sine, cosine) = sincos(state.motion.heading[slot]);
-    (
-        state.motion.sin_heading[slot],
-        state.motion.cos_heading[slot],
-    ) = (sine, cosine);
-    let mut new_along = motion.vx * cosine - motion.vy * sine;
-    let mut new_across = motion.vx * sine + motion.vy * cosine;
-    (state.motion.vx[slot], state.motion.vy[slot]) = (motion.vx, motion.vy);
-    if wrecked.any_true() {
-        new_along = select(wrecked, slides.0 * kept, new_along);
-        new_across = select(wrecked, slides.1 * kept, new_across);
-        let ahead = new_along * cosine + new_across * sine;
-        let aside = new_across * cosine - new_along * sine;
-        state.motion.vx[slot] = select(wrecked, ahead, motion.vx);
-        state.motion.vy[slot] = select(wrecked, aside, motion.vy);
+    let (sine, cosine) = sincos(motion.heading[slot]);
+    (motion.sin_heading[slot], motion.cos_heading[slot]) = (sine, cosine);
+    let mut new_along = motion_step.vx * cosine - motion_step.vy * sine;
+    let mut new_across = motion_step.vx * sine + motion_step.vy * cosine;
+    (motion.vx[slot], motion.vy[slot]) = (motion_step.vx, motion_step.vy);
+    if is_wreck.any_true() {
+        new_along = select(is_wreck, sliding_velocity.0 * kept_share, new_along);
+        new_across = select(is_wreck, sliding_velocity.1 * kept_share, new_across);
+        let vx = new_along * cosine + new_across * sine;
+        let vy = new_across * cosine - new_along * sine;
+        motion.vx[slot] = select(is_wreck, vx, motion_step.vx);
+        motion.vy[slot] = select(is_wreck, vy, motion_step.vy);
     }
-    let way = stride.half * (along + new_along);
-    state.motion.s[slot] += if VARIES {
-        way * state.road.station_per_metre[slot]
+    let distance = step_length.half * (along + new_along);
+    motion.s[slot] += if VARIES {
+        distance * state.road.station_per_metre[slot]
     } else {
-        way
+        distance
     };
-    state.motion.d[slot] += stride.half * (across + new_across);
-    state.motion.yaw_accel[slot] = (r - state.motion.yaw_rate[slot]) * stride.inverse;
-    state.motion.yaw_rate[slot] = r;
+    motion.d[slot] += step_length.half * (across + new_across);
+    motion.yaw_accel[slot] = (yaw_rate - motion.yaw_rate[slot]) * step_length.inverse;
+    motion.yaw_rate[slot] = yaw_rate;
 }
 
-/// A wreck slides to rest with locked wheels: its new yaw rate, and the share of its velocity that is kept.
+/// Slide a wreck in `slot`: friction takes a share of its speed, and turns against its spin.
+///
+/// `yaw_rate` is that of a vehicle that is no wreck. Returns the new yaw rate, and the share of the velocity that is left.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    wrecked: Mask<S>,
-    (along, across): (F32<S>, F32<S>),
-    r: F32<S>,
-    stride: &StepLength,
+    (speed, yaw_rate): (F32<S>, F32<S>),
+    step_length: &StepLength,
 ) -> (F32<S>, F32<S>) {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let friction =
-        constants.sliding_ratio * state.vehicle(params, slot).max_friction_accel(constants);
-    let speed = (along * along + across * across).sqrt();
-    let lost = min(friction * stride.length, speed) / at_least(speed, MIN_SLIDING_SPEED);
-    let spin =
-        friction * vehicle.mass * vehicle.inverse_inertia * 0.5 * vehicle.wheelbase * stride.length;
-    let rate = -(lost * stride.inverse);
-    state.motion.accel_lon[slot] = select(
-        wrecked,
-        rate * state.motion.vx[slot],
-        state.motion.accel_lon[slot],
-    );
-    state.motion.accel_lat[slot] = select(
-        wrecked,
-        rate * state.motion.vy[slot],
-        state.motion.accel_lat[slot],
-    );
-    let turned = state.motion.yaw_rate[slot] - clamp(state.motion.yaw_rate[slot], -spin, spin);
-    (select(wrecked, turned, r), 1.0 - lost)
+    let max_friction_accel = state.vehicle(params, slot).max_friction_accel();
+    let sliding_decel = constants.sliding_ratio * max_friction_accel;
+    let lost_share =
+        min(sliding_decel * step_length.length, speed) / at_least(speed, MIN_SLIDING_SPEED);
+    let max_spin_change = sliding_decel
+        * vehicle.mass
+        * vehicle.inverse_inertia
+        * 0.5
+        * vehicle.wheelbase
+        * step_length.length;
+    let motion = &mut state.motion;
+    let is_wreck = motion.is_wreck[slot].simd_gt(0.0);
+    let rate = -(lost_share * step_length.inverse);
+    motion.accel_lon[slot] = select(is_wreck, rate * motion.vx[slot], motion.accel_lon[slot]);
+    motion.accel_lat[slot] = select(is_wreck, rate * motion.vy[slot], motion.accel_lat[slot]);
+    let spin = motion.yaw_rate[slot];
+    let slower_spin = spin - clamp(spin, -max_spin_change, max_spin_change);
+    (select(is_wreck, slower_spin, yaw_rate), 1.0 - lost_share)
 }

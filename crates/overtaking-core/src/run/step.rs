@@ -10,7 +10,9 @@ use fearless_simd::prelude::*;
 
 use crate::acceleration;
 use crate::acceleration::accel_for_oncoming;
-use crate::collisions::{Pairs, pairs_that_may_touch, resolve_contacts, wreck_off_road_vehicles};
+use crate::collisions::{
+    Pairs, SweptStep, pairs_that_may_touch, resolve_contacts, wreck_off_road_vehicles,
+};
 use crate::decision_context::{DecisionContext, DriverContext, RoadPositions};
 use crate::ego_action::EgoAction;
 use crate::lane_change;
@@ -380,7 +382,16 @@ pub fn advance<S: Simd, const N: usize>(
     if !pairs.is_empty() {
         with_cpu_features!(
             params.simd,
-            resolve_contacts(state, params, pairs, positions, step, stride)
+            resolve_contacts(
+                state,
+                params,
+                pairs,
+                &SweptStep {
+                    index: step,
+                    length: stride.length,
+                    start: positions,
+                },
+            )
         );
     }
 }
