@@ -178,7 +178,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Constant deceleration with which a gap lasts for a time; negative if none is needed [m/s^2].
+/// Constant deceleration with which a gap lasts for a time; negative where the driver need not brake [m/s^2].
 ///
 /// If the closing speed would fall to 0 before that time, it is the deceleration with which the gap is just used up.
 #[inline(always)]

@@ -114,7 +114,7 @@ pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Le
 
 /// Acceleration of the IIDM with its braking at small gaps softened [m/s^2].
 ///
-/// `iidm` is the result of `iidm_accel`, and `cah` that of `cah_accel`.
+/// `iidm` is the result of `iidm_accel`, and `cah` the result of `cah_accel`.
 #[inline(always)]
 fn blend_iidm_with_cah<S: Simd>(
     constants: &ModelConstants,
@@ -176,7 +176,8 @@ fn iidm_accel<S: Simd>(
 
 /// Acceleration, never positive, that a leader imposes on a follower at its desired speed [m/s^2].
 ///
-/// It is not blended with `cah_accel`: a gap is judged by the distance that the driver would like to keep.
+/// It is not blended with `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too small to impose
+/// on another driver.
 #[inline(always)]
 pub fn imposed_accel<S: Simd>(
     constants: &ModelConstants,

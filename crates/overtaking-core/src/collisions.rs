@@ -237,8 +237,8 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
         lever: impact.lever_first,
     };
     let on_second = Impulse {
-        size: turned(frame, size),
-        lever: turned(frame, impact.lever_second),
+        size: in_frame(frame, size),
+        lever: in_frame(frame, impact.lever_second),
     };
     apply_impulse(state, params, first, &impact, &on_first);
     apply_impulse(state, params, second, &impact, &on_second);
@@ -372,7 +372,7 @@ fn pair_frame<S: Simd, const N: usize>(
 
 /// A component of a vector, or a lever, of the second vehicle in the frame of the first.
 #[inline(always)]
-fn turned<S: Simd>(frame: PairFrame<S>, value: F32<S>) -> F32<S> {
+fn in_frame<S: Simd>(frame: PairFrame<S>, value: F32<S>) -> F32<S> {
     frame.map_or(value, |turn| turn * value)
 }
 
@@ -435,8 +435,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         OrientedBox {
             s: position.s,
             d: position.d,
-            sine: turned(frame, motion.sin_heading[slot]),
-            cosine: turned(frame, motion.cos_heading[slot]),
+            sine: in_frame(frame, motion.sin_heading[slot]),
+            cosine: in_frame(frame, motion.cos_heading[slot]),
             half_length: vehicle.half_length,
             half_width: vehicle.half_width,
         }
@@ -458,8 +458,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         OrientedBox {
             s: position.s,
             d: position.d,
-            sine: turned(frame, sine),
-            cosine: turned(frame, cosine),
+            sine: in_frame(frame, sine),
+            cosine: in_frame(frame, cosine),
             half_length: vehicle.half_length,
             half_width: vehicle.half_width,
         }
@@ -471,8 +471,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let yaw_rate = self.state.motion.yaw_rate[self.slot];
         let (along, across) = self.road_velocity();
         RoadVector {
-            s: turned(frame, along) - yaw_rate * arm.d,
-            d: turned(frame, across) + yaw_rate * arm.s,
+            s: in_frame(frame, along) - yaw_rate * arm.d,
+            d: in_frame(frame, across) + yaw_rate * arm.s,
         }
     }
 }

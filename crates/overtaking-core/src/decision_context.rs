@@ -1,4 +1,4 @@
-//! What drivers perceive at a decision; the twin of `overtaking.sim.reference.decision_context`.
+//! Perception of the drivers at a decision; the twin of `overtaking.sim.reference.decision_context`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -9,14 +9,14 @@ use crate::oncoming::{OncomingSearch, OncomingTraffic};
 use crate::perception::Beliefs;
 use crate::state::PerVehicle;
 
-/// What one driver perceives when it decides.
+/// Perception of one driver at a decision.
 ///
 /// `Copy`, so that a stepped batch can keep the ego's until the action of an external driver arrives.
 #[derive(Clone, Copy)]
 pub struct DriverContext<S: Simd> {
     /// The nearest vehicles of the own direction, by role.
     pub neighbours: Neighbours<S>,
-    /// What the driver believes about them.
+    /// Beliefs of the driver about them.
     pub beliefs: Beliefs<S>,
     /// Vehicles of the other direction; not written on one-way roads.
     pub oncoming: OncomingTraffic<S>,
@@ -35,9 +35,9 @@ impl<S: Simd> DriverContext<S> {
     /// The context of a driver that has not looked yet.
     pub fn empty(simd: S) -> Self {
         Self {
-            neighbours: Neighbours::none(simd),
-            beliefs: Beliefs::none(simd),
-            oncoming: OncomingTraffic::none(simd),
+            neighbours: Neighbours::no_vehicles(simd),
+            beliefs: Beliefs::without_neighbours(simd),
+            oncoming: OncomingTraffic::no_vehicles(simd),
             checks_mirrors: never(simd),
             gives_way: never(simd),
             decision_index: 0,
@@ -57,7 +57,7 @@ pub struct RoadPositions<S: Simd, const N: usize> {
 /// than some of the computations that read it.
 pub struct DecisionContext<S: Simd, const N: usize> {
     pub drivers: [DriverContext<S>; N],
-    /// What the other drivers see of each vehicle.
+    /// The visible body of each vehicle.
     pub bodies: [VisibleBody<S>; N],
     /// Which vehicles can meet which, on two-way roads.
     pub oncoming_search: OncomingSearch<S, N>,
@@ -71,8 +71,8 @@ impl<S: Simd, const N: usize> DecisionContext<S, N> {
         let zero = [splat(simd, 0.0); N];
         Self {
             drivers: [DriverContext::empty(simd); N],
-            bodies: [VisibleBody::none(simd); N],
-            oncoming_search: OncomingSearch::none(simd),
+            bodies: [VisibleBody::no_vehicle(simd); N],
+            oncoming_search: OncomingSearch::no_vehicles(simd),
             step_start: RoadPositions { s: zero, d: zero },
         }
     }

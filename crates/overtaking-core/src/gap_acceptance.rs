@@ -1,4 +1,4 @@
-//! Gap acceptance: what drivers intend, from the gaps that they believe to be around them; the twin of
+//! Gap acceptance: intentions of drivers, from the gaps that they believe to be around them; the twin of
 //! `overtaking.sim.reference.gap_acceptance`. The ego decides so, and on two-way roads every driver.
 
 use fearless_simd::Simd;
@@ -28,7 +28,7 @@ const MIN_GAP_FACTOR: f32 = 1e-6;
 /// Beliefs and demands of a driver at a decision.
 pub struct GapAcceptanceInputs<'a, S: Simd> {
     pub vehicle: &'a VehicleParams<S>,
-    /// What the driver believes about its neighbours.
+    /// Beliefs of the driver about its neighbours.
     pub beliefs: &'a Beliefs<S>,
     /// Speed that the driver desires at this place [m/s].
     desired_speed: F32<S>,
@@ -383,8 +383,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let wants_now = select_mask(inputs.is_scripted, inputs.pulls_out_by_script, wants_now);
         // Between two checks of the mirrors drivers keep their intention.
         let decides = context.checks_mirrors | inputs.is_scripted;
-        let wanted_before = state.lane_choice.wanted_side[slot].simd_gt(0.0);
-        let wants = select_mask(decides, wants_now, wanted_before)
+        let keeps_wish = state.lane_choice.wanted_side[slot].simd_gt(0.0);
+        let wants = select_mask(decides, wants_now, keeps_wish)
             & inputs.forced_decision.simd_ne(forced_decision::STAY);
         // A branch forces the first attempt only; later ones are the driver's own.
         let is_forced = inputs.forced_decision.simd_eq(forced_decision::PULL_OUT)
@@ -424,8 +424,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
         let wants_now = select_mask(inputs.is_scripted, has_passed, accepts_gaps) & has_paused;
         let decides = context.checks_mirrors | inputs.is_scripted;
-        let wanted_before = state.lane_choice.wanted_side[slot].simd_lt(0.0);
-        let wants = select_mask(decides, wants_now, wanted_before);
+        let keeps_wish = state.lane_choice.wanted_side[slot].simd_lt(0.0);
+        let wants = select_mask(decides, wants_now, keeps_wish);
         can_return & (wants | inputs.forced_decision.simd_eq(forced_decision::RETURN))
     }
 

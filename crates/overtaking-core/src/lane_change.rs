@@ -44,7 +44,7 @@ pub struct LaneMoves<S: Simd> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Acceleration that this driver would impose on a follower, by its own time gap [m/s^2].
     ///
-    /// `speed` is that of the driver, and `closing_speed` the follower's minus the driver's.
+    /// `speed` is the driver's speed, and `closing_speed` the follower's minus the driver's.
     #[inline(always)]
     fn imposed_accel_on_follower(
         self,
@@ -217,10 +217,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let max_distance = self.params.constants.claim_time * motion.vx[slot];
         let mut gives_way = side.simd_ne(side);
         for j in 0..self.params.num_slots_in_use {
-            let other = &bodies[j];
+            let body = &bodies[j];
             let lead = nearest_image(self.params, motion.s[j] - motion.s[slot]);
-            let claims_same_lane = other.claimed_side.simd_eq(-side)
-                & other.lane.simd_eq(bodies[slot].lane + 2.0 * side)
+            let claims_same_lane = body.claimed_side.simd_eq(-side)
+                & body.lane.simd_eq(bodies[slot].lane + 2.0 * side)
                 & side.simd_ne(0.0);
             let is_close = lead.abs().simd_lt(max_distance);
             let goes_first = lead.simd_gt(0.0) | (lead.simd_eq(0.0) & side.simd_lt(0.0));

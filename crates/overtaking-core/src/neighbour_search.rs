@@ -33,7 +33,7 @@ pub struct Neighbours<S: Simd> {
 
 impl<S: Simd> Neighbours<S> {
     /// An empty road.
-    pub fn none(simd: S) -> Self {
+    pub fn no_vehicles(simd: S) -> Self {
         let (none, far, zero) = (splat(simd, NO_SLOT), splat(simd, FAR), splat(simd, 0.0));
         Self {
             slot: [none; NUM_ROLES],
@@ -47,7 +47,7 @@ impl<S: Simd> Neighbours<S> {
     }
 }
 
-/// What the other drivers see of a vehicle.
+/// The body of a vehicle as other drivers see it.
 #[derive(Clone, Copy)]
 pub struct VisibleBody<S: Simd> {
     exists: Mask<S>,
@@ -65,7 +65,7 @@ pub struct VisibleBody<S: Simd> {
 
 impl<S: Simd> VisibleBody<S> {
     /// No vehicle.
-    pub fn none(simd: S) -> Self {
+    pub fn no_vehicle(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
@@ -142,6 +142,15 @@ struct NearestVehicle<S: Simd> {
 }
 
 impl<S: Simd> NearestVehicle<S> {
+    /// The result of a search that finds no vehicle.
+    #[inline(always)]
+    fn no_vehicle(simd: S) -> Self {
+        Self {
+            slot: splat(simd, NO_SLOT),
+            distance: splat(simd, FAR),
+        }
+    }
+
     /// Take over the vehicle in `slot` where it `is_candidate` and nearer.
     #[inline(always)]
     fn consider(&mut self, slot: F32<S>, distance: F32<S>, is_candidate: Mask<S>) {
@@ -217,11 +226,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let right_edge = right_edge + params.constants.corridor_margin;
         let left_edge = left_edge - params.constants.corridor_margin;
         let lane = state.lane_choice.lane[slot] + offset;
-        let none = || NearestVehicle {
-            slot: splat(params.simd, NO_SLOT),
-            distance: splat(params.simd, FAR),
-        };
-        let [mut ahead, mut behind] = [none(), none()];
+        let mut ahead = NearestVehicle::no_vehicle(params.simd);
+        let mut behind = NearestVehicle::no_vehicle(params.simd);
         for j in 0..params.num_slots_in_use {
             if j == slot {
                 continue;

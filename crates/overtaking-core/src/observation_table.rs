@@ -1,4 +1,4 @@
-//! The table that an external driver of the ego observes; see `overtaking.sim.reference.observation_table`.
+//! The table that an external driver of the ego observes; the twin of `overtaking.sim.reference.observation_table`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -98,7 +98,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             };
             self.neighbour_columns(context, role, motion).write(columns);
         }
-        let mut vehicles = [OncomingVehicle::none(params.simd); 2];
+        let mut vehicles = [OncomingVehicle::no_vehicle(params.simd); 2];
         if params.road.directions.has_oncoming_traffic {
             vehicles = [
                 context.oncoming.nearest,
@@ -154,7 +154,7 @@ struct NeighbourMotion<S: Simd> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
+    /// The model driver's beliefs, with the true closing speed by which a script decides.
     #[inline(always)]
     fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let params = self.params;
@@ -184,11 +184,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             splat(params.simd, 0.0),
             splat(params.simd, params.constants.unseen_gap),
         );
-        let other_slot = context.neighbours.slot[role];
-        let exists = other_slot.simd_ge(0.0);
+        let neighbour_slot = context.neighbours.slot[role];
+        let exists = neighbour_slot.simd_ge(0.0);
         let (ego_speed, _) = self.road_velocity();
-        let [speed, accel] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
-            self.other(j).road_velocity().0,
+        let [speed, accel] = each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
+            self.at_slot(j).road_velocity().0,
             state.motion.accel_lon[j]
         ]);
         let is_ahead = role.is_multiple_of(2);
@@ -223,7 +223,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             is_truck,
             is_two_wheeler,
         ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
-            self.other(j).road_velocity().0,
+            self.at_slot(j).road_velocity().0,
             state.motion.accel_lon[j],
             state.motion.d[j],
             state.controls.indicator[j],
@@ -273,7 +273,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let flag = |mask| flag(params.simd, mask);
         let oncoming = &context.oncoming.nearest;
-        let plight = self.decide_pass_continuation(context);
+        let continuation = self.decide_pass_continuation(context);
         let leader = context.neighbours.slot[LEADER];
         let overtaken = select(
             self.is_in_stage(stage::FOLLOW),
@@ -289,10 +289,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             line_is_solid: flag(
                 self.line_is_solid(splat(params.simd, params.constants.line_lookahead)),
             ),
-            return_urgency: 0.5 * flag(plight.must_return_urgently)
-                + 0.5 * flag(plight.accepts_small_gap),
-            abort_state: 0.5 * flag(plight.must_abort)
-                + 0.5 * flag(plight.must_abort & plight.fits_into_lane),
+            return_urgency: 0.5 * flag(continuation.must_return_urgently)
+                + 0.5 * flag(continuation.accepts_small_gap),
+            abort_state: 0.5 * flag(continuation.must_abort)
+                + 0.5 * flag(continuation.must_abort & continuation.fits_into_lane),
             can_abort_pass: flag(self.can_abort_pass()),
         }
     }
@@ -310,7 +310,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let [
             indicator,
             requested_accel,
-            crashed,
+            is_wreck,
             is_truck,
             is_two_wheeler,
         ] = each_at_slot!(
@@ -325,7 +325,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             ]
         );
         let brakes =
-            requested_accel.simd_lt(-params.constants.stop_lamp_decel) | crashed.simd_gt(0.0);
+            requested_accel.simd_lt(-params.constants.stop_lamp_decel) | is_wreck.simd_gt(0.0);
         let if_detected = |value| select(motion.is_detected, value, zero);
         NeighbourColumns {
             is_detected: flag(params.simd, motion.is_detected),

@@ -1,4 +1,4 @@
-//! Vehicles of the other direction, and what drivers believe about them; the twin of
+//! Vehicles of the other direction, and the beliefs of drivers about them; the twin of
 //! `overtaking.sim.reference.oncoming`.
 
 use fearless_simd::Simd;
@@ -60,7 +60,7 @@ pub struct OncomingTraffic<S: Simd> {
 
 impl<S: Simd> OncomingVehicle<S> {
     /// No vehicle.
-    pub fn none(simd: S) -> Self {
+    pub fn no_vehicle(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
@@ -77,11 +77,11 @@ impl<S: Simd> OncomingVehicle<S> {
 
 impl<S: Simd> OncomingTraffic<S> {
     /// An empty road.
-    pub fn none(simd: S) -> Self {
+    pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         Self {
-            nearest: OncomingVehicle::none(simd),
+            nearest: OncomingVehicle::no_vehicle(simd),
             meets_in_own_lane: never,
             time_to_meeting: zero,
             is_being_passed: never,
@@ -265,7 +265,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.road_velocity().0 + self.params.simulations.expected_oncoming_speed
     }
 
-    /// What the driver believes about the oncoming vehicle, or assumes if it sees none.
+    /// The oncoming vehicle as the driver believes, or assumes if it sees no vehicle.
     #[inline(always)]
     fn believe(
         self,
@@ -425,7 +425,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
 
 impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     /// An empty road.
-    pub fn none(simd: S) -> Self {
+    pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
         let view = OppositeView {
@@ -453,29 +453,32 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         bodies: &[VisibleBody<S>; N],
     ) {
         let (constants, road) = (&params.constants, &params.road);
-        let edge = |lateral_position: f32| splat(params.simd, lateral_position);
-        let right_edge = edge(road.boundaries[0] + constants.corridor_margin);
+        let simd = params.simd;
+        let right_edge = splat(simd, road.boundaries[0] + constants.corridor_margin);
         let first_lane = (
             right_edge,
-            edge(road.boundaries[1] - constants.corridor_margin),
+            splat(simd, road.boundaries[1] - constants.corridor_margin),
         );
-        let left_edge = edge(road.boundaries[road.num_lanes] - constants.corridor_margin);
+        let left_edge = splat(
+            simd,
+            road.boundaries[road.num_lanes] - constants.corridor_margin,
+        );
         let whole_road = (right_edge, left_edge);
         (self.directions, self.off_lane_slots, self.overtaking_slots) = ([0; 2], 0, 0);
         for j in 0..params.num_slots_in_use {
-            let other = &params.vehicles[j];
-            let valid = other.valid.simd_gt(0.0);
+            let vehicle = &params.vehicles[j];
+            let valid = vehicle.valid.simd_gt(0.0);
             let d = road.directions.edge_sum - state.motion.d[j];
             let view = OppositeView {
                 s: road.directions.length - state.motion.s[j],
-                right_side: d - other.half_width,
-                left_side: d + other.half_width,
+                right_side: d - vehicle.half_width,
+                left_side: d + vehicle.half_width,
                 lane: (road.num_lanes - 1) as f32 - state.lane_choice.lane[j],
                 on_road: valid,
             };
             let is_off_lane = view.overlaps(first_lane)
                 | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
-            let drives_along = other.travel_sign.simd_gt(0.0);
+            let drives_along = vehicle.travel_sign.simd_gt(0.0);
             self.directions[0] |= u32::from((valid & drives_along).any_true()) << j;
             self.directions[1] |= u32::from((valid & !drives_along).any_true()) << j;
             self.off_lane_slots |= u32::from((valid & is_off_lane).any_true()) << j;
@@ -500,11 +503,11 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         let (state, params, slot) = (driver.state, driver.params, driver.slot);
         let s = state.motion.s[slot];
         let (lane, travel_sign) = (state.lane_choice.lane[slot], driver.vehicle().travel_sign);
-        let none = NearestOncoming {
+        let no_vehicle = NearestOncoming {
             slot: splat(params.simd, NO_SLOT),
             distance: splat(params.simd, FAR),
         };
-        let [mut nearest, mut in_own_lane] = [none; 2];
+        let [mut nearest, mut in_own_lane] = [no_vehicle; 2];
         let [along, against] = self.directions;
         let mut oncoming_slots = 0;
         for (own, opposite) in [(along, against), (against, along)] {
@@ -513,11 +516,11 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             }
         }
         for j in (0..params.num_slots_in_use).filter(|j| oncoming_slots >> *j & 1 == 1) {
-            let other = &self.as_seen_by_oncoming[j];
-            let distance = other.s - s;
+            let view = &self.as_seen_by_oncoming[j];
+            let distance = view.s - s;
             let is_oncoming =
                 params.vehicles[j].travel_sign.simd_ne(travel_sign) & distance.simd_ge(0.0);
-            let is_nearer = is_oncoming & other.on_road & distance.simd_lt(nearest.distance);
+            let is_nearer = is_oncoming & view.on_road & distance.simd_lt(nearest.distance);
             let other_slot = splat(params.simd, j as i32 as f32);
             nearest.slot = select(is_nearer, other_slot, nearest.slot);
             nearest.distance = select(is_nearer, distance, nearest.distance);
@@ -535,14 +538,14 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             left_edge - params.constants.corridor_margin,
         );
         for j in (0..params.num_slots_in_use).filter(|j| oncoming_slots >> *j & 1 == 1) {
-            let other = &self.as_seen_by_oncoming[j];
-            let distance = other.s - s;
+            let view = &self.as_seen_by_oncoming[j];
+            let distance = view.s - s;
             let is_oncoming = params.vehicles[j].valid.simd_gt(0.0)
                 & params.vehicles[j].travel_sign.simd_ne(travel_sign)
                 & distance.simd_ge(0.0);
-            let changes_to_lane = bodies[j].visibly_changes_lane & other.lane.simd_eq(lane);
+            let changes_to_lane = bodies[j].visibly_changes_lane & view.lane.simd_eq(lane);
             let is_nearer = is_oncoming
-                & (changes_to_lane | other.overlaps(edges))
+                & (changes_to_lane | view.overlaps(edges))
                 & distance.simd_lt(in_own_lane.distance);
             let other_slot = splat(params.simd, j as i32 as f32);
             in_own_lane.slot = select(is_nearer, other_slot, in_own_lane.slot);
@@ -562,10 +565,10 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             if j < params.num_slots_in_use {
                 VisibleBody::new(state.vehicle(params, j))
             } else {
-                VisibleBody::none(params.simd)
+                VisibleBody::no_vehicle(params.simd)
             }
         });
-        let mut search = Self::none(params.simd);
+        let mut search = Self::no_vehicles(params.simd);
         search.update(state, params, &bodies);
         for j in 0..params.num_slots_in_use {
             search.as_seen_by_oncoming[j].on_road &= except_slot.simd_ne(j as i32 as f32);
@@ -581,10 +584,11 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         let vehicle = driver.vehicle();
         let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot];
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
-            let other = &params.vehicles[j];
+            let overtaker = &params.vehicles[j];
             let gap = (state.motion.s[slot] - state.motion.s[j]).abs()
-                - (vehicle.half_length + other.half_length);
-            let overtakes_here = vehicle.travel_sign.simd_eq(other.travel_sign) & self.overtakes[j];
+                - (vehicle.half_length + overtaker.half_length);
+            let overtakes_here =
+                vehicle.travel_sign.simd_eq(overtaker.travel_sign) & self.overtakes[j];
             let is_near = gap.simd_lt(params.constants.passed_awareness_margin) & overtakes_here;
             is_being_passed |=
                 is_near & state.lane_choice.lane[j].simd_gt(state.lane_choice.lane[slot]);

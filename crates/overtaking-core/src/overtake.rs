@@ -28,7 +28,7 @@ pub struct EgoDecision<'a, S: Simd> {
 
 /// Let the ego of every simulation decide, or carry out the action of an external driver.
 ///
-/// What the ego intends holds until it checks its mirrors again.
+/// The ego keeps its intention until it checks its mirrors again.
 #[inline(always)]
 pub fn decide_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,

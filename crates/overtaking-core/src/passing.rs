@@ -28,7 +28,7 @@ pub struct PassingSpeeds<S: Simd> {
 
 /// Time to gain a distance on another vehicle, at constant acceleration up to a speed [s].
 ///
-/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus that of the other vehicle.
+/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus the other vehicle's.
 #[inline(always)]
 fn time_to_gain<S: Simd>(
     distance: F32<S>,
@@ -41,10 +41,10 @@ fn time_to_gain<S: Simd>(
     let v = min(at_least(closing_speed, 0.0), v_max);
     let ramp = (v_max - v) / a;
     let covered = 0.5 * (v + v_max) * ramp;
-    let within = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
+    let time_of_ramp = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
     select(
         distance.simd_lt(covered),
-        within,
+        time_of_ramp,
         ramp + (distance - covered) / v_max,
     )
 }
@@ -102,7 +102,7 @@ pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Speed at which the driver passes: well above that of the target, if the vehicle can [m/s].
+    /// Speed at which the driver passes: well above the target's, if the vehicle can [m/s].
     ///
     /// A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
     #[inline(always)]
@@ -122,7 +122,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn target_speed(self) -> F32<S> {
         let target_slot = self.state.overtake.target_slot[self.slot];
         at_slot!(self.params.num_slots_in_use, target_slot, |j| self
-            .other(j)
+            .at_slot(j)
             .road_velocity()
             .0)
     }

@@ -1,4 +1,4 @@
-//! What each driver believes about its neighbours; the twin of `overtaking.sim.reference.perception`, which names the
+//! Beliefs of each driver about its neighbours; the twin of `overtaking.sim.reference.perception`, which names the
 //! sources.
 
 use fearless_simd::prelude::*;
@@ -33,7 +33,7 @@ const MIN_LOOMING: f32 = 1e-9;
 /// Smallest length of a line of sight, which keeps it finite alongside [m].
 pub const MIN_SIGHT_LINE: f32 = 0.1;
 
-/// What one driver believes about its neighbours, by role.
+/// Beliefs of one driver about its neighbours, by role.
 #[derive(Clone, Copy)]
 pub struct Beliefs<S: Simd> {
     /// Whether the driver has detected the neighbour.
@@ -49,7 +49,7 @@ pub struct Beliefs<S: Simd> {
 impl<S: Simd> Beliefs<S> {
     /// Beliefs of a driver that has not looked yet.
     #[inline(always)]
-    pub fn none(simd: S) -> Self {
+    pub fn without_neighbours(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         Self {
             is_detected: [zero.simd_lt(zero); NUM_ROLES],
@@ -98,7 +98,7 @@ pub struct Looming<S: Simd> {
     pub exceeds_threshold: Mask<S>,
     /// How much of the closing speed is noticed, 0 to 1.
     pub noticed_share: F32<S>,
-    /// What is left of misjudgements as contact comes near, 0 to 1.
+    /// Share of misjudgements that is left as contact comes near, 0 to 1.
     pub error_share: F32<S>,
     /// Closing speed as it is sensed [m/s].
     pub closing_speed: F32<S>,
@@ -242,7 +242,7 @@ pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32
 struct Gaze<'a, S: Simd> {
     role: usize,
     neighbours: &'a Neighbours<S>,
-    /// The leader, unless it is looked at itself.
+    /// The leader, unless the driver looks at the leader itself.
     tall_leader: Option<&'a TallLeader<S>>,
     sight_range_ratio: F32<S>,
     /// Whether the driver keeps an eye on this role all the time.
@@ -464,7 +464,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// How an approach looms to the driver. `width` is that of the vehicle as it looms [m].
+    /// How an approach looms to the driver. `width` is the looming width of the vehicle [m].
     #[inline(always)]
     pub fn sense_looming(self, gap: F32<S>, closing_speed: F32<S>, width: F32<S>) -> Looming<S> {
         let (constants, simulation) = (&self.params.constants, &self.params.simulations);
@@ -523,7 +523,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
     let (own_speed, _) = driver.road_velocity();
     let distance_factor = exp(simulation.distance_error * state.noise.distance_error[slot]);
-    *beliefs = Beliefs::none(params.simd);
+    *beliefs = Beliefs::without_neighbours(params.simd);
     let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
     let known_slots = state.attention.slot_in_view[slot];
     let known_times = state.attention.time_in_view[slot];

@@ -1,4 +1,4 @@
-//! Frames to their place in memory, percepts and contacts; see `overtaking.sim.reference.recorder`.
+//! Recorded frames, percepts and contacts as integers, and their hash; the twin of `overtaking.sim.reference.recorder`.
 
 pub(crate) mod frame_tiles;
 pub(crate) mod output;
@@ -8,7 +8,7 @@ use fearless_simd::{Simd, i32x16, u32x16};
 
 use crate::decision_context::DriverContext;
 use crate::gap_acceptance::Intent;
-use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, clamp_to, select, splat};
+use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, at_slot, clamp_to, select, splat};
 use crate::names::lights;
 use crate::oncoming::OncomingVehicle;
 use crate::params::{Params, RoadPose};
@@ -99,14 +99,14 @@ impl<'a, const N: usize> Recorder<'a, N> {
         self.frames[lane] = source.frames[source_lane];
     }
 
-    /// Write down one frame of the simulations that still run.
+    /// Record one frame of the simulations that still run.
     #[inline(always)]
     pub fn record_frame<S: Simd>(
         &mut self,
         state: &State<S, N>,
         params: &Params<S, N>,
-        active: Mask<S>,
-        number: usize,
+        is_running: Mask<S>,
+        frame: usize,
         tile: &mut FrameTile<N>,
     ) {
         let simd = params.simd;
@@ -117,77 +117,77 @@ impl<'a, const N: usize> Recorder<'a, N> {
             u32x16::simd_from(simd, h2),
             u32x16::simd_from(simd, h3),
         ];
-        let at = number - self.flushed;
-        for i in 0..params.num_slots_in_use {
-            let valid = params.vehicles[i].valid.simd_gt(0.0);
-            let words = state.vehicle(params, i).state_words();
+        let row = frame - self.flushed;
+        for slot in 0..params.num_slots_in_use {
+            let valid = params.vehicles[slot].valid.simd_gt(0.0);
+            let words = state.vehicle(params, slot).state_words();
             for (k, word) in words.into_iter().enumerate() {
-                hash[k % 4] = mix(hash[k % 4], word, active & valid);
+                hash[k % 4] = mix(hash[k % 4], word, is_running & valid);
             }
             for (k, word) in packed(simd, &words).into_iter().enumerate() {
-                tile.0[(i * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + at] = Row(word.to_array());
+                tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
+                    Row(word.to_array());
             }
-            if valid.test(at) {
-                self.prefetch_rows(i, at);
+            if valid.test(row) {
+                self.prefetch_rows(slot, row);
             }
         }
         let stage: i32x16<S> = state.overtake.stage[EGO_SLOT].to_int();
-        let nobody = state.first_contact.partner[EGO_SLOT].simd_lt(0.0);
+        let has_no_partner = state.first_contact.partner[EGO_SLOT].simd_lt(0.0);
         let partner: i32x16<S> = state.first_contact.partner[EGO_SLOT].to_int();
-        let partner = nobody.select(i32x16::splat(simd, NO_VEHICLE), partner);
-        let frame = i32x16::splat(simd, number as i32);
+        let partner = has_no_partner.select(i32x16::splat(simd, NO_VEHICLE), partner);
+        let frame_word = i32x16::splat(simd, frame as i32);
         let zero = i32x16::splat(simd, 0);
-        for (k, word) in [stage, partner, frame, zero].into_iter().enumerate() {
-            hash[k] = mix(hash[k], word, active);
+        for (k, word) in [stage, partner, frame_word, zero].into_iter().enumerate() {
+            hash[k] = mix(hash[k], word, is_running);
         }
-        for (kept, word) in self.hash.iter_mut().zip(hash) {
-            *kept = word.to_array();
+        for (stored_word, word) in self.hash.iter_mut().zip(hash) {
+            *stored_word = word.to_array();
         }
         for (lane, out) in self.out.iter_mut().enumerate() {
-            if let Some(out) = out.as_mut().filter(|_| active.test(lane)) {
-                out.stage[number] = stage[lane] as u8;
-                out.collided_with[number] = partner[lane] as u8;
-                self.frames[lane] = number + 1;
+            if let Some(out) = out.as_mut().filter(|_| is_running.test(lane)) {
+                out.stage[frame] = stage[lane] as u8;
+                out.collided_with[frame] = partner[lane] as u8;
+                self.frames[lane] = frame + 1;
             }
         }
-        if at + 1 == FRAMES_PER_TILE {
+        if row + 1 == FRAMES_PER_TILE {
             simd.vectorize(
                 #[inline(always)]
                 || self.write_tile(params, tile),
             );
-            self.flushed = number + 1;
+            self.flushed = frame + 1;
         }
     }
 
-    /// Ask for the memory that the frames of vehicle `i` of the simulation in lane `at` will be moved to.
+    /// Load the memory to which the tile will move the frames of the vehicle in `slot` in one lane into the cache.
     ///
-    /// A tile has as many frames as there are lanes, so all of it is there when the tile is full; else each
-    /// line of it would be waited for. A vehicle after the other, as the CPU waits for a few lines at a time.
+    /// A tile has as many frames as there are lanes, so that all this memory is loaded when the tile is full; without
+    /// this the CPU would wait for each line of it. It waits for few lines at a time, so vehicles follow one another.
     #[inline(always)]
-    fn prefetch_rows(&self, i: usize, at: usize) {
-        if let Some(out) = self.out[at].as_ref() {
-            frame_tiles::prefetch_rows(out, i * out.frames + self.flushed);
+    fn prefetch_rows(&self, slot: usize, lane: usize) {
+        if let Some(out) = self.out[lane].as_ref() {
+            frame_tiles::prefetch_rows(out, slot * out.frames + self.flushed);
         }
     }
 
     /// Move the collected frames to their place: the frames of one vehicle are adjacent.
     ///
-    /// Sixteen frames are turned at once; what is written beyond the end of a simulation is cleared when
-    /// it is finished.
+    /// Sixteen frames are transposed at once. `finish` clears the frames after the end of a simulation.
     #[inline(always)]
     pub fn write_tile<S: Simd>(&mut self, params: &Params<S, N>, tile: &FrameTile<N>) {
         let start = self.flushed;
         if self.frames.iter().all(|frames| *frames <= start) {
             return;
         }
-        for i in 0..params.num_slots_in_use {
-            let there = params.vehicles[i].valid.simd_gt(0.0);
+        for slot in 0..params.num_slots_in_use {
+            let exists = params.vehicles[slot].valid.simd_gt(0.0);
             for k in 0..NUM_PACKED_WORDS {
-                let from = (i * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE;
-                let turned = transpose(params.simd, &tile.0[from..from + SIMD_LANES]);
-                for (lane, (out, Row(row))) in self.out.iter_mut().zip(&turned).enumerate() {
-                    if let Some(out) = out.as_mut().filter(|_| there.test(lane)) {
-                        put_tile(out, i, k, start, row);
+                let first = (slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE;
+                let rows = transpose(params.simd, &tile.0[first..first + SIMD_LANES]);
+                for (lane, (out, Row(row))) in self.out.iter_mut().zip(&rows).enumerate() {
+                    if let Some(out) = out.as_mut().filter(|_| exists.test(lane)) {
+                        put_tile(out, slot, k, start, row);
                     }
                 }
             }
@@ -240,7 +240,6 @@ impl<'a, const N: usize> Recorder<'a, N> {
         context: &DriverContext<S>,
         percepts: &RecordedPercepts<'_, S>,
     ) {
-        let (near, believed) = (&context.neighbours, &context.beliefs);
         let RecordedPercepts {
             made,
             kind,
@@ -249,67 +248,50 @@ impl<'a, const N: usize> Recorder<'a, N> {
             step,
         } = *percepts;
         let now = splat(params.simd, step as f32);
-        let mask =
-            made & state.num_percepts.simd_lt(MAX_PERCEPTS as f32) & now.simd_le(state.end_step);
-        if !mask.any_true() {
+        let has_memory = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
+        let is_recorded = made & has_memory & now.simd_le(state.end_step);
+        if !is_recorded.any_true() {
             return;
         }
-        let (own, _) = state.vehicle(params, EGO_SLOT).road_velocity();
         for (column, role) in roles.into_iter().enumerate() {
-            // Who comes stands for the front of the lane that is pulled out to.
-            let comes = oncoming.filter(|_| role == LEFT_LEADER);
-            let slot = comes.map_or(near.slot[role], |one| one.slot);
-            let mut speed = state.vehicle(params, 0).road_velocity().0;
-            for j in 1..params.num_slots_in_use {
-                speed = select(
-                    slot.simd_eq(j as f32),
-                    state.vehicle(params, j).road_velocity().0,
-                    speed,
-                );
-            }
-            let closing = if comes.is_some() {
-                own + speed
-            } else if role.is_multiple_of(2) {
-                own - speed
-            } else {
-                speed - own
+            let percept = match oncoming.filter(|_| role == LEFT_LEADER) {
+                Some(oncoming) => oncoming_percept(state, params, oncoming),
+                None => neighbour_percept(state, params, context, role),
             };
-            let gap = comes.map_or(believed.gap[role], |one| one.believed_gap);
-            let gap = to_recorded_integers(gap, INTEGERS_PER_UNIT, INT32_LIMIT);
-            let believed_closing =
-                comes.map_or(believed.closing_speed[role], |one| one.closing_speed);
-            let believed_closing =
-                to_recorded_integers(believed_closing, INTEGERS_PER_UNIT, INT32_LIMIT);
-            let true_gap = comes.map_or(near.gap[role], |one| one.gap);
-            let true_gap = to_recorded_integers(true_gap, INTEGERS_PER_UNIT, INT32_LIMIT);
-            let detected = comes.map_or(believed.is_detected[role], |one| one.is_detected);
-            let true_closing = to_recorded_integers(closing, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let gap = to_recorded_integers(percept.gap, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let closing_speed =
+                to_recorded_integers(percept.closing_speed, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let true_gap = to_recorded_integers(percept.true_gap, INTEGERS_PER_UNIT, INT32_LIMIT);
+            let true_closing_speed =
+                to_recorded_integers(percept.true_closing_speed, INTEGERS_PER_UNIT, INT32_LIMIT);
             for (lane, out) in self.out.iter_mut().enumerate() {
-                let Some(out) = out.as_mut().filter(|_| mask.test(lane)) else {
+                let Some(out) = out.as_mut().filter(|_| is_recorded.test(lane)) else {
                     continue;
                 };
-                let at = state.num_percepts[lane] as usize * 3 + column;
-                let nobody = slot[lane] < 0.0;
-                out.percept_slot[at] = if nobody { 255 } else { slot[lane] as u8 };
-                out.percept_is_detected[at] = u8::from(detected.test(lane));
-                out.percept_gap[at] = gap[lane];
-                out.percept_closing_speed[at] = believed_closing[lane];
-                out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
-                out.percept_true_closing_speed[at] = if nobody { 0 } else { true_closing[lane] };
+                let index = state.num_percepts[lane] as usize * 3 + column;
+                let slot = percept.slot[lane];
+                let exists = slot >= 0.0;
+                out.percept_slot[index] = if exists { slot as u8 } else { 255 };
+                out.percept_is_detected[index] = u8::from(percept.is_detected.test(lane));
+                out.percept_gap[index] = gap[lane];
+                out.percept_closing_speed[index] = closing_speed[lane];
+                out.percept_true_gap[index] = if exists { true_gap[lane] } else { 0 };
+                out.percept_true_closing_speed[index] =
+                    if exists { true_closing_speed[lane] } else { 0 };
             }
         }
         for (lane, out) in self.out.iter_mut().enumerate() {
-            if let Some(out) = out.as_mut().filter(|_| mask.test(lane)) {
-                let at = state.num_percepts[lane] as usize;
-                out.percept_valid[at] = 1;
-                out.percept_kind[at] = kind as u8;
-                out.percept_time[at] = step as i32 * 10;
+            if let Some(out) = out.as_mut().filter(|_| is_recorded.test(lane)) {
+                let index = state.num_percepts[lane] as usize;
+                out.percept_valid[index] = 1;
+                out.percept_kind[index] = kind as u8;
+                out.percept_time[index] = step as i32 * 10;
             }
         }
-        state.num_percepts = select(mask, state.num_percepts + 1.0, state.num_percepts);
+        state.num_percepts = select(is_recorded, state.num_percepts + 1.0, state.num_percepts);
     }
 
-    /// Write what is left of a simulation that has ended: zeros behind its frames, contacts and hash.
+    /// Write zeros after the last frame of a simulation that has ended, its contacts and its hash.
     ///
     /// The lane is free afterwards.
     pub fn finish<S: Simd>(&mut self, lane: usize, state: &State<S, N>, params: &Params<S, N>) {
@@ -317,7 +299,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             return;
         };
         let mut hash = self.hash.map(|word| word[lane]);
-        clear_behind(&mut out, self.frames[lane], lane, params);
+        clear_after_last_frame(&mut out, self.frames[lane], lane, params);
         put_contacts(&mut out, &mut hash, lane, state, params);
         mix_percepts(&mut hash, &out);
         out.num_frames[0] = self.frames[lane] as i32;
@@ -325,7 +307,77 @@ impl<'a, const N: usize> Recorder<'a, N> {
     }
 }
 
-/// Set what is only written where something happens.
+/// What the ego believes about one vehicle, and what is true.
+struct Percept<S: Simd> {
+    slot: F32<S>,
+    is_detected: Mask<S>,
+    /// Believed gap [m].
+    gap: F32<S>,
+    /// Believed closing speed [m/s].
+    closing_speed: F32<S>,
+    true_gap: F32<S>,
+    true_closing_speed: F32<S>,
+}
+
+/// The percept of a neighbour of the ego's direction.
+#[inline(always)]
+fn neighbour_percept<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    context: &DriverContext<S>,
+    role: usize,
+) -> Percept<S> {
+    let (neighbours, beliefs) = (&context.neighbours, &context.beliefs);
+    let slot = neighbours.slot[role];
+    let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
+    let speed = road_speed_at(state, params, slot);
+    let is_ahead = role.is_multiple_of(2);
+    Percept {
+        slot,
+        is_detected: beliefs.is_detected[role],
+        gap: beliefs.gap[role],
+        closing_speed: beliefs.closing_speed[role],
+        true_gap: neighbours.gap[role],
+        true_closing_speed: if is_ahead {
+            ego_speed - speed
+        } else {
+            speed - ego_speed
+        },
+    }
+}
+
+/// The percept of an oncoming vehicle.
+#[inline(always)]
+fn oncoming_percept<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    oncoming: &OncomingVehicle<S>,
+) -> Percept<S> {
+    let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
+    Percept {
+        slot: oncoming.slot,
+        is_detected: oncoming.is_detected,
+        gap: oncoming.believed_gap,
+        closing_speed: oncoming.closing_speed,
+        true_gap: oncoming.gap,
+        true_closing_speed: ego_speed + road_speed_at(state, params, oncoming.slot),
+    }
+}
+
+/// Speed along the road of the vehicles in `slot` [m/s].
+#[inline(always)]
+fn road_speed_at<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    slot: F32<S>,
+) -> F32<S> {
+    at_slot!(params.num_slots_in_use, slot, |j| state
+        .vehicle(params, j)
+        .road_velocity()
+        .0)
+}
+
+/// Clear the columns that are only written at an event.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
     out.percept_slot.fill(255);
@@ -348,28 +400,25 @@ fn clear(out: &mut Output<'_>) {
     }
 }
 
-/// Zero what lies behind the last frame, and the slots that are empty, as far as something was ever written there.
-fn clear_behind<S: Simd, const N: usize>(
+/// Clear the frames after the last one, and the empty slots, as far as earlier simulations wrote there.
+fn clear_after_last_frame<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     frames: usize,
     lane: usize,
     params: &Params<S, N>,
 ) {
-    let room = out.frames;
-    for i in 0..out.slots {
-        let used = if params.vehicles[i].valid[lane] > 0.0 {
-            frames
-        } else {
-            0
-        };
-        let written = (out.written[i].max(0) as usize).clamp(used, room);
-        out.written[i] = used as i32;
-        let rest = i * room + used..i * room + written;
-        frame_tiles::clear(out, rest);
+    let max_frames = out.frames;
+    for slot in 0..out.slots {
+        let is_used = params.vehicles[slot].valid[lane] > 0.0;
+        let num_frames = if is_used { frames } else { 0 };
+        let num_written = (out.written[slot].max(0) as usize).clamp(num_frames, max_frames);
+        out.written[slot] = num_frames as i32;
+        let first = slot * max_frames;
+        frame_tiles::clear(out, first + num_frames..first + num_written);
     }
 }
 
-/// Write down the first contact of each vehicle.
+/// Write the first contact of each vehicle, and add it to the hash.
 fn put_contacts<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     hash: &mut [u32; 4],
@@ -377,39 +426,52 @@ fn put_contacts<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
 ) {
-    for i in 0..out.slots {
-        let partner = state.first_contact.partner[i][lane];
-        let slot = if partner < 0.0 { 255 } else { partner as u8 };
-        let time =
-            to_recorded_integers(state.first_contact.time[i], INTEGERS_PER_UNIT, INT32_LIMIT)[lane];
-        let impulse = to_recorded_integers(state.first_contact.impulse[i], 1.0, INT32_LIMIT)[lane];
-        let speed = to_recorded_integers(
-            state.first_contact.closing_speed[i],
+    for slot in 0..out.slots {
+        let partner = state.first_contact.partner[slot][lane];
+        let partner_word = if partner < 0.0 { 255 } else { partner as u8 };
+        let time = to_recorded_integers(
+            state.first_contact.time[slot],
             INTEGERS_PER_UNIT,
             INT32_LIMIT,
         )[lane];
-        out.contact_partner[i] = slot;
-        out.contact_time[i] = time;
-        out.contact_impulse[i] = impulse;
-        out.contact_speed[i] = speed;
+        let impulse =
+            to_recorded_integers(state.first_contact.impulse[slot], 1.0, INT32_LIMIT)[lane];
+        let speed = to_recorded_integers(
+            state.first_contact.closing_speed[slot],
+            INTEGERS_PER_UNIT,
+            INT32_LIMIT,
+        )[lane];
+        out.contact_partner[slot] = partner_word;
+        out.contact_time[slot] = time;
+        out.contact_impulse[slot] = impulse;
+        out.contact_speed[slot] = speed;
         // Empty slots are no part of the hash, which is the same for any number of slots.
-        if params.vehicles[i].valid[lane] == 0.0 {
+        if params.vehicles[slot].valid[lane] == 0.0 {
             continue;
         }
-        let words = [u32::from(slot), time as u32, impulse as u32, speed as u32];
+        let words = [
+            u32::from(partner_word),
+            time as u32,
+            impulse as u32,
+            speed as u32,
+        ];
         for (hash, word) in hash.iter_mut().zip(words) {
             *hash = mix_word(*hash, word);
         }
     }
 }
 
+/// Add the percepts to the hash.
 fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
-    for at in 0..MAX_PERCEPTS {
-        if out.percept_valid[at] == 0 {
+    for index in 0..MAX_PERCEPTS {
+        if out.percept_valid[index] == 0 {
             continue;
         }
-        let mut words = vec![u32::from(out.percept_kind[at]), out.percept_time[at] as u32];
-        for k in at * 3..at * 3 + 3 {
+        let mut words = vec![
+            u32::from(out.percept_kind[index]),
+            out.percept_time[index] as u32,
+        ];
+        for k in index * 3..index * 3 + 3 {
             words.extend([
                 u32::from(out.percept_slot[k]),
                 u32::from(out.percept_is_detected[k]),
@@ -425,17 +487,17 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
     }
 }
 
-/// Slot number, or lane, of nobody and nothing.
+/// Recorded slot number without a vehicle, and recorded lane beside the road.
 pub const NO_VEHICLE: i32 = 255;
 const INT16_LIMIT: f32 = 32767.0;
 /// Largest recorded word of 32 bits.
 pub const INT32_LIMIT: f32 = 2.0e9;
 const TURNS_PER_RADIAN: f32 = 0.159_154_94;
-/// Steps of a metre, of a metre a second, of a second.
+/// Recorded integers in a metre, a metre per second or a second.
 pub const INTEGERS_PER_UNIT: f32 = 1000.0;
 const INTEGERS_PER_RADIAN: f32 = 10000.0;
 
-/// A number in steps, the nearest, within limits.
+/// The nearest recorded integer of a number, within limits.
 #[inline(always)]
 pub fn to_recorded_integers<S: Simd>(value: F32<S>, scale: f32, limit: f32) -> i32x16<S> {
     clamp_to(value * scale, -limit, limit)
@@ -443,6 +505,7 @@ pub fn to_recorded_integers<S: Simd>(value: F32<S>, scale: f32, limit: f32) -> i
         .to_int()
 }
 
+/// The same angle between -pi and pi [rad].
 #[inline(always)]
 fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
     let turns = (angle * TURNS_PER_RADIAN).round_ties_even();
@@ -450,7 +513,7 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The recorded integers of vehicle `i`.
+    /// The recorded integers of the vehicle.
     #[inline(always)]
     pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -462,25 +525,25 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             cosine,
             sine,
         } = road.pose;
-        let (s, from_slow) = self.road_position();
-        let d = road.overtaking_sign * from_slow;
+        let (s, road_d) = self.road_position();
+        let d = road.overtaking_sign * road_d;
         let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
-        for k in 0..=road.directions.num_own_lanes {
-            let beyond = from_slow.simd_ge(road.boundaries[k]);
-            lane = beyond.select(i32x16::splat(params.simd, k as i32), lane);
+        for index in 0..=road.directions.num_own_lanes {
+            let is_beyond_line = road_d.simd_ge(road.boundaries[index]);
+            lane = is_beyond_line.select(i32x16::splat(params.simd, index as i32), lane);
         }
         let speed = (state.motion.vx[slot] * state.motion.vx[slot]
             + state.motion.vy[slot] * state.motion.vy[slot])
             .sqrt();
-        let wheel = select(
+        let wheel_angle = select(
             vehicle.two_wheeler.simd_gt(0.0),
             splat(params.simd, 0.0),
             state.controls.wheel_angle[slot],
         );
-        let mut course = heading + road.overtaking_sign * state.motion.heading[slot];
+        let mut world_heading = heading + road.overtaking_sign * state.motion.heading[slot];
         if road.directions.has_oncoming_traffic {
             let half_turn = splat(params.simd, core::f32::consts::PI);
-            course += select(
+            world_heading += select(
                 vehicle.travel_sign.simd_lt(0.0),
                 half_turn,
                 splat(params.simd, 0.0),
@@ -492,9 +555,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             to_recorded_integers(s, INTEGERS_PER_UNIT, INT32_LIMIT),
             to_recorded_integers(d, INTEGERS_PER_UNIT, INT32_LIMIT),
             to_recorded_integers(speed, INTEGERS_PER_UNIT, INT32_LIMIT),
-            to_recorded_integers(wrap_angle(course), INTEGERS_PER_RADIAN, INT16_LIMIT),
+            to_recorded_integers(wrap_angle(world_heading), INTEGERS_PER_RADIAN, INT16_LIMIT),
             to_recorded_integers(
-                road.overtaking_sign * wheel,
+                road.overtaking_sign * wheel_angle,
                 INTEGERS_PER_RADIAN,
                 INT16_LIMIT,
             ),
@@ -514,6 +577,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         ]
     }
 
+    /// The lamps that are on, as bits of `lights`.
     #[inline(always)]
     pub(crate) fn recorded_lights(self) -> i32x16<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -529,8 +593,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let braking = state.controls.requested_accel[slot]
             .simd_lt(-params.constants.stop_lamp_decel)
             | state.motion.is_wreck[slot].simd_gt(0.0);
-        let base: i32x16<S> = self.vehicle().initial_lights.to_int();
-        let shown = base
+        let initial_lights: i32x16<S> = self.vehicle().initial_lights.to_int();
+        let lamps = initial_lights
             + left
             + right
             + braking.select(
@@ -538,10 +602,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 i32x16::splat(params.simd, 0),
             );
         if !params.road.directions.has_oncoming_traffic {
-            return shown;
+            return lamps;
         }
         let flashes = state.controls.flashes_high_beam[slot].simd_gt(0.0);
-        shown
+        lamps
             + flashes.select(
                 i32x16::splat(params.simd, lights::HIGH_BEAM),
                 i32x16::splat(params.simd, 0),

@@ -1,4 +1,5 @@
-//! Friction under the wheels and wind on the side; see `overtaking.sim.reference.road_conditions`.
+//! The road, friction and wind at each vehicle; the twin of `overtaking.sim.reference.road_conditions`, which names the
+//! sources.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -23,10 +24,17 @@ const MIN_RADIUS_SHARE: f32 = 0.25;
 /// Keeps the angle of the wind finite at rest [m/s].
 const MIN_AIR_SPEED: f32 = 1.0;
 
+/// Advance an Ornstein-Uhlenbeck process of unit variance by one step.
+///
+/// `kept_share` is the share of the process that the step keeps, and `uniform_number` lies between 0 and 1.
 #[inline(always)]
-fn ornstein_uhlenbeck_step<S: Simd>(process: F32<S>, keep: F32<S>, word: F32<S>) -> F32<S> {
-    let innovation = ROOT_3 * (2.0 * word - 1.0);
-    keep * process + (1.0 - keep * keep).sqrt() * innovation
+fn ornstein_uhlenbeck_step<S: Simd>(
+    process: &mut F32<S>,
+    kept_share: F32<S>,
+    uniform_number: F32<S>,
+) {
+    let innovation = ROOT_3 * (2.0 * uniform_number - 1.0);
+    *process = kept_share * *process + (1.0 - kept_share * kept_share).sqrt() * innovation;
 }
 
 /// Advance gusts, errors of judgement and wander in the lane by one decision.
@@ -34,64 +42,55 @@ fn ornstein_uhlenbeck_step<S: Simd>(process: F32<S>, keep: F32<S>, word: F32<S>)
 pub fn update_random_processes<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    decision: u32,
+    decision_index: u32,
 ) {
-    let (constants, simulation) = (&params.constants, &params.simulations);
-    // The first draw is the stationary state: nothing of a past is kept.
-    let kept = if decision == 0 { 0.0 } else { 1.0 };
-    let keep_error = kept
-        * exp(splat(
-            params.simd,
-            -constants.decision / constants.error_time,
-        ));
-    let keep_wander = kept
-        * exp(splat(
-            params.simd,
-            -constants.decision / constants.lane_time,
-        ));
-    for i in 0..params.num_slots_in_use {
-        let [gust, distance, speed, lane] = words(
+    let (simd, constants, simulation) = (params.simd, &params.constants, &params.simulations);
+    // The first draw is the stationary state, which keeps nothing of a past.
+    let has_past = if decision_index == 0 { 0.0 } else { 1.0 };
+    let kept_error = has_past * exp(splat(simd, -constants.decision / constants.error_time));
+    let kept_wander = has_past * exp(splat(simd, -constants.decision / constants.lane_time));
+    for slot in 0..params.num_slots_in_use {
+        let [gust_word, distance_word, speed_word, lane_word] = words(
             params.key,
             &params.scenario_index_low,
             &params.scenario_index_high,
-            MOTION + i as u32,
-            decision,
+            MOTION + slot as u32,
+            decision_index,
         );
-        let along = state.motion.vx[i]
-            - state
-                .vehicle(params, i)
-                .in_travel_direction(simulation.wind_along);
+        let vehicle = state.vehicle(params, slot);
+        let wind_along = vehicle.in_travel_direction(simulation.wind_along);
+        let along = state.motion.vx[slot] - wind_along;
         let air_speed = (along * along + simulation.wind_across * simulation.wind_across).sqrt();
-        let keep = kept * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
-        state.noise.gust[i] =
-            ornstein_uhlenbeck_step(state.noise.gust[i], keep, uniform(params.simd, gust));
-        state.noise.distance_error[i] = ornstein_uhlenbeck_step(
-            state.noise.distance_error[i],
-            keep_error,
-            uniform(params.simd, distance),
+        let kept_gust =
+            has_past * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
+        let noise = &mut state.noise;
+        ornstein_uhlenbeck_step(&mut noise.gust[slot], kept_gust, uniform(simd, gust_word));
+        ornstein_uhlenbeck_step(
+            &mut noise.distance_error[slot],
+            kept_error,
+            uniform(simd, distance_word),
         );
-        state.noise.speed_error[i] = ornstein_uhlenbeck_step(
-            state.noise.speed_error[i],
-            keep_error,
-            uniform(params.simd, speed),
+        ornstein_uhlenbeck_step(
+            &mut noise.speed_error[slot],
+            kept_error,
+            uniform(simd, speed_word),
         );
-        state.noise.lane_wander[i] = ornstein_uhlenbeck_step(
-            state.noise.lane_wander[i],
-            keep_wander,
-            uniform(params.simd, lane),
+        ornstein_uhlenbeck_step(
+            &mut noise.lane_wander[slot],
+            kept_wander,
+            uniform(simd, lane_word),
         );
     }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// A number along or across the road, in the direction of vehicle `i`.
+    /// A component of a vector along or across the road, in this vehicle's direction of travel.
     #[inline(always)]
-    fn in_travel_direction(self, value: F32<S>) -> F32<S> {
-        let params = self.params;
-        if params.road.directions.has_oncoming_traffic {
-            self.vehicle().travel_sign * value
+    fn in_travel_direction(self, component: F32<S>) -> F32<S> {
+        if self.params.road.directions.has_oncoming_traffic {
+            self.vehicle().travel_sign * component
         } else {
-            value
+            component
         }
     }
 }
@@ -99,15 +98,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 /// `values[lane]` for whole-number lanes, the first or last value outside.
 #[inline(always)]
 pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
-    let mut chosen = splat(lane.simd, values[0]);
-    for (k, value) in values.iter().enumerate().skip(1) {
-        chosen = select(
-            lane.simd_ge(k as i32 as f32),
-            splat(lane.simd, *value),
-            chosen,
-        );
+    let mut result = splat(lane.simd, values[0]);
+    for (index, value) in values.iter().enumerate().skip(1) {
+        let is_reached = lane.simd_ge(index as i32 as f32);
+        result = select(is_reached, splat(lane.simd, *value), result);
     }
-    chosen
+    result
 }
 
 /// Film on a lane outside puddles [mm].
@@ -196,102 +192,112 @@ pub fn friction_at_film<S: Simd>(
     at_least(value, constants.friction_floor)
 }
 
-/// What the road does to vehicle `slot` until the next decision: it bends, rises, shows itself, has limits.
+/// Update the road at the vehicle in `slot` until the next decision: bend, slope, sight distance and speed limit.
 #[inline(always)]
 pub fn update_road_course<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
 ) {
-    let (constants, vehicle, ways) = (
-        &params.constants,
-        &params.vehicles[slot],
-        &params.road.directions,
-    );
-    let table = &params.road.course_table;
-    let turned = vehicle.travel_sign.simd_lt(0.0);
-    let offset = select(
-        turned,
-        state.motion.d[slot] - ways.edge_sum,
+    let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
+    let (directions, table) = (&params.road.directions, &params.road.course_table);
+    let (s, d, v) = (
+        state.motion.s[slot],
         state.motion.d[slot],
+        state.motion.vx[slot],
     );
-    let soon = 0.5 * constants.decision;
-    let late = select(
+    let travel_sign = vehicle.travel_sign;
+    let drives_against = travel_sign.simd_lt(0.0);
+    let last = (table.curvature.len() - 1) as f32;
+    let station_at = |s: F32<S>| {
+        let road_s = select(drives_against, directions.length - s, s);
+        clamp_to(road_s * constants.per_station, 0.0, last)
+    };
+    let is_oncoming = |lane: usize| usize::from(travel_sign[lane] < 0.0);
+
+    // Bend and slope in the middle of the interval, and the bend where the vehicle will be when it answers its steering.
+    let half_interval = 0.5 * constants.decision;
+    let steering_lag = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
-        constants.steering_lag + vehicle.side_lag * state.motion.vx[slot],
+        constants.steering_lag + vehicle.side_lag * v,
     );
-    let (s, v) = (state.motion.s[slot], state.motion.vx[slot]);
-    let (here, there) = (s + soon * v, s + (soon + late) * v);
-    let last = (table.curvature.len() - 1) as f32;
-    let station = |s: F32<S>| {
-        let way = select(turned, ways.length - s, s) * constants.per_station;
-        clamp_to(way, 0.0, last)
-    };
-    let (here, there, now) = (station(here), station(there), station(s));
-    let is_oncoming = |lane: usize| usize::from(vehicle.travel_sign[lane] < 0.0);
+    let middle = station_at(s + half_interval * v);
+    let ahead = station_at(s + (half_interval + steering_lag) * v);
+    let offset = select(drives_against, d - directions.edge_sum, d);
+    let station_per_metre =
+        |curvature: F32<S>| 1.0 / at_least(1.0 - curvature * offset, MIN_RADIUS_SHARE);
+    let curvature = travel_sign * interpolate_course(middle, last, |_| &table.curvature);
+    let curvature_ahead = travel_sign * interpolate_course(ahead, last, |_| &table.curvature);
+    let road = &mut state.road;
+    road.station_per_metre[slot] = station_per_metre(curvature);
+    road.curvature[slot] = curvature * road.station_per_metre[slot];
+    road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead);
+    road.sin_slope[slot] = travel_sign * interpolate_course(middle, last, |_| &table.sine_of_slope);
+
+    let here = station_at(s);
     let radii = [&table.radius_along, &table.radius_against];
-    let sights = [
+    let radius = interpolate_course(here, last, |lane| radii[is_oncoming(lane)]);
+    let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
+    road.bend_speed[slot] = (bend_accel * radius).sqrt();
+    let sight_distances = [
         &table.sight_along,
         &table.sight_against,
         &table.truck_sight_along,
         &table.truck_sight_against,
     ];
+    road.sight_distance[slot] = interpolate_course(here, last, |lane| {
+        let is_truck = usize::from(vehicle.has_truck_tyres[lane] > 0.0);
+        sight_distances[2 * is_truck + is_oncoming(lane)]
+    });
+
     let allowed_speeds = [&table.allowed_speed_along, &table.allowed_speed_against];
-    let stretch = |bend: F32<S>| 1.0 / at_least(1.0 - bend * offset, MIN_RADIUS_SHARE);
-    let bend = vehicle.travel_sign * interpolate_course(here, last, |_| &table.curvature);
-    let ahead = vehicle.travel_sign * interpolate_course(there, last, |_| &table.curvature);
-    state.road.station_per_metre[slot] = stretch(bend);
-    state.road.curvature[slot] = bend * state.road.station_per_metre[slot];
-    state.road.curvature_ahead[slot] = ahead * stretch(ahead);
-    state.road.sin_slope[slot] =
-        vehicle.travel_sign * interpolate_course(here, last, |_| &table.sine_of_slope);
-    let radius = interpolate_course(now, last, |lane| radii[is_oncoming(lane)]);
-    state.road.bend_speed[slot] =
-        (at_most(params.simulations.max_lateral_accel, constants.bend_accel) * radius).sqrt();
-    let sight =
-        |lane: usize| 2 * usize::from(vehicle.has_truck_tyres[lane] > 0.0) + is_oncoming(lane);
-    state.road.sight_distance[slot] = interpolate_course(now, last, |lane| sights[sight(lane)]);
-    let allowed =
-        |place: F32<S>| interpolate_course(place, last, |lane| allowed_speeds[is_oncoming(lane)]);
-    let wanted = |limit: F32<S>| {
-        min(
-            adapted_speed(vehicle, &params.simulations, limit),
-            vehicle.desired_speed,
-        )
+    let speed_limit_at = |station: F32<S>| {
+        interpolate_course(station, last, |lane| allowed_speeds[is_oncoming(lane)])
     };
-    state.road.speed_limit[slot] = allowed(now);
-    let wish = wanted(state.road.speed_limit[slot]);
-    let soon = wanted(allowed(station(s + constants.decision * v)));
-    let change = (soon - wish) / constants.decision;
-    let eased = max(change + (wish - v) * constants.per_approach, -vehicle.decel);
-    state.road.accel_limit[slot] = select(
-        change.simd_lt(0.0),
-        eased,
+    let desired_speed_under = |speed_limit: F32<S>| {
+        let speed = adapted_speed(vehicle, &params.simulations, speed_limit);
+        min(speed, vehicle.desired_speed)
+    };
+    road.speed_limit[slot] = speed_limit_at(here);
+    let desired_speed = desired_speed_under(road.speed_limit[slot]);
+    let next_station = station_at(s + constants.decision * v);
+    let next_desired_speed = desired_speed_under(speed_limit_at(next_station));
+    // On the way to a lower limit the driver follows the falling desired speed.
+    let desired_accel = (next_desired_speed - desired_speed) / constants.decision;
+    let accel_limit = max(
+        desired_accel + (desired_speed - v) * constants.per_approach,
+        -vehicle.decel,
+    );
+    road.accel_limit[slot] = select(
+        desired_accel.simd_lt(0.0),
+        accel_limit,
         splat(params.simd, NO_ACCEL_LIMIT),
     );
-    state.road.passing_speed[slot] =
-        min(wish * constants.passing_speed_factor, vehicle.passing_speed);
-    state.road.desired_speed[slot] = wish;
+    road.passing_speed[slot] = min(
+        desired_speed * constants.passing_speed_factor,
+        vehicle.passing_speed,
+    );
+    road.desired_speed[slot] = desired_speed;
 }
 
-/// Speed that a driver wants under a speed limit in its weather and light [m/s].
+/// Speed that a driver desires under a speed limit in its weather and light [m/s].
 #[inline(always)]
 fn adapted_speed<S: Simd>(
     vehicle: &VehicleParams<S>,
     simulation: &SimulationParams<S>,
-    limit: F32<S>,
+    speed_limit: F32<S>,
 ) -> F32<S> {
-    let wanted = vehicle.free_speed
-        - vehicle.speed_limit_compliance * at_least(vehicle.free_speed - limit, 0.0);
+    let excess_over_limit = at_least(vehicle.free_speed - speed_limit, 0.0);
+    let speed = vehicle.free_speed - vehicle.speed_limit_compliance * excess_over_limit;
     let excess = at_least(
-        wanted - simulation.rain_slowing - simulation.stoppable_speed,
+        speed - simulation.rain_slowing - simulation.stoppable_speed,
         0.0,
     );
-    wanted - vehicle.caution * (simulation.rain_slowing + excess)
+    speed - vehicle.caution * (simulation.rain_slowing + excess)
 }
 
-/// A row of the road between its stations, linear; each simulation may have its own.
+/// A row of the course table between its stations, linear; the vehicle in each lane may read another row.
 #[inline(always)]
 fn interpolate_course<'a, S: Simd>(
     station: F32<S>,
@@ -307,59 +313,52 @@ fn interpolate_course<'a, S: Simd>(
     low + (station - first) * (high - low)
 }
 
-/// Friction under the wheels of either side.
+/// Update the friction under the wheels of either side.
 #[inline(always)]
 pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
-    let (road, n) = (&params.road, params.road.num_lanes);
-    let width = (road.boundaries[n] - road.boundaries[0]) / (2 * n) as f32;
+    let (constants, road, num_lanes) = (&params.constants, &params.road, params.road.num_lanes);
+    let path_width = (road.boundaries[num_lanes] - road.boundaries[0]) / (2 * num_lanes) as f32;
     let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
-    for i in 0..params.num_slots_in_use {
-        let vehicle = &params.vehicles[i];
+    for slot in 0..params.num_slots_in_use {
+        let vehicle = &params.vehicles[slot];
         let mut lane = splat(params.simd, 0.0);
-        for k in 1..n {
+        for index in 1..num_lanes {
+            let is_beyond_line = state.motion.d[slot].simd_ge(road.boundaries[index]);
             lane = select(
-                state.motion.d[i].simd_ge(road.boundaries[k]),
-                splat(params.simd, k as i32 as f32),
+                is_beyond_line,
+                splat(params.simd, index as i32 as f32),
                 lane,
             );
         }
-        let water = lane_film(params, value_of_lane(&road.film_path[..n], lane));
+        let film = lane_film(params, value_of_lane(&road.film_path[..num_lanes], lane));
         let columns = friction_at_speed(
-            &params.constants,
-            state.motion.vx[i],
+            constants,
+            state.motion.vx[slot],
             vehicle.tyre_wear,
             vehicle.has_truck_tyres,
         );
         if !has_puddles {
             let friction = min(
-                friction_at_film(&params.constants, &columns, water),
+                friction_at_film(constants, &columns, film),
                 vehicle.max_friction,
             );
-            (
-                state.friction_and_wind.mu_left[i],
-                state.friction_and_wind.mu_right[i],
-            ) = (friction, friction);
+            state.friction_and_wind.mu_left[slot] = friction;
+            state.friction_and_wind.mu_right[slot] = friction;
             continue;
         }
-        let (s, d) = state.vehicle(params, i).road_position();
-        let left = state
-            .vehicle(params, i)
-            .in_travel_direction(vehicle.half_track);
-        let right = state
-            .vehicle(params, i)
-            .in_travel_direction(-vehicle.half_track);
+        let handle = state.vehicle(params, slot);
+        let (s, d) = handle.road_position();
+        let left_offset = handle.in_travel_direction(vehicle.half_track);
+        let right_offset = handle.in_travel_direction(-vehicle.half_track);
         for (offset, friction) in [
-            (left, &mut state.friction_and_wind.mu_left[i]),
-            (right, &mut state.friction_and_wind.mu_right[i]),
+            (left_offset, &mut state.friction_and_wind.mu_left[slot]),
+            (right_offset, &mut state.friction_and_wind.mu_right[slot]),
         ] {
-            let wheel_path = floor((d + offset - road.boundaries[0]) / width);
+            let wheel_path = floor((d + offset - road.boundaries[0]) / path_width);
             let depth = puddle_depth_share(params, s, wheel_path);
+            let film = film + params.simulations.puddle_film * depth;
             *friction = min(
-                friction_at_film(
-                    &params.constants,
-                    &columns,
-                    water + params.simulations.puddle_film * depth,
-                ),
+                friction_at_film(constants, &columns, film),
                 vehicle.max_friction,
             );
         }
@@ -367,40 +366,38 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
+    /// Share of the side wind that reaches the vehicle beside high-sided vehicles upwind of it.
     #[inline(always)]
     fn wind_shelter<const TWO_WAY: bool>(self) -> F32<S> {
-        let (state, params, slot) = (self.state, self.params, self.slot);
+        let (motion, params, slot) = (&self.state.motion, self.params, self.slot);
         let constants = &params.constants;
-        let wind = self.in_travel_direction(params.simulations.wind_across);
-        let mut share = splat(params.simd, 1.0);
-        for j in 0..params.num_slots_in_use {
-            if slot == j {
-                continue;
-            }
-            let other = &params.vehicles[j];
+        let wind_across = self.in_travel_direction(params.simulations.wind_across);
+        let mut open_share = splat(params.simd, 1.0);
+        for j in (0..params.num_slots_in_use).filter(|j| *j != slot) {
+            let shelter = &params.vehicles[j];
             let (s, d) = self.position_of::<TWO_WAY>(j);
-            let aside = state.motion.d[slot] - d;
-            let reach = constants.shelter_reach + self.vehicle().half_width + other.half_width;
-            let upwind = (aside * wind).simd_gt(0.0);
-            let beside = other.shelters_wind.simd_gt(0.0)
-                & other.valid.simd_gt(0.0)
-                & upwind
-                & aside.abs().simd_lt(reach);
-            if !beside.any_true() {
+            let lateral_distance = motion.d[slot] - d;
+            let max_distance =
+                constants.shelter_reach + self.vehicle().half_width + shelter.half_width;
+            let is_upwind = (lateral_distance * wind_across).simd_gt(0.0);
+            let is_sheltered = shelter.shelters_wind.simd_gt(0.0)
+                & shelter.valid.simd_gt(0.0)
+                & is_upwind
+                & lateral_distance.abs().simd_lt(max_distance);
+            if !is_sheltered.any_true() {
                 continue;
             }
-            let beyond = (state.motion.s[slot] - s).abs() - other.half_length;
+            let distance_beyond = (motion.s[slot] - s).abs() - shelter.half_length;
             let u = clamp_to(
-                beyond / (constants.shelter_release * 2.0 * other.half_length),
+                distance_beyond / (constants.shelter_release * 2.0 * shelter.half_length),
                 0.0,
                 1.0,
             );
-            let open_share = constants.shelter_factor
-                + (1.0 - constants.shelter_factor) * (u * u * (3.0 - 2.0 * u));
-            share = select(beside, min(share, open_share), share);
+            let factor = constants.shelter_factor;
+            let share = factor + (1.0 - factor) * (u * u * (3.0 - 2.0 * u));
+            open_share = select(is_sheltered, min(open_share, share), open_share);
         }
-        share
+        open_share
     }
 
     /// The discrete gusts of bridges and cuttings, 0 to 1.
@@ -420,67 +417,58 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Push sideways for a part of each interval, after drivers answered the wind.
+/// Push vehicles sideways for a part of each interval, after drivers answered the wind.
 #[inline(always)]
 pub fn apply_study_push<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    decision: u32,
+    decision_index: u32,
 ) {
     let simulation = &params.simulations;
-    let cell = decision as f32 * simulation.push_rate + simulation.push_phase;
-    let pushed = simulation.push_accel.simd_ne(0.0)
+    let cell = decision_index as f32 * simulation.push_rate + simulation.push_phase;
+    let is_pushed = simulation.push_accel.simd_ne(0.0)
         & (cell - floor(cell)).simd_lt(simulation.push_duty_cycle);
-    for i in 0..params.num_slots_in_use {
-        let force = state.friction_and_wind.wind_force[i]
-            + state
-                .vehicle(params, i)
-                .in_travel_direction(simulation.push_accel)
-                * params.vehicles[i].mass;
-        state.friction_and_wind.wind_force[i] =
-            select(pushed, force, state.friction_and_wind.wind_force[i]);
+    for slot in 0..params.num_slots_in_use {
+        let vehicle = state.vehicle(params, slot);
+        let push_accel = vehicle.in_travel_direction(simulation.push_accel);
+        let push_force = push_accel * params.vehicles[slot].mass;
+        let wind_force = &mut state.friction_and_wind.wind_force[slot];
+        *wind_force = select(is_pushed, *wind_force + push_force, *wind_force);
     }
 }
 
-/// Side force, yaw moment and tail wind of each vehicle.
+/// Update side force, yaw moment and tail wind of each vehicle.
 #[inline(always)]
 pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     let (constants, simulation) = (&params.constants, &params.simulations);
     let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
-    for i in 0..params.num_slots_in_use {
-        let vehicle = &params.vehicles[i];
-        let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[i];
+    for slot in 0..params.num_slots_in_use {
+        let (vehicle, handle) = (&params.vehicles[slot], state.vehicle(params, slot));
+        let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[slot];
         if has_gusts {
-            strength += simulation.gust_gain * state.vehicle(params, i).discrete_gust();
+            strength += simulation.gust_gain * handle.discrete_gust();
         }
         let strength = at_least(strength, 0.0);
-        let open = if params.road.directions.has_oncoming_traffic {
-            state.vehicle(params, i).wind_shelter::<true>()
+        let open_share = if params.road.directions.has_oncoming_traffic {
+            handle.wind_shelter::<true>()
         } else {
-            state.vehicle(params, i).wind_shelter::<false>()
+            handle.wind_shelter::<false>()
         };
-        let across = state
-            .vehicle(params, i)
-            .in_travel_direction(simulation.wind_across)
-            * strength
-            * open;
-        state.friction_and_wind.tail_wind[i] = state
-            .vehicle(params, i)
-            .in_travel_direction(simulation.wind_along)
-            * strength;
-        let along = at_least(
-            state.motion.vx[i] - state.friction_and_wind.tail_wind[i],
-            MIN_AIR_SPEED,
-        );
+        let across = handle.in_travel_direction(simulation.wind_across) * strength * open_share;
+        let tail_wind = handle.in_travel_direction(simulation.wind_along) * strength;
+        let along = at_least(state.motion.vx[slot] - tail_wind, MIN_AIR_SPEED);
         let angle = atan(across.abs() / along);
         let (sine, _) = sincos(at_most(
             constants.wind_angle_factor * angle,
             core::f32::consts::FRAC_PI_2,
         ));
-        let force = vehicle.side_wind * (along * along + across * across) * sine;
-        state.friction_and_wind.wind_force[i] = select(across.simd_lt(0.0), -force, force);
-        let cosine = along / (along * along + across * across).sqrt();
-        state.friction_and_wind.wind_moment[i] = state.friction_and_wind.wind_force[i]
-            * (vehicle.wind_centre * cosine + vehicle.wind_arm);
+        let squared_air_speed = along * along + across * across;
+        let force = vehicle.side_wind * squared_air_speed * sine;
+        let force = select(across.simd_lt(0.0), -force, force);
+        let cosine = along / squared_air_speed.sqrt();
+        let wind = &mut state.friction_and_wind;
+        wind.tail_wind[slot] = tail_wind;
+        wind.wind_force[slot] = force;
+        wind.wind_moment[slot] = force * (vehicle.wind_centre * cosine + vehicle.wind_arm);
     }
 }

@@ -20,7 +20,7 @@ pub const NUM_ROLES: usize = 6;
 pub const NO_SLOT: f32 = -1.0;
 /// In `Attention::slot_in_view` and `Attention::oncoming_slot` before the first decision.
 pub const NEVER_LOOKED: f32 = -2.0;
-/// At the first frame, before the road has been looked at.
+/// At the first frame, before the road at the vehicle is read.
 const ANY_SPEED: f32 = 1e9;
 const ANY_SIGHT: f32 = 1e9;
 /// A distance [m] or time [s] without a vehicle.
@@ -100,7 +100,7 @@ state_group! {
 }
 
 state_group! {
-    /// What drivers operate.
+    /// Pedals, wheels and lamps that drivers operate.
     Controls {
         /// Acceleration asked of the vehicle [m/s^2].
         requested_accel = 0.0,
@@ -169,7 +169,7 @@ state_group! {
         time_indicating = 0.0,
         /// 1 while the driver falls back behind its target, else 0.
         must_abort = 0.0,
-        /// 1 while the driver hurries back into its lane, else 0.
+        /// 1 while the driver must return urgently, else 0.
         must_return_urgently = 0.0,
     }
 }
@@ -189,7 +189,7 @@ state_group! {
 }
 
 state_group! {
-    /// What the weather does to a vehicle until the next decision; overwritten at the first one. A friction above
+    /// Effects of the weather on a vehicle until the next decision; overwritten at the first one. A friction above
     /// zero keeps divisions finite until then.
     FrictionAndWind {
         /// Friction coefficient under the wheels of either side [1].
@@ -228,13 +228,13 @@ state_group! {
     }
 }
 
-/// What drivers have seen and remember.
+/// Vehicles that drivers have seen and remember.
 pub struct Attention<S: Simd, const N: usize> {
     /// Neighbour in each role at the last look, `NEVER_LOOKED` at first.
     pub slot_in_view: [[F32<S>; NUM_ROLES]; N],
     /// Time for which it has been in view [s].
     pub time_in_view: [[F32<S>; NUM_ROLES]; N],
-    /// Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at first, `NO_SLOT` for none.
+    /// Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at first, `NO_SLOT` without a vehicle.
     pub oncoming_slot: [[F32<S>; 2]; N],
     /// Time for which the view has been the same [s].
     pub oncoming_time_in_view: [[F32<S>; 2]; N],
@@ -373,7 +373,7 @@ impl<S: Simd, const N: usize> State<S, N> {
         state
     }
 
-    /// Move a vehicle of one simulation, as if it had always been there and as fast; everybody remembers it so.
+    /// Move a vehicle of one simulation, as if it had always been there and as fast; all drivers remember it so.
     pub fn displace_vehicle(&mut self, slot: usize, lane: usize, ahead: f32, faster: f32) {
         if ahead == 0.0 && faster == 0.0 {
             return;

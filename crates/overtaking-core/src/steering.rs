@@ -10,7 +10,7 @@ use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-/// What a driver requests of the front wheels.
+/// Steering that a driver requests.
 struct RequestedSteering<S: Simd> {
     /// Wheel angle [rad].
     angle: F32<S>,

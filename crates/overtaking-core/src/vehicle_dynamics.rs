@@ -68,7 +68,7 @@ pub struct MotionStep<S: Simd> {
 
 impl<S: Simd> MotionStep<S> {
     /// A step at rest.
-    pub fn none(simd: S) -> Self {
+    pub fn at_rest(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         Self {
             vx: zero,
@@ -89,11 +89,10 @@ fn fiala_force<S: Simd>(
     velocity_along: F32<S>,
     max_force: F32<S>,
 ) -> TyreForce<S> {
-    let one = splat(stiffness.simd, 1.0);
     let z = stiffness * velocity_across / (3.0 * max_force * velocity_along);
     // Share of the contact patch that sticks; the rest slides.
-    let sticking_share = at_least(one - z.abs(), 0.0);
-    let size = max_force * (one - sticking_share * sticking_share * sticking_share);
+    let sticking_share = at_least(1.0 - z.abs(), 0.0);
+    let size = max_force * (1.0 - sticking_share * sticking_share * sticking_share);
     TyreForce {
         force: select(z.simd_lt(0.0), size, -size),
         slope: stiffness * (sticking_share * sticking_share),
@@ -377,7 +376,7 @@ fn single_track_step<S: Simd, const N: usize>(
     }
 }
 
-/// Replace the step of a two-wheeler by that of a point mass that leans by its driver's request and the wind.
+/// Replace the step of a two-wheeler by the step of a point mass that leans by its driver's request and the wind.
 ///
 /// It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step.
 #[inline(always)]
@@ -489,7 +488,7 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
 
 /// Slide a wreck in `slot`: friction takes a share of its speed, and turns against its spin.
 ///
-/// `yaw_rate` is that of a vehicle that is no wreck. Returns the new yaw rate, and the share of the velocity that is left.
+/// `yaw_rate` is the new yaw rate of a vehicle that is no wreck. Returns the new yaw rate, and the share of the velocity that is left.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<S, N>,

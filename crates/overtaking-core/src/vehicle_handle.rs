@@ -40,7 +40,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
 
     /// The vehicle in another slot of the same simulations.
     #[inline(always)]
-    pub fn other(self, slot: usize) -> Self {
+    pub fn at_slot(self, slot: usize) -> Self {
         Self { slot, ..self }
     }
 
@@ -54,8 +54,8 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         if !TWO_WAY {
             return (s, d);
         }
-        let other = &self.params.vehicles[other_slot];
-        let is_oncoming = other.travel_sign.simd_ne(self.vehicle().travel_sign);
+        let travel_sign = self.params.vehicles[other_slot].travel_sign;
+        let is_oncoming = travel_sign.simd_ne(self.vehicle().travel_sign);
         in_opposite_frame(self.params, is_oncoming, s, d)
     }
 
