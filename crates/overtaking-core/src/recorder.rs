@@ -13,7 +13,8 @@ use crate::names::lights;
 use crate::oncoming::OncomingVehicle;
 use crate::params::{Params, RoadPose};
 use crate::recorder::frame_tiles::{
-    FRAMES_PER_TILE, FrameTile, NUM_PACKED_WORDS, NUM_STATE_WORDS, Row, packed, put_tile, transpose,
+    FRAMES_PER_TILE, FrameTile, NUM_PACKED_WORDS, NUM_STATE_WORDS, Row, pack_words, put_tile,
+    transpose,
 };
 use crate::recorder::output::{MAX_PERCEPTS, Output};
 use crate::state::{
@@ -124,7 +125,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, is_running & valid);
             }
-            for (k, word) in packed(simd, &words).into_iter().enumerate() {
+            for (k, word) in pack_words(simd, &words).into_iter().enumerate() {
                 tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
                     Row(word.to_array());
             }
@@ -194,7 +195,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Record what the ego believes at each manoeuvre that it starts or cancels.
+    /// Record the percepts of the ego at each manoeuvre that it starts or cancels.
     #[inline(always)]
     pub fn record_manoeuvres<S: Simd>(
         &mut self,
@@ -231,7 +232,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Record what the ego believes, and what is true, where it makes a manoeuvre and has fewer than `MAX_PERCEPTS`.
+    /// Record the percepts of a manoeuvre where the ego makes it and has fewer than `MAX_PERCEPTS`.
     #[inline(always)]
     fn record_percepts<S: Simd>(
         &mut self,
@@ -307,7 +308,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     }
 }
 
-/// What the ego believes about one vehicle, and what is true.
+/// Belief of the ego about one vehicle, and the truth.
 struct Percept<S: Simd> {
     slot: F32<S>,
     is_detected: Mask<S>,

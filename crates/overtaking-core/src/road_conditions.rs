@@ -235,9 +235,9 @@ pub fn update_road_course<S: Simd, const N: usize>(
     road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead);
     road.sin_slope[slot] = travel_sign * interpolate_course(middle, last, |_| &table.sine_of_slope);
 
-    let here = station_at(s);
+    let station = station_at(s);
     let radii = [&table.radius_along, &table.radius_against];
-    let radius = interpolate_course(here, last, |lane| radii[is_oncoming(lane)]);
+    let radius = interpolate_course(station, last, |lane| radii[is_oncoming(lane)]);
     let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
     road.bend_speed[slot] = (bend_accel * radius).sqrt();
     let sight_distances = [
@@ -246,7 +246,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
         &table.truck_sight_along,
         &table.truck_sight_against,
     ];
-    road.sight_distance[slot] = interpolate_course(here, last, |lane| {
+    road.sight_distance[slot] = interpolate_course(station, last, |lane| {
         let is_truck = usize::from(vehicle.has_truck_tyres[lane] > 0.0);
         sight_distances[2 * is_truck + is_oncoming(lane)]
     });
@@ -259,7 +259,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
         let speed = adapted_speed(vehicle, &params.simulations, speed_limit);
         min(speed, vehicle.desired_speed)
     };
-    road.speed_limit[slot] = speed_limit_at(here);
+    road.speed_limit[slot] = speed_limit_at(station);
     let desired_speed = desired_speed_under(road.speed_limit[slot]);
     let next_station = station_at(s + constants.decision * v);
     let next_desired_speed = desired_speed_under(speed_limit_at(next_station));

@@ -67,8 +67,8 @@ pub struct MotionStep<S: Simd> {
 }
 
 impl<S: Simd> MotionStep<S> {
-    /// A step at rest.
-    pub fn at_rest(simd: S) -> Self {
+    /// A step of a vehicle that stands.
+    pub fn standstill(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         Self {
             vx: zero,

@@ -10,8 +10,9 @@ use crate::state::{State, in_opposite_frame, stage};
 
 /// One vehicle slot in every simulation of a block, for reading.
 ///
-/// The functions of a module that only read are methods of this handle. `Copy`: the methods take it by value, so that
-/// after inlining nothing of it is left but the two pointers.
+/// In the modules of the step, functions that only read are methods of this handle; functions that change the state
+/// take `(state, params, slot)` and make a handle for what they read. The methods take it by value and are inlined, so
+/// only its two pointers are left.
 #[derive(Clone, Copy)]
 pub struct VehicleHandle<'a, S: Simd, const N: usize> {
     pub state: &'a State<S, N>,

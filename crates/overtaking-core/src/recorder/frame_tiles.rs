@@ -101,7 +101,7 @@ macro_rules! frame_layout {
 
         /// Pack the fields of a vehicle into fewer words, which saves transpositions and memory of the tile.
         #[inline(always)]
-        pub fn packed<S: Simd>(simd: S, words: &[i32x16<S>; NUM_STATE_WORDS]) -> [i32x16<S>; NUM_PACKED_WORDS] {
+        pub fn pack_words<S: Simd>(simd: S, words: &[i32x16<S>; NUM_STATE_WORDS]) -> [i32x16<S>; NUM_PACKED_WORDS] {
             let mut packed_words = [i32x16::splat(simd, 0); NUM_PACKED_WORDS];
             $({
                 const AT: BitField = PACKINGS[FieldIndex::$state as usize];

@@ -422,7 +422,7 @@ fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
     for i in first_slot..params.num_slots_in_use {
         angle[i] = steering::steer::<S, N, VARIES>(state, params, i, stride);
     }
-    let mut motion = [MotionStep::at_rest(params.simd); N];
+    let mut motion = [MotionStep::standstill(params.simd); N];
     for i in 0..params.num_slots_in_use {
         motion[i] =
             vehicle_dynamics::compute_step::<S, N, VARIES>(state, params, i, angle[i], stride);
