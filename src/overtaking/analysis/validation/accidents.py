@@ -112,8 +112,8 @@ def accidents(runs: Trajectories) -> list[Accident]:
 def first_of_each(found: Iterable[Accident]) -> list[Accident]:
     """The first accident of each simulation, as hard as the hardest that follows it.
 
-    A simulation is some hundred metres of traffic for a minute or two: what collides behind wrecks
-    belongs to the accident that made them, as in the statistics of roads.
+    A simulation is some hundred metres of traffic for a minute or two. Later collisions behind the
+    wrecks belong to the same accident, as in road statistics.
 
     Args:
         found: Accidents, by simulation and time.

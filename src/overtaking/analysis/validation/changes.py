@@ -53,7 +53,7 @@ class Changes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What is measured of lane changes that are recorded from begin to end; shape (change,).
+    """Measurements of lane changes that are recorded from begin to end; shape (change,).
 
     Attributes:
         of: Which ones.

@@ -69,8 +69,8 @@ def compare(weighted: Tally, natural: Tally, of: Iterable[Definition]) -> tuple[
         of: The figures; those are compared that count something.
 
     Source:
-        R. G. Miller, Simultaneous Statistical Inference (1981), section 2.3 (Bonferroni); degrees
-        of freedom are those of one profile, on the safe side of Welch's.
+        R. G. Miller, Simultaneous Statistical Inference (1981), section 2.3 (Bonferroni); the
+        degrees of freedom of one profile are fewer than Welch's, so the test is on the safe side.
     """
     both = (weighted, natural)
     common = [

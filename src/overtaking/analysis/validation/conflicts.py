@@ -41,7 +41,7 @@ def near_crashes(batch: Batch, at: Moments) -> Moments:
 
 
 def episodes(at: Moments, interval_s: float) -> Moments:
-    """The first moment of each episode: those of a vehicle that follow close on each other are one.
+    """The first moment of each episode: close moments of one vehicle are one episode.
 
     Args:
         at: Moments, growing by simulation, vehicle and frame.

@@ -45,9 +45,9 @@ class Figure(ContentEquality):
     Attributes:
         name: Its name, as in `validation.toml`.
         title: Its description.
-        standing: What a value within the limits says of the drivers.
+        standing: Statement about the drivers that a value within the limits supports.
         unit: Unit of all its numbers; empty for a share or a count.
-        value: The number; NaN if nothing was counted.
+        value: The number; NaN if the count is empty.
         low: Lower limit of its 95 % confidence interval, at least 0 unless it may be negative.
         high: Upper limit.
         target_low: Lower limit of the target, None if it is open.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F64
 
 EVERY_S = 1.0
-"""Interval at which a driver who is held up is asked whether it goes [s]."""
+"""Interval at which each decision of a driver behind a slower vehicle is counted [s]."""
 
 GAP_BINS, GAP_WIDTH = 240, 0.25
 """Bins of the times until an oncomer is met [s]."""
@@ -51,7 +51,7 @@ class Pass:
         row: Place of its simulation in the batch.
         duration: Time in the other lane, in part or whole [s].
         way: Way meanwhile [m].
-        surplus: Speed above that of the passed when abreast [m/s].
+        surplus: Speed minus the speed of the passed vehicle when abreast [m/s].
         passed_speed: Speed of the passed then [m/s].
         no_return: When its middle was beside the rear bumper of the passed, share of `duration`.
         offered: Time until the nearest oncomer would be met, at the decision [s].
@@ -302,7 +302,7 @@ def _completed(tally: Tally, batch: Batch, given: dict[str, Sequence[float]]) ->
 
 
 def attempts_of_others(runs: Trajectories) -> list[Attempt]:
-    """What other vehicles in the ego's direction set out to pass, from what they drove.
+    """Attempts of other vehicles in the ego's direction, from their recorded positions.
 
     An attempt begins when the side of a vehicle crosses the line, far enough beyond to be no
     wander in the lane, and ends when all of it is back.
@@ -427,7 +427,7 @@ def regress(
         name: Name of the sums.
         batch: The batch.
         row: Places of simulations in the batch, shape (value,).
-        by: What the values depend on, each of that shape.
+        by: Quantities on which the values depend, each of that shape.
         values: The values, the same shape.
         where: Which of them count; all by default.
     """

@@ -33,8 +33,8 @@ def moving(speed: Array) -> tuple[Array, Array]:
     """The frames around the middle between which the vehicle moves visibly in the direction.
 
     Returns:
-        The last slow frame before the middle and the first after it; the middle itself where there
-        is none, as the movement is not recorded from begin to end.
+        The last slow frame before the middle and the first after it. Where no frame is slow, the
+        movement is not recorded from begin to end, and both are the middle itself.
     """
     middle, slow = speed.shape[1] // 2, speed < limit("moving_aside")
     before = np.argmax(slow[:, middle::-1], axis=1)
@@ -44,7 +44,7 @@ def moving(speed: Array) -> tuple[Array, Array]:
 def settled(speed: Array, interval_s: float) -> Array:
     """The first frame from the middle on that begins a second without visible motion to any side.
 
-    The middle itself where there is none.
+    Without such a frame, the middle itself.
     """
     middle, wait = speed.shape[1] // 2, max(1, round(limit("settled_time") / interval_s))
     calm = np.cumsum(np.abs(speed[:, middle:]) < limit("moving_aside"), axis=1)

@@ -39,7 +39,7 @@ def _gamma_share(shape: float, x: float) -> float:
     """
     if x <= 0.0:
         return 0.0
-    # Terms grow until their number is x - shape, and are nothing ten spreads later.
+    # Terms grow until their number is x - shape, and are negligible ten spreads later.
     terms = int(max(x - shape, 0.0) + 10.0 * math.sqrt(x + shape) + 50.0)
     log_x = math.log(x)
     return math.fsum(

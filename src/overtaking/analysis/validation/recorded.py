@@ -44,7 +44,7 @@ QUANTITIES = {
     "duration of a lane change": "s",
     "largest lateral speed of a lane change": "m/s",
 }
-"""What is compared, with its unit."""
+"""Compared quantities with their units."""
 
 Samples = dict[str, "Array"]
 
@@ -54,7 +54,7 @@ class Likeness(ContentEquality):
     """One quantity in recordings and in simulations like them.
 
     Attributes:
-        title: What it is.
+        title: Name of the quantity.
         unit: Unit of the medians.
         recorded: Number of recorded values.
         simulated: Number of simulated values.
@@ -174,7 +174,7 @@ def _density(batch: Batch) -> float:
 
 
 def _egos(batch: Batch) -> Array:
-    """Only the egos: each recorded vehicle is that of one simulation."""
+    """Only the egos: each recorded vehicle belongs to one simulation."""
     counted = np.zeros_like(batch.sound)
     counted[:, EGO_SLOT] = batch.sound[:, EGO_SLOT]
     return counted

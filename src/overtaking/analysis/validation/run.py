@@ -52,10 +52,10 @@ STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
 
 COUNTED = (traffic.count, changes.count, conflicts.count, accidents.count, overtakes.count)
-"""What adds a batch of traffic in one direction to a tally."""
+"""Functions that add a batch of traffic in one direction to a tally."""
 
 COUNTED_OF_PASSES = (passes.count, overtakes.count_classes)
-"""What adds a batch of a two-way road."""
+"""Functions that add a batch of a two-way road to a tally."""
 
 RING_SHARE = 8
 """Simulations per ring: a ring keeps all its vehicles for longer."""
@@ -86,8 +86,8 @@ class Validation(CompactRepr, ContentEquality, Plottable):
         seed: Seed of their random numbers.
         figures: Every figure.
         strata: Classes by weather.
-        comparison: Weighted rates and those of the profile without its proposal; empty for a
-            profile that has none.
+        comparison: Weighted rates beside the rates of the profile without its proposal; empty for a
+            profile without a proposal.
         recordings: What the profile's drivers and recorded ones do in traffic alike; None if no
             recordings were given.
     """
@@ -179,7 +179,7 @@ def validate(
 
 
 def natural_of(spec: Specification) -> Specification | None:
-    """The specification without its proposal, None if it has none."""
+    """The specification without its proposal; None for a specification without a proposal."""
     return spec.model_copy(update={"proposal": None}) if spec.proposal else None
 
 

@@ -66,7 +66,7 @@ class Batch:
         return slice(None, None, max(1, round(EVERY_S / self.interval_s)))
 
     def metres(self, counted: Array | None = None) -> NDArray[np.float64]:
-        """What the sound vehicles drove in each simulation, in all frames or in the counted [m]."""
+        """Distance that sound vehicles drove in each simulation, in all or counted frames [m]."""
         there = self.sound if counted is None else counted
         millimetres = np.where(there, self.runs.states.speed, 0).sum(axis=(1, 2), dtype=np.float64)
         return 1e-3 * self.interval_s * millimetres
