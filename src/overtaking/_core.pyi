@@ -413,7 +413,7 @@ class Stepper:
         observes_truth: bool,
         level: str | None = None,
     ) -> Stepper:
-        """Begin before the first decision.
+        """Begin all simulations of a batch, which wait before their first decision.
 
         Args:
             inputs: Inputs of the batch, with at least one simulation.
@@ -482,8 +482,8 @@ def ego_signals_and_events(
             (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
             the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
         visibility: As `labels.signals.conditions` makes it.
-        thresholds: As `labels.event_detection.thresholds` makes them.
-        constants: As in `simulate`.
+        thresholds: As `labels.event_detection.event_thresholds` makes them.
+        constants: As in `Inputs`.
         signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
         zero_from: Frame from which on these arrays are zero, before and after the call, shape
             (simulation,).

@@ -248,7 +248,7 @@ pub struct DerivedConstants {
 
 impl DerivedConstants {
     /// Compute the quotients of the constants of the model.
-    pub fn of(constants: &ModelConstants) -> Self {
+    pub fn from_constants(constants: &ModelConstants) -> Self {
         Self {
             fine: StepLength::new(constants, constants.step),
             coarse: StepLength::new(constants, constants.decision),

@@ -204,7 +204,7 @@ fn params_in_all_lanes<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>) ->
     Params {
         simd,
         constants: Arc::clone(&inputs.constants),
-        derived: DerivedConstants::of(&inputs.constants),
+        derived: DerivedConstants::from_constants(&inputs.constants),
         road: Arc::clone(&inputs.road),
         vehicles,
         simulations,

@@ -10,7 +10,7 @@ use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::spread::{expect_room, reserved};
+use crate::spread::{expect_room, reserve};
 
 /// Number of bytes that are collected before they are hashed: BLAKE3 hashes sixteen chunks of one KiB together in the
 /// time of three single chunks.
@@ -81,7 +81,7 @@ impl OwnedRows {
         let missing = match &rows.validity {
             Some(bits) => bits_to_bytes(&bits.to_vec(py)?, offset, count, u8::MAX)?,
             None => {
-                let mut missing = reserved(count)?;
+                let mut missing = reserve(count)?;
                 missing.resize(count, 0);
                 missing
             }
@@ -219,7 +219,7 @@ fn slice_buffer(buffer: &[u8], range: Range<usize>) -> PyResult<&[u8]> {
 fn bits_to_bytes(bits: &[u8], offset: usize, count: usize, flip_mask: u8) -> PyResult<Vec<u8>> {
     const ONES: u64 = 0x0101_0101_0101_0101;
     let octets = slice_buffer(bits, offset / 8..(offset + count).div_ceil(8))?;
-    let mut bytes = reserved(8 * octets.len())?;
+    let mut bytes = reserve(8 * octets.len())?;
     for octet in octets {
         // The octet is copied to all bytes, and byte `k` keeps bit `k`. Adding 0x7f carries any such bit to the
         // highest bit of its byte, from where the shift moves it to the lowest.

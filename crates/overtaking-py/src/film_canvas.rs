@@ -20,7 +20,7 @@ use tiny_skia::{
 };
 
 use crate::inputs::expect_length;
-use crate::spread::{expect_room, reserved};
+use crate::spread::{expect_room, reserve};
 
 /// Bytes of a pixel: red, green, blue and opacity.
 const BYTES: usize = 4;
@@ -227,7 +227,7 @@ impl Canvas {
     #[pyo3(signature = () -> "NDArray[np.uint8]")]
     fn to_rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let pixels = self.0.data().chunks_exact(BYTES);
-        let mut components = reserved(3 * pixels.len())?;
+        let mut components = reserve(3 * pixels.len())?;
         components.extend(pixels.flat_map(|pixel| &pixel[..3]));
         PyArray1::from_vec(py, components).reshape([self.0.height() as usize, self.width(), 3])
     }

@@ -9,32 +9,32 @@ use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::spread::reserved;
+use crate::spread::reserve;
 
 pub type Ints<'py> = PyReadonlyArray1<'py, i32>;
 pub type Floats<'py> = PyReadonlyArray1<'py, f32>;
 pub type Bytes<'py> = PyReadonlyArray1<'py, u8>;
 
 /// Refuse an array of another length.
-pub fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
-    if got == expected {
+pub fn expect_length(name: &str, length: usize, expected_length: usize) -> PyResult<()> {
+    if length == expected_length {
         return Ok(());
     }
     Err(PyValueError::new_err(format!(
-        "{what}: expected {expected} numbers, got {got}"
+        "{name}: expected {expected_length} numbers, got {length}"
     )))
 }
 
-/// A writable array out of the dictionary of outputs, of the expected length.
-pub fn output<'py, T: Element>(
+/// Borrow a writable array of the expected length from the dictionary of outputs.
+pub fn borrow_output<'py, T: Element>(
     arrays: &Bound<'py, PyDict>,
     name: &str,
     length: usize,
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    let found = arrays
+    let value = arrays
         .get_item(name)?
         .ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
-    let array: PyReadwriteArrayDyn<'py, T> = found.extract()?;
+    let array: PyReadwriteArrayDyn<'py, T> = value.extract()?;
     expect_length(name, array.len(), length)?;
     Ok(array)
 }
@@ -43,12 +43,12 @@ pub fn output<'py, T: Element>(
 pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<&'a [T]>> {
     let (simulations, vehicles) = (array.shape()[0], array.shape()[1]);
     if let (Ok(whole), frames @ 1..) = (array.as_slice(), array.shape()[2]) {
-        let mut rows = reserved(simulations * vehicles)?;
+        let mut rows = reserve(simulations * vehicles)?;
         rows.extend(whole.chunks_exact(frames));
         return Ok(rows);
     }
     let view = array.as_array();
-    let mut rows = reserved(simulations * vehicles)?;
+    let mut rows = reserve(simulations * vehicles)?;
     for simulation in view.into_outer_iter() {
         for row in simulation.into_outer_iter() {
             let row = row.to_slice().ok_or_else(|| {
@@ -61,7 +61,9 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<
 }
 
 /// The frames of each simulation of an array (simulation, time).
-pub fn rows_of_two<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<Vec<&'a [T]>> {
+pub fn simulation_rows<'a, T: Element>(
+    array: &'a PyReadonlyArray2<'_, T>,
+) -> PyResult<Vec<&'a [T]>> {
     let view = array.as_array();
     let row = |simulation| {
         let row = view.index_axis_move(Axis(0), simulation);
@@ -116,7 +118,8 @@ impl RecordingArrays<'_> {
         let &[simulations, slots, frames] = shape else {
             return Err(PyValueError::new_err("states: expected three axes"));
         };
-        let have_one_shape = states.iter().all(|other| *other == shape) && is_recorded == shape;
+        let have_one_shape =
+            states.iter().all(|state_shape| *state_shape == shape) && is_recorded == shape;
         if !have_one_shape || slots == 0 || self.collided_with.shape() != [simulations, frames] {
             return Err(PyValueError::new_err(
                 "states: expected arrays of one shape",
@@ -131,7 +134,7 @@ impl RecordingArrays<'_> {
     }
 
     /// The recording as slices.
-    pub fn packed(&self) -> PyResult<PackedRecording<'_>> {
+    pub fn packed_recording(&self) -> PyResult<PackedRecording<'_>> {
         let [_, num_slots, max_frames] = self.shape()?;
         Ok(PackedRecording {
             num_frames: self.num_frames.as_slice()?,
@@ -143,7 +146,7 @@ impl RecordingArrays<'_> {
             heading: rows(&self.heading)?,
             accel: rows(&self.accel)?,
             lane: rows(&self.lane)?,
-            collided_with: rows_of_two(&self.collided_with)?,
+            collided_with: simulation_rows(&self.collided_with)?,
             is_recorded: self.is_recorded.as_ref().map(rows).transpose()?,
             valid: self.valid.as_slice()?,
             length: self.length.as_slice()?,
@@ -196,7 +199,7 @@ impl SignalArrays<'_> {
 }
 
 /// Reject slots that a recording does not have; `NO_VEHICLE` is allowed.
-pub fn expect_slots(what: &str, slots: &[u8], num_slots: usize) -> PyResult<()> {
+pub fn expect_slots(name: &str, slots: &[u8], num_slots: usize) -> PyResult<()> {
     // `NO_VEHICLE`, 255, wraps to 0. The compiler vectorizes the search for the largest byte, but not a search for the
     // first wrong one, which runs only for the message.
     let largest = slots
@@ -207,5 +210,5 @@ pub fn expect_slots(what: &str, slots: &[u8], num_slots: usize) -> PyResult<()> 
     }
     let is_missing = |slot: &&u8| **slot != NO_VEHICLE && usize::from(**slot) >= num_slots;
     let slot = slots.iter().find(is_missing).copied().unwrap_or(0);
-    Err(PyValueError::new_err(format!("{what}: no vehicle {slot}")))
+    Err(PyValueError::new_err(format!("{name}: no vehicle {slot}")))
 }

@@ -18,11 +18,11 @@ use pyo3::types::PyDict;
 
 use crate::batch_inputs::ConstantValues;
 use crate::inputs::{
-    Bytes, Floats, Ints, RecordingArrays, SignalArrays, expect_length, expect_slots, output,
-    rows_of_two,
+    Bytes, Floats, Ints, RecordingArrays, SignalArrays, borrow_output, expect_length, expect_slots,
+    simulation_rows,
 };
 
-use crate::spread::{SIMULATION_BYTES, reserved, spread};
+use crate::spread::{SIMULATION_BYTES, reserve, spread};
 
 macro_rules! visibility_arrays {
     ($($(#[$doc:meta])* $field:ident, $count:expr;)*) => {
@@ -102,7 +102,7 @@ macro_rules! with_outputs {
         { $name:ident, $arrays:expr, $cells:expr, |$out:ident| $body:expr }
         $($field:ident: $kind:ty, $rows:expr;)*
     ) => {{
-        $(let mut $field = output::<$kind>($arrays, stringify!($field), $rows * $cells)?;)*
+        $(let mut $field = borrow_output::<$kind>($arrays, stringify!($field), $rows * $cells)?;)*
         let mut $out = $name { $($field: $field.as_slice_mut()?,)* };
         $body
     }};
@@ -116,8 +116,8 @@ macro_rules! with_outputs {
 ///         (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
 ///         the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
 ///     visibility: As `labels.signals.conditions` makes it.
-///     thresholds: As `labels.event_detection.thresholds` makes them.
-///     constants: As in `simulate`.
+///     thresholds: As `labels.event_detection.event_thresholds` makes them.
+///     constants: As in `Inputs`.
 ///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
 ///     zero_from: Frame from which on these arrays are zero, before and after the call, shape
 ///         (simulation,).
@@ -151,7 +151,7 @@ pub fn ego_signals_and_events(
     level: Option<&str>,
 ) -> PyResult<()> {
     let (recording, level) = (
-        recording.packed()?,
+        recording.packed_recording()?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = recording.num_frames.len();
@@ -197,7 +197,7 @@ pub fn neighbour_signals(
     level: Option<&str>,
 ) -> PyResult<()> {
     let (recording, level) = (
-        recording.packed()?,
+        recording.packed_recording()?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = recording.num_frames.len();
@@ -241,7 +241,7 @@ pub fn target_signals(
     level: Option<&str>,
 ) -> PyResult<()> {
     let (recording, level) = (
-        recording.packed()?,
+        recording.packed_recording()?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let (signals, target_slot) = (signals.views(&recording)?, target_slot.as_slice()?);
@@ -302,7 +302,7 @@ pub fn frames_alongside<'py>(
     level: Option<&str>,
 ) -> PyResult<AlongsideArrays<'py>> {
     let (recording, level) = (
-        recording.packed()?,
+        recording.packed_recording()?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let signals = signals.views_without_neighbours(&recording)?;
@@ -374,7 +374,7 @@ pub fn scan_spans(
     level: Option<&str>,
 ) -> PyResult<()> {
     let (recording, level) = (
-        recording.packed()?,
+        recording.packed_recording()?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let (signals, count) = (signals.views(&recording)?, recording.num_frames.len());
@@ -449,7 +449,7 @@ pub fn limit_margins(
     level: Option<&str>,
 ) -> PyResult<()> {
     let (signal, level) = (
-        rows_of_two(&signal)?,
+        simulation_rows(&signal)?,
         require_level(level).map_err(PyValueError::new_err)?,
     );
     let count = signal.len();
@@ -490,7 +490,7 @@ pub fn flag_bits(
     span: Ints<'_>,
     mut out: PyReadwriteArray2<'_, u8>,
 ) -> PyResult<()> {
-    let rows = rows_of_two(&values)?;
+    let rows = simulation_rows(&values)?;
     expect_length("span", span.len(), 2 * rows.len())?;
     expect_length("out", out.len(), 2 * rows.len())?;
     overtaking_labels::flag_bits(&rows, span.as_slice()?, out.as_slice_mut()?);
@@ -554,7 +554,7 @@ pub fn encounter_measures(
         let index = usize::try_from(instants[row * count + instant]).ok();
         index.filter(|&index| index < end)
     };
-    let mut pairs = reserved(count)?;
+    let mut pairs = reserve(count)?;
     for (instant, slot) in slots.iter_mut().enumerate() {
         let (Some(simulation), Some(role), Some(frame)) = (
             index_below(0, instant, simulations),

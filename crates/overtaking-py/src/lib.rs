@@ -1,5 +1,6 @@
-//! Thin Python binding of `overtaking-core`, arrays in, arrays filled in place, and of tiny-skia,
-//! which draws films.
+//! Python binding of `overtaking-core`, of `overtaking-labels`, and of tiny-skia, which draws films.
+//!
+//! Arrays of Python are read and filled in place.
 
 mod batch_inputs;
 mod bulk_math;
@@ -25,7 +26,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::batch_inputs::PyInputs;
-use crate::inputs::{expect_length, output};
+use crate::inputs::{borrow_output, expect_length};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// Borrow every output array, and call `$body` with an `Output` over them.
@@ -38,8 +39,8 @@ macro_rules! borrow_outputs {
         $($(#[$meaning:meta])* $state:ident: $number:ty,)*
     ) => {{
         let sizes: std::collections::HashMap<_, _> = Output::sizes($batch, $slots, $frames).into_iter().collect();
-        $(let mut $field = output::<$kind>($arrays, stringify!($field), sizes[stringify!($field)])?;)*
-        $(let mut $state = output::<$number>($arrays, stringify!($state), sizes[stringify!($state)])?;)*
+        $(let mut $field = borrow_output::<$kind>($arrays, stringify!($field), sizes[stringify!($field)])?;)*
+        $(let mut $state = borrow_output::<$number>($arrays, stringify!($state), sizes[stringify!($state)])?;)*
         let out = Output {
             $($field: $field.as_slice_mut()?,)*
             $($state: $state.as_slice_mut()?,)*
@@ -62,7 +63,7 @@ pub(crate) fn with_borrowed_outputs<R>(
     with_outputs! { borrow_outputs! { outputs, batch, num_slots, frames, run } }
 }
 
-/// Parameters of vehicles and simulations, simulation numbers, errors of the egos, and the step from which
+/// Parameters of vehicles and of simulations, scenario indices, judgement errors of the egos, and the step from which
 /// they hold.
 type SwitchArrays<'a> = (
     PyReadonlyArray1<'a, f32>,

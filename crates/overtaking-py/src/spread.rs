@@ -47,14 +47,14 @@ pub fn spread_without_room<R: Send>(
 /// # Errors
 /// `SystemLimitError`: The system grants less memory.
 pub fn expect_room(bytes: usize) -> PyResult<()> {
-    reserved::<u8>(bytes).map(drop)
+    reserve::<u8>(bytes).map(drop)
 }
 
-/// An empty vector with memory for `count` elements.
+/// Allocate an empty vector with memory for `count` elements.
 ///
 /// # Errors
 /// `SystemLimitError`: The system grants less memory.
-pub fn reserved<T>(count: usize) -> PyResult<Vec<T>> {
+pub fn reserve<T>(count: usize) -> PyResult<Vec<T>> {
     let mut elements = Vec::new();
     let reservation = elements.try_reserve_exact(count);
     reservation.map_err(|error| system_limit("memory_error", &error.to_string()))?;

@@ -40,7 +40,7 @@ type ObservationArrays<'py> = (
 
 #[pymethods]
 impl Stepper {
-    /// Begin before the first decision.
+    /// Begin all simulations of a batch, which wait before their first decision.
     ///
     /// Args:
     ///     inputs: Inputs of the batch, with at least one simulation.

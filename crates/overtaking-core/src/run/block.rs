@@ -130,7 +130,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         let mut params = Params {
             simd,
             constants: Arc::clone(&inputs.constants),
-            derived: DerivedConstants::of(&inputs.constants),
+            derived: DerivedConstants::from_constants(&inputs.constants),
             road: Arc::clone(&inputs.road),
             vehicles: vehicle_params,
             simulations: simulation_params,

@@ -79,14 +79,19 @@ pub fn stepped_batch<S: Simd>(
         .into_iter()
         .find(|slots| num_slots <= *slots)
     {
-        Some(8) => Ok(StepGroups::<S, 8>::boxed(simd, inputs, action_kind, source)),
-        Some(16) => Ok(StepGroups::<S, 16>::boxed(
+        Some(8) => Ok(StepGroups::<S, 8>::new_batch(
             simd,
             inputs,
             action_kind,
             source,
         )),
-        Some(32) => Ok(StepGroups::<S, 32>::boxed(
+        Some(16) => Ok(StepGroups::<S, 16>::new_batch(
+            simd,
+            inputs,
+            action_kind,
+            source,
+        )),
+        Some(32) => Ok(StepGroups::<S, 32>::new_batch(
             simd,
             inputs,
             action_kind,
@@ -182,7 +187,7 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
 
 impl<S: Simd, const N: usize> StepGroups<S, N> {
     /// A batch with a row for each simulation of `inputs`, none of which has begun.
-    fn boxed(
+    fn new_batch(
         simd: S,
         inputs: &Inputs<'_>,
         action_kind: Option<ActionKind>,
