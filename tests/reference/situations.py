@@ -288,12 +288,13 @@ EVERY = (*SITUATIONS, *FURTHER, *WRITTEN)
 
 
 def turned_round(weather: Weather) -> Weather:
-    """Rain for sunshine, storm for calm, night for day."""
+    """Rain for sunshine, storm for calm, night for day, and other fog."""
     return weather.replace(
         rain=np.float32(100.0) - weather.rain,
         puddles=np.float32(100.0) - weather.puddles,
         wind=np.float32(100.0) - weather.wind,
-        fog=np.float32(70.0) - weather.fog,
+        # Fog reaches 100, and branches refuse a negative one.
+        fog=np.abs(np.float32(70.0) - weather.fog),
         night=~weather.night,
     )
 
