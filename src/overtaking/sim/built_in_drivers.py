@@ -1,8 +1,9 @@
 """The drivers `stay` and `rules`, and drivers in ONNX files.
 
-`stay` and `rules` come with the package. They observe the beliefs of the model driver
-(`observation="human"`) and answer moves (`action="decision"`): they decide about lane changes, and
-the model driver accelerates, brakes and steers.
+`stay` and `rules` come with the package. They observe the traffic as the model driver believes it
+to be (`observation="human"`) and choose moves (`action="decision"`): they decide about lane
+changes, and the model driver accelerates, brakes and steers. The columns that they read are
+described in `model.driver_interface`; left is the overtaking side, also in left-hand traffic.
 """
 
 import hashlib
@@ -36,7 +37,10 @@ MIN_SPEED_GAIN = 3.0
 
 
 PULL_OUT_TIME_GAP = 4.0
-"""Time gap to the leader below which the overtake may begin [s]. Chosen."""
+"""Time gap to the leader below which the overtake may begin [s]. Chosen.
+
+Also the smallest time in which the ego may close up to a slower new leader.
+"""
 
 
 MIN_TIME_GAP = 1.2
@@ -74,11 +78,12 @@ MIN_TIME_BETWEEN_CHANGES = 8.0
 
 
 ABORT_STATE_THRESHOLD = 0.5
-"""The ego aborts if `abort_state` is above it, which is 1 if it fits in behind the target [1]."""
+"""`abort_state` above which the ego aborts: between 0.5, too fast or too near to fit in behind the
+target, and 1, fits in [1]."""
 
 
 ONCOMING_TIME_MARGIN = 3.0
-"""Smallest time to the meeting with an oncoming vehicle at the end of a pass [s]. Chosen."""
+"""Smallest time from the end of a pass until the ego meets an oncoming vehicle [s]. Chosen."""
 
 
 def stay(observation: Observation) -> Moves:
@@ -104,6 +109,7 @@ def rules(observation: Observation) -> Moves:
     returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
 
     # The lane change begins at a check of the mirrors, when the indicator has been on long enough.
+    # While the ego gives way to a vehicle that indicates a change to the same gap, it may indicate.
     can_begin = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
     pull_out_move = np.where(can_begin, Move.PULL_OUT, Move.INDICATE_PULL_OUT)
     return_move = np.where(can_begin, Move.RETURN, Move.INDICATE_RETURN)
@@ -115,6 +121,7 @@ def rules(observation: Observation) -> Moves:
     cancels = may_cancel & ~_is_clear_behind(
         observation, observation.left_follower, max_decel=CANCEL_IMPOSED_DECEL, min_time_gap=0.0
     )
+    # `abort_state` is above 0 only while the ego pulls out or passes: the stage needs no test.
     aborts = observation.passing.abort_state > ABORT_STATE_THRESHOLD
     return np.where(cancels | aborts, Move.CANCEL, move)
 
@@ -122,27 +129,28 @@ def rules(observation: Observation) -> Moves:
 def _wants_to_overtake(observation: Observation) -> Mask:
     """Whether the leader is slow and near, and the gaps beside it suffice."""
     ego, leader, passing = observation.ego, observation.leader, observation.passing
-    vehicle = observation.vehicle
+    vehicle = observation.vehicle  # The ego's.
     leader_speed = ego.speed - leader.closing_speed
     is_slow = vehicle.desired_speed - leader_speed > MIN_SPEED_GAIN
     is_near = (leader.is_detected > 0) & (leader.gap < PULL_OUT_TIME_GAP * ego.speed)
     is_clear = _is_clear(observation, observation.left_leader, observation.left_follower)
     is_two_way = passing.expected_closing_speed > 0  # On one-way roads all columns are zero.
+    # Ahead of the leader the ego needs its length and two time gaps: before it and behind it.
     min_return_gap = 2.0 * MIN_TIME_GAP * leader_speed + 2.0 * vehicle.half_length
-    may_meet_oncoming = (
-        (passing.is_certain > 0)
+    can_use_opposing_lane = (
+        (passing.is_certain > 0)  # It has watched that lane for long enough.
         & (passing.line_is_solid == 0)
         & (passing.gap_ahead_of_leader > min_return_gap)
         & _is_back_in_time(observation)
     )
-    return is_slow & is_near & is_clear & (may_meet_oncoming | ~is_two_way)
+    return is_slow & is_near & is_clear & (can_use_opposing_lane | ~is_two_way)
 
 
 def _is_back_in_time(observation: Observation) -> Mask:
-    """Whether the ego can return `ONCOMING_TIME_MARGIN` before it meets an oncoming vehicle.
+    """Whether the ego is back in its lane `ONCOMING_TIME_MARGIN` before it meets oncoming traffic.
 
     If no oncoming vehicle is seen, one may be just beyond the sight distance, at the speed that the
-    driver expects.
+    driver expects. Gap and speed of a seen vehicle count where they are less favourable than that.
     """
     ego, leader, vehicle = observation.ego, observation.leader, observation.vehicle
     oncoming, passing = observation.oncoming, observation.passing
@@ -151,6 +159,8 @@ def _is_back_in_time(observation: Observation) -> Mask:
     distance = leader.gap + lengths + MIN_TIME_GAP * leader_speed
     # A smaller gain is rejected in `_wants_to_overtake`; the limit avoids a division by zero here.
     speed_gain = np.maximum(vehicle.desired_speed - leader_speed, MIN_SPEED_GAIN)
+    # Half a lane change before the ego gains speed and half of one at the end, as in
+    # `sim.reference.passing.accepts_oncoming_gap`.
     duration = distance / speed_gain + vehicle.lane_change_duration
     is_seen = oncoming.is_detected > 0
     oncoming_gap = np.minimum(np.where(is_seen, oncoming.gap, np.inf), passing.sight_distance)
@@ -171,6 +181,7 @@ def _is_clear(
 def _is_clear_ahead(observation: Observation, new_leader: NeighbourColumns) -> Mask:
     """Whether the gap to the vehicle ahead in the new lane suffices."""
     closing_speed = np.maximum(new_leader.closing_speed, 0.0)
+    # At this closing speed the gap falls to `MIN_TIME_GAP` after the time `PULL_OUT_TIME_GAP`.
     min_gap = MIN_TIME_GAP * observation.ego.speed + PULL_OUT_TIME_GAP * closing_speed
     return (new_leader.is_detected == 0) | (new_leader.gap > min_gap)
 
@@ -211,7 +222,10 @@ TIMEOUT_S = 60.0
 
 
 READY = "ready"
-"""First answer of the process: ONNX Runtime is imported. From then on `TIMEOUT_S` holds."""
+"""First answer of `sim.network_process`, once it has imported ONNX Runtime.
+
+From then on `TIMEOUT_S` holds.
+"""
 
 
 _MODULE = "overtaking.sim.network_process"
@@ -226,7 +240,8 @@ class OnnxDriver:
 
     The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
     ego, of each neighbour, and of a pass. A network may have an input without the columns of a
-    pass. The first output is the action, of shape (simulation, part).
+    pass. The first output is the action, of shape (simulation, part), with the parts that
+    `model.driver_interface.ACTION_KINDS` lists for the kind of action.
 
     A child process loads the network, checks it with zeros, and evaluates it at each decision. A
     network that passes the check may still crash or exhaust memory with other inputs, so this
@@ -274,6 +289,7 @@ class OnnxDriver:
         """
         self._worker = WorkerProcess(_MODULE)
         weakref.finalize(self, self._worker.close)
+        # `sim.network_process` describes the messages; `widths` are the allowed numbers of columns.
         limits = {
             "memory_mib": MEMORY_MIB,
             "widths": (OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)),

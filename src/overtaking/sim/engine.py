@@ -1,7 +1,8 @@
 """The compiled engine in Rust: the same model as `sim.reference`, sixteen simulations at a time.
 
 This module allocates the output arrays of a batch, passes all inputs to the engine as flat arrays
-and numbers, and wraps the outputs as `Trajectories`.
+and numbers, and wraps the outputs as `Trajectories`. `StepParameters` and `RoadParameters` describe
+the inputs, `Trajectories` the outputs, with shapes and units.
 """
 
 import dataclasses
@@ -29,15 +30,17 @@ from overtaking.model.trajectories import (
 from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 
-_WIDE, _BYTE = np.int32, np.uint8  # The engine writes counts and times as int32, codes as bytes.
+# Types of the engine's integers: counts and measured values as int32, codes and flags as bytes.
+_WIDE, _BYTE = np.int32, np.uint8
 
 
 _BELIEF_TYPES = {
     name: _BYTE if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
+    # A field about a neighbour has all axes of the class; one about the decision lacks the third.
     if field.dtype and field.axes == Percepts.AXES
 }
-"""Type of each recorded belief about a neighbour. The engine writes flags as bytes."""
+"""Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""
 
 
 def simulate(
@@ -79,12 +82,14 @@ def run(
     """
     outputs = allocate_outputs(scenario, params, buffers or Buffers())
     checked_level = simd_level(level)
+    # Outputs and the tables of switches are contiguous, so `reshape` returns views without gaps.
     flat_outputs = {name: array.reshape(-1) for name, array in outputs.items()}
     switch_inputs = [
         (
             new_params.vehicle_table.reshape(-1),
             new_params.simulation_table.reshape(-1),
             new_params.scenario_index,
+            # Only a switch sets these errors; at the start of a simulation the engine draws them.
             _flatten(new_params.judgement_errors),
             step,
         )
@@ -92,6 +97,7 @@ def run(
     ]
     _core.simulate(
         engine_inputs(params),
+        # Length of the arrays. Each simulation ends at `last_step` of the `simulation_table`.
         frames=outputs["stage"].shape[1],
         outputs=flat_outputs,
         switches=switch_inputs,
@@ -108,13 +114,15 @@ def _flatten(judgement_errors: F32 | None) -> F32 | None:
 def engine_inputs(params: StepParameters) -> _core.Inputs:
     """The parameters of a batch as the engine reads them, for any number of calls.
 
-    The engine reads contiguous parameters in place, so later changes of the arrays have an effect.
+    The engine reads contiguous parameters in place at each call, so the caller must not change the
+    arrays between two calls.
 
     Raises:
         ValueError: There are more slots than the engine has, or an array has another type.
     """
     return _core.Inputs(
-        # `ravel` copies tables that are not contiguous; `reshape` may return a view with gaps.
+        # In `sim.pedal_driving` the table of a group of vehicles is not contiguous. `ravel` copies
+        # it, while `reshape` may return a view with gaps, which the engine refuses.
         vehicle=params.vehicle_table.ravel(),
         simulation=params.simulation_table.ravel(),
         scenario_index=params.scenario_index,
@@ -127,7 +135,7 @@ def engine_inputs(params: StepParameters) -> _core.Inputs:
 
 
 def road_values(params: StepParameters) -> dict[str, Any]:
-    """The fields of the road as numbers and lists, which the compiled engine reads by name."""
+    """The fields of `RoadParameters` as numbers and lists, which the engine reads by name."""
     road = params.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
     return {
@@ -142,6 +150,7 @@ def road_values(params: StepParameters) -> dict[str, Any]:
         "edge_sum": float(road.edge_sum),
         "sight": road.sight.tolist(),
         "solid_line": road.solid_line.tolist(),
+        # All rows in turn; they are equally long.
         "course_table": np.concatenate(road.course_table).tolist(),
     }
 
@@ -151,7 +160,8 @@ def allocate_outputs(
 ) -> dict[str, NDArray[Any]]:
     """The arrays that the engine fills, by the names under which it looks them up."""
     num_simulations, num_slots = scenario.num_simulations, scenario.num_slots
-    # The engine writes whole tiles of 16 frames, so the arrays have space for a last full tile.
+    # The engine transposes squares of 16 simulations by 16 frames, so it writes 16 frames at a
+    # time, and the arrays have space for the last 16.
     num_frames = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     array = buffers.array
     shape = (num_simulations, num_slots, num_frames)
@@ -183,7 +193,8 @@ def allocate_outputs(
 
 def to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Trajectories:
     """The outputs of the engine as a recording, cut after the longest simulation."""
-    # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
+    # A batch of no simulations gets one frame, because labels contain minima over the frames, and
+    # NumPy has no minimum over zero frames.
     max_frames = int(outputs["num_frames"].max(initial=1))
     states = States(**{name: _read_only(outputs[name][:, :, :max_frames]) for name in STATE_DTYPES})
     is_running = np.arange(max_frames) < outputs["num_frames"][:, None, None]
@@ -204,7 +215,7 @@ def to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Tra
             valid=outputs["percept_valid"].view(bool),
             kind=outputs["percept_kind"],
             time=outputs["percept_time"],
-            is_detected=outputs["percept_is_detected"].view(bool),
+            is_detected=outputs["percept_is_detected"].view(bool),  # The only flag of a neighbour.
             **{name: outputs[f"percept_{name}"] for name in _BELIEF_TYPES if name != "is_detected"},
         ),
         trace_hash=outputs["trace_hash"],
