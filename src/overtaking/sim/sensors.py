@@ -158,9 +158,9 @@ class SensorArray:
     def measure(self, neighbours: F32, is_running: Mask, decision_index: int) -> F32:
         """Measure the neighbours now, and report the measurements that are as old as the latency.
 
-        Before the latency has passed for the first time, the first measurements are reported. An
-        answer that holds for several decisions leaves gaps between measured decisions, so reported
-        measurements can be older than the latency.
+        Before the latency has passed for the first time, the first measurements are reported. While
+        an action of the external driver holds for several decisions, nothing is measured; reported
+        measurements can then be older than the latency.
 
         Args:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
@@ -182,6 +182,9 @@ class SensorArray:
     def clear_gap_ahead_of_leader(passing: F32) -> None:
         """Set the gap ahead of the leader, which sensors do not measure, to zero.
 
+        Zero says that there is no room ahead of the leader; `unseen_gap` would say that the road
+        there is free.
+
         Args:
             passing: Columns about a pass, shape (simulation, `PASSING_COLUMNS`).
         """
@@ -194,7 +197,8 @@ class SensorArray:
         """
         sensor = self._sensor
         # Each role has its own stream of four numbers: the first decides whether the vehicle is
-        # missed, the next two give the errors, the last is unused.
+        # missed, the next two give the errors, the last is unused. `Stream` leaves 256 numbers to
+        # `SENSOR`.
         streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
         draws = self._draw_uniform_numbers(streams, decision_index)
         gap_deviation, speed_deviation = box_muller(draws[..., 1], draws[..., 2])
@@ -227,14 +231,16 @@ class SensorArray:
         # Ahead for leaders and oncoming vehicles, behind for followers.
         distance_along = neighbour.gap + half_lengths
         lateral_distance = np.abs(neighbour.lateral_distance)
-        # NumPy's last bits may differ between processors. A drive is repeated from its recorded
-        # actions, without the sensor, so they need no functions of `core.float32_math`.
+        # The last bits of NumPy's hypot and arctan2 may differ between processors. They need no
+        # twins in `core.float32_math`: a drive is repeated from its recorded actions, without the
+        # sensor.
         distance = np.hypot(distance_along, lateral_distance)
         angle = np.arctan2(lateral_distance, distance_along)
         range_share = self._range_share[:, None]
         max_distance = np.where(_IS_AHEAD, sensor.range_ahead, sensor.range_behind) * range_share
         is_in_view = (angle <= 0.5 * sensor.field_of_view) & (distance <= max_distance)
         is_around = distance <= sensor.range_around * range_share
+        # In true values `is_detected` says that the vehicle exists.
         return (neighbour.is_detected > 0) & (is_in_view | is_around)
 
 

@@ -9,7 +9,7 @@ from overtaking.core.float32_math import ONE, TWO, ZERO, clamp, exp, log, maximu
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import VehicleParameters
 
-# Keeps the stopping term of the heuristic finite behind a standing leader [m^2/s^2].
+# Keeps the stopping acceleration of `cah_accel` finite behind a leader at rest [m^2/s^2].
 _MIN_STOPPING_TERM = np.float32(1e-3)
 
 # Near the desired speed the free acceleration approaches 0 and the exponent of the blend infinity.
@@ -43,7 +43,7 @@ class Leader:
     Attributes:
         gap: Gap between the bumpers [m].
         closing_speed: Speed of the follower minus the leader's [m/s].
-        accel: Acceleration of the leader, never positive [m/s^2].
+        accel: Acceleration of the leader [m/s^2]. Never positive: `perception` clips the belief.
     """
 
     gap: F32
@@ -53,6 +53,8 @@ class Leader:
 
 def desired_gap(vehicle: VehicleParameters, speed: F32, time_gap: F32, closing_speed: F32) -> F32:
     """Desired gap s* of the intelligent driver model [m].
+
+    `vehicle.idm_interaction` is 1 / (2 sqrt(a b)) with `vehicle.accel` a and `vehicle.decel` b.
 
     Args:
         vehicle: Parameters of the followers.
@@ -74,6 +76,8 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     s_star = desired_gap(vehicle, follower.speed, follower.time_gap, leader.closing_speed)
     z = s_star / maximum(leader.gap, constants.min_effective_gap)
     speed_ratio = follower.speed / follower.desired_speed
+    # With the exponents 4 below the desired speed and 4 a / b above it, both branches have the same
+    # slope there. So the fourth power below changes together with `following.free_exponent`.
     square = speed_ratio * speed_ratio
     free_accel_below = vehicle.accel * (ONE - square * square)
     decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))
@@ -104,7 +108,8 @@ def cah_accel(constants: ModelConstants, speed: F32, leader: Leader) -> F32:
     closing_speed = maximum(leader.closing_speed, ZERO)
     # The leader still moves when the closing speed has become 0 ...
     moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap
-    # ... or it stops first, and the follower stops behind it.
+    # ... or it stops first, and the follower stops behind it. If the gap opens and the leader does
+    # not brake, this condition is true as well; both terms are then 0.
     stopping_term = leader_speed * leader_speed - double_gap * leader.accel
     stopping_accel = speed * speed * leader.accel / maximum(stopping_term, _MIN_STOPPING_TERM)
     leader_stops_first = leader_speed * leader.closing_speed < -(double_gap * leader.accel)
@@ -142,14 +147,15 @@ def acc_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> 
     """Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
 
     The blended IIDM reacts to the gap and its change. It brakes only when a braking leader has
-    become visibly slower. A driver reacts to the stop lamps before that: near the leader with the
-    acceleration of `cah_accel`, with a smaller share of it the larger the time gap.
+    become visibly slower. Stop lamps make a driver brake before that, at least by a share of
+    `cah_accel`: all of it at short time gaps, nothing at long ones, linear between.
     """
     speed = follower.speed
     cah = cah_accel(constants, speed, leader)
     iidm = iidm_accel(constants, follower, leader)
     accel = blend_iidm_with_cah(constants, follower.vehicle, iidm, cah)
     max_time_gap = constants.stop_lamp_max_time_gap
+    # `slip_speed` is the least divisor wherever a formula divides by speed.
     time_gap_below_max = max_time_gap - leader.gap / maximum(speed, constants.slip_speed)
     reaction_share = clamp(
         time_gap_below_max / (max_time_gap - constants.stop_lamp_full_time_gap), ZERO, ONE
@@ -167,19 +173,20 @@ def imposed_accel(
 ) -> F32:
     """Acceleration, never positive, that a leader imposes on a follower [m/s^2].
 
-    The plain intelligent driver model at its desired speed. It is not blended with `cah_accel`: a
-    small gap that a driver accepts for itself after a cut-in is too small to impose on another
-    driver.
+    It is the acceleration of `iidm_accel` at the desired speed, where the free acceleration is 0,
+    not blended with `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too
+    small to impose on another driver.
 
     Args:
         constants: Constants of the model.
-        vehicle: Parameters of the driver that judges the gap.
+        vehicle: Parameters of the driver that judges the gap: the follower, or a driver ahead of it
+            that assumes the follower to be like itself.
         speed: Speed of the follower [m/s].
-        time_gap: Time gap that the follower keeps [s].
+        time_gap: Time gap behind the leader that the judging driver asks for [s].
         leader: Leader of the follower.
 
     Source:
-        Kesting, Treiber, Helbing 2007, whose safety criterion uses the plain model.
+        Kesting, Treiber, Helbing 2007, whose safety criterion uses the unblended model.
     """
     z = desired_gap(vehicle, speed, time_gap, leader.closing_speed) / maximum(
         leader.gap, constants.min_effective_gap
