@@ -1,5 +1,20 @@
-"""The Portuguese rules of overtaking: an interpretation, not legal advice."""
+"""The Portuguese rules of overtaking: an interpretation, not legal advice.
 
+An s at the end of a code marks the strict variant of a rule. Rules without a criterion stand in
+modules by subject (`sight`, `speed`, `oncoming_traffic`).
+
+- `grade`: how severe a breach is. By Articles 145 and 146 most breaches are very serious on a
+  motorway and serious elsewhere (`Grade.BY_ROAD`).
+- `required_by`: `EVERY_POLICY` for rules that the data of the study can decide and rules of the
+  same weight, `DEFAULT_AND_STRICTER` for rules that also need the road or the weather,
+  `STRICT_ONLY` for rules on signals, lamps, keeping right and the intentions of others, and for
+  uncertain readings.
+- `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
+- `text_source`: how the wording is known, `RECALLED` where no text was read; `consulted_source`
+  says where. `source` is the Highway Code by default.
+"""
+
+from overtaking.core.arrays import F32
 from overtaking.labels.law.case import general_limits, speed_limit_bounds
 from overtaking.labels.law.criteria.alongside import (
     BicycleDistance,
@@ -42,6 +57,14 @@ from overtaking.labels.law.rule import (
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.speed import L12, L13
 from overtaking.labels.law.texts import edition, with_texts
+from overtaking.model.verdicts import Case
+
+
+def _highest_speed_limit(case: Case) -> F32:
+    """The highest limit that may hold where each ego is, shape (simulation, time) [m/s]."""
+    _, highest = speed_limit_bounds(case, general_limits("law"))
+    return highest
+
 
 L1 = Rule(
     id="pt.ce.36@2013",
@@ -115,7 +138,7 @@ L5 = Rule(
     gloss="Change lane only where no danger to or obstruction of traffic results.",
     criterion=GapBehind(
         safe_distance_rule="L3",
-        max_speed=lambda case: speed_limit_bounds(case, general_limits("law"))[1],
+        max_speed=_highest_speed_limit,
     ),
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
@@ -194,6 +217,8 @@ L10 = Rule(
     article="Article 18(2)",
     title="Lateral distance",
     gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
+    # The Code states one distance, so `min_outside` also holds in built-up areas. "The monitor" is
+    # the source `stl-monitor`.
     criterion=LateralDistance(
         min_outside=quantity(
             0.8, "m", why="The Code says 'enough'; the monitor's hard floor is 0.5 m"
@@ -218,6 +243,8 @@ L11 = Rule(
     criterion=BicycleDistance(min_gap=_BICYCLE_GAP),
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
+    # The rule has two limits, so its margin is a share of the one that decides: "missed ..., as a
+    # share of it, by 0.2".
     limit_phrase="the distance to the side of the bicycle, or the speed at the start, as a share "
     "of it,",
     text_source=TextSource.SECONDARY,
@@ -248,6 +275,7 @@ L17 = Rule(
     " that overtakes a third. Crests, bends, junctions, level crossings and third vehicles do not "
     "count where there are two or more lanes in the same direction and the opposite side is not "
     "used.",
+    # The exceptions are part of the criterion, which no other law uses.
     criterion=NoOvertakingZones(),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,
@@ -281,6 +309,7 @@ L19 = Rule(
     gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
     f"meeting or less than {_HIGH_BEAM_GAP} behind another; rear fog lamps when required and only "
     "then.",
+    # Range in fog and rain below which low beam is due by day; by night it is due at any range.
     criterion=Lamps(
         low_beam_max_range=quantity(
             100.0,
@@ -381,13 +410,13 @@ L28 = Rule(
     title="Slow vehicles leave room",
     gloss="Outside localities, on roads with one lane in each direction, heavy and other vehicles "
     f"that drive slowly keep at least {_SLOW_VEHICLE_GAP} to the vehicle ahead, so that they can "
-    "be overtaken; not who is about to overtake.",
+    "be overtaken; the duty does not hold for a driver who is about to overtake.",
     criterion=SlowVehicleDistance(
         max_speed=quantity(
             40.0,
             "km/h",
             why="The Code says 'slowly'; a vehicle that cannot go faster than this must show a "
-            "lamp for it",
+            "lamp that marks it as slow",
         ),
         min_gap=_SLOW_VEHICLE_GAP,
     ),
@@ -406,6 +435,7 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
+    # Decision 49 added L25 to L29 for two-way roads, and tables of one-way roads kept their rows.
     criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,
@@ -423,6 +453,8 @@ _RULES = (
 )
 # fmt: on
 
+# The second version of these readings of the text of 2013. On two-way roads `two_way_version` is
+# added, so that data sets of one-way roads keep their version.
 PORTUGAL = Pack(
     name="pt",
     version="pt-2@2013",

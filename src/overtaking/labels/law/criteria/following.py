@@ -1,4 +1,7 @@
-"""Criteria about the distance to the vehicle ahead."""
+"""Criteria about the distance to the vehicle ahead.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -168,7 +171,7 @@ class TimeDistance(Criterion):
     """The gap to the leader is at least the distance that the ego drives in some time.
 
     Attributes:
-        min_time: That time, a multiple of 0.1 s.
+        min_time: That time, a multiple of 0.1 s for `_distance_in_whole_mm`.
     """
 
     min_time: Quantity
@@ -215,7 +218,11 @@ class FinedTimeDistance(Criterion):
     """Above a speed, the gap to the leader is too small for a short time at most.
 
     The margin is the time that was left: the shorter of `max_duration` and the time for
-    `max_distance`, less the time for which the gap has been too small.
+    `max_distance`, less the time for which the gap has been too small. It is a duration, so there
+    are no margins by frame.
+
+    The German catalogue of fines states gaps in tenths of "half the speedometer", in metres half
+    the speed in km/h. Five tenths are the distance driven in 0.9 s.
 
     Attributes:
         min_time: The gap is too small below the distance driven in this time, a multiple of 0.1 s.
@@ -265,7 +272,8 @@ class FinedTimeDistance(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A gap that is large enough, in the frame in which most of it is missing."""
         frames, signals = _judged_frames(breach), breach.case.signals
-        # Between two parts of a breach the ego may be too slow for the duty.
+        # Between two parts of a breach the ego may be too slow for the duty. The frame is chosen
+        # by the gap, as the margin is a time, so these frames must be dropped here.
         frames = frames[signals.speed[0, frames] > self.min_speed.f32]
         gap, speed = signals.gap[0, _LEADER, frames], signals.speed[0, frames]
         missing_gap = self._min_gap(speed) - gap
@@ -315,6 +323,7 @@ class FixedDistance(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest gap over all judged frames decides."""
         is_truck, road = ego_may_be(case, VehicleKind.TRUCK), case.trajectories.road
+        # An unknown road counts as a motorway: the rule then applies, and is undecidable.
         is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
         if not (is_motorway and is_truck.any()):
             return finding_not_applicable(case.signals.num_simulations)
@@ -339,8 +348,8 @@ class GapForAnotherVehicle(Criterion):
 
     Attributes:
         vehicle_length: Length of the vehicle that moves in.
-        min_time: Time, a multiple of 0.1 s; the gap holds the distance driven in it ahead of and
-            behind the vehicle that moves in.
+        min_time: Time, a multiple of 0.1 s for `_distance_in_whole_mm`; the gap holds the distance
+            driven in it ahead of and behind the vehicle that moves in.
         distance_rule: Code of the rule of the same law that asks for this distance and states the
             exceptions.
     """
@@ -372,7 +381,9 @@ class GapForAnotherVehicle(Criterion):
             return finding_not_applicable(case.signals.num_simulations)
         # A driver who is about to overtake may close up.
         has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
-        bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], lambda _: 0.0)
+        # The duty ends where overtaking is forbidden: sign 276, from the sign on, without an
+        # approach. The distance is negative within such a stretch.
+        bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], approach_length=lambda _: 0.0)
         is_judged = _has_settled_leader(case) & has_duty[:, None]
         is_judged &= distance_to_intervals(case, bans) >= 0.0
         return _finding_of_gap(case, self._min_gap(case.signals.speed), is_judged)
@@ -431,6 +442,8 @@ class SlowVehicleDistance(Criterion):
             return finding_not_applicable(signals.num_simulations)
         # A driver who is about to overtake may close up.
         has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
+        # This duty has no exception after a cut-in, unlike the other distances: all frames in which
+        # the ego is driven are judged.
         span = judged_span(case)
         last = np.minimum(span.last, last_driven_frame(case))
         span = FrameSpan(first=span.first, last=np.where(has_duty, last, span.first - 1))
@@ -451,7 +464,7 @@ class SlowVehicleDistance(Criterion):
         return _gap_and_time_error(finding, 0.0, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """A larger gap in the frame that decides.
+        """A larger gap in the frame with the margin of the finding.
 
         The smallest gap may lie in a frame in which the ego is too fast for the duty.
         """
@@ -488,8 +501,8 @@ def _finding_of_gap(case: Case, min_gap: F32 | np.float32, is_judged: Mask) -> F
 
 def _gap_and_time_error(finding: Finding, time: float, errors: MeasurementErrors) -> F32:
     """Error of a gap between two vehicles less the distance that the ego drives in a time [m]."""
-    gap_error, distance_error = np.sqrt(2.0) * errors.position_std, time * errors.speed_std
-    return np.full_like(finding.margin, np.hypot(gap_error, distance_error))
+    error_of_gap, error_of_distance = np.sqrt(2.0) * errors.position_std, time * errors.speed_std
+    return np.full_like(finding.margin, np.hypot(error_of_gap, error_of_distance))
 
 
 def _judged_frames(breach: BreachContext) -> IndexArray:
@@ -503,14 +516,17 @@ def _larger_gap(
 ) -> tuple[Remedy, ...]:
     """One remedy: a larger gap to the leader, in the frame that has the margin of the finding.
 
+    The margin identifies the frame, so `frames` may contain frames in which the duty does not hold,
+    such as those at a low speed.
+
     Args:
         breach: The breach.
         frames: Frames with a leader.
         min_gap: Smallest lawful gap, one or for each of these frames [m].
     """
     margins = breach.case.signals.gap[0, _LEADER, frames] - min_gap
-    worst = frames[int(np.abs(margins - breach.margin).argmin())]
-    return more_gap(breach, _LEADER, worst, breach.margin)
+    frame = frames[int(np.abs(margins - breach.margin).argmin())]
+    return more_gap(breach, _LEADER, frame, breach.margin)
 
 
 def _margins_behind_leader(case: Case, margin: F32) -> F64:
@@ -522,8 +538,9 @@ def _margins_behind_leader(case: Case, margin: F32) -> F64:
 def _distance_in_whole_mm(speed: F32, time: Quantity) -> F32:
     """Distance driven in a multiple of 0.1 s, rounded down to whole millimetres [m].
 
-    A speed in whole mm/s times 1.5 s may end in half a millimetre, which the logic program cannot
-    hold. Without the rounding, criterion and program differ in 1 of 1,344 simulations.
+    A speed in whole mm/s times 1.5 s may end in half a millimetre, which the facts of the logic
+    programs of the laws (`analysis.logic`) cannot hold. Without the rounding, criterion and program
+    differ in 1 of 1,344 simulations.
     """
     tenths = round(10.0 * float(time.f32))
     speed_mmps = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64)

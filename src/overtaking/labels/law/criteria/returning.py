@@ -1,4 +1,7 @@
-"""Criteria about the return to the original lane, and about keeping right."""
+"""Criteria about the return to the original lane, and about keeping right.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -111,14 +114,14 @@ class SafeReturn(Criterion):
             gap_behind = (
                 "v t + v^2 / (2 b) - u^2 / (2 b), v behind and u ahead, " + REACTION_AND_DECEL
             )
-            gap_ahead = "by the same formula"
+            condition_ahead = "by the same formula"
         else:
             gap_behind = f"its safe distance (as {self.safe_distance_rule})"
-            gap_ahead = ">= the ego's safe distance"
+            condition_ahead = ">= the ego's safe distance"
         return (
             "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= "
             f"{gap_behind}; the braking forced on it <= {ABRUPT_BRAKING}; gap to the vehicle "
-            f"ahead {gap_ahead}."
+            f"ahead {condition_ahead}."
         )
 
     def check(self, case: Case) -> Finding:
@@ -155,14 +158,15 @@ class SafeReturn(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap to the vehicle behind or ahead, to both if both were too near."""
         frame, changes = breach.first_frame, list[RequiredChange]()
-        for neighbour, margin in (
+        for neighbour, margin_of_gap in (
             (NeighbourRole.FOLLOWER, entry_margin_behind),
             (NeighbourRole.LEADER, margin_to_leader),
         ):
             has_neighbour = breach.case.signals.neighbour_slot[0, neighbour, frame] != NO_VEHICLE
-            missing = margins_to_neighbour(breach, neighbour, np.array([frame]), margin)[0]
-            if has_neighbour and missing < 0:
-                changes += more_gap(breach, neighbour, frame, missing)[0]
+            margin = margins_to_neighbour(breach, neighbour, np.array([frame]), margin_of_gap)[0]
+            if has_neighbour and margin < 0:
+                (remedy,) = more_gap(breach, neighbour, frame, margin)
+                changes += remedy
         return (tuple(changes),)
 
 
@@ -200,7 +204,9 @@ class ReturnDelay(Criterion):
     """
 
     max_delay: Quantity = quantity(
-        8.0, "s", why="Looking, signalling and a lane change of average duration, and some"
+        8.0,
+        "s",
+        why="Looking, signalling and a lane change of average duration, with some time to spare",
     )
     opposing_lane_rule: str
     unit: str = "s"
@@ -214,10 +220,10 @@ class ReturnDelay(Criterion):
         """When a return is possible, for how long it may be, and which rule asks for more."""
         return (
             "From overlap_end on: the ego never stays out of its original lane for more than "
-            f"{self.max_delay} on end in which the target is max({RETURN_TIME_GAP}, safe distance) "
-            "or more behind it and the lane to the right is free: room ahead and behind, and no "
-            f"vehicle reached within {RETURN_FREE_TIME}. {self.opposing_lane_rule} is the rule for "
-            "the lane of oncoming traffic."
+            f"{self.max_delay} on end in which the target is max({RETURN_TIME_GAP} v_target, safe "
+            "distance) or more behind it and the lane to the right is free: room ahead and behind, "
+            f"and no vehicle reached within {RETURN_FREE_TIME}. {self.opposing_lane_rule} is the "
+            "rule for the lane of oncoming traffic."
         )
 
     def check(self, case: Case) -> Finding:
@@ -258,6 +264,7 @@ class ReturnDelay(Criterion):
 
 def _begin_error(case: Case, errors: MeasurementErrors) -> F32:
     """Error of the time at which the target is far enough behind, shape (simulation,) [s]."""
+    # Where `first` is `NEVER`, the values belong to frame 0, and `standard_error` drops them.
     first, _ = scans(case).return_opportunity
     target = vehicle_snapshot(case.trajectories, case.target.slot, np.arange(len(first)), first)
     ego_speed = at_frame(case.signals.speed, first)
@@ -330,11 +337,16 @@ class RightLaneUse(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The gap in the lane to the right, with the opposite sign, is the margin."""
+        """The gap in the lane to the right, with the opposite sign, is the margin.
+
+        Lane 0 has no lane to its right, and beyond the last driving lane the ego is in the lane of
+        oncoming traffic or off the road.
+        """
         frame = case.events.first
         lane = at_frame(case.signals.lane, frame)
         has_right_lane = (lane > 0) & (lane < case.trajectories.road.num_lanes)
         applies = has_right_lane & (last_driven_frame(case) >= frame)
+        # At `NEVER` no gap is looked up, as the rule does not apply.
         margin = -gap_in_right_lane(case, np.where(applies, frame, NEVER))
         return finding_at_frame(frame, margin, applies)
 
@@ -379,7 +391,8 @@ def _error_between_neighbours(
 
     Args:
         margin: The margin from an error of the ego's speed [m/s] and the two vehicles.
-        first: One of them; the order of the squares in the sum follows the order of the vehicles.
+        first: The vehicle whose square is added before the square of `second`; another order could
+            change the last bits of the result.
         second: The other one.
         errors: Standard deviations of positions and speeds.
         is_first_ahead: Whether `first` is ahead of the ego and `second` behind it.
@@ -415,7 +428,11 @@ class NoForcedBraking(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The hardest braking decides."""
+        """The hardest braking decides.
+
+        The scan has the minimum of `ABRUPT_BRAKING` less the forced braking, over the frames that
+        follow a change of lane by at most `OBSTRUCTION_TIME`.
+        """
         return finding_of_minimum(scans(case).forced_braking, manoeuvre(case))
 
     ERROR_FORMULA: ClassVar[str] = (
@@ -454,5 +471,6 @@ class NoForcedBraking(Criterion):
 def _forced_braking(follower: Encounter) -> F32:
     """Braking by which the follower avoids a collision, at most `MAX_FORCED_BRAKING` [m/s^2]."""
     closing_speed = np.maximum(follower.closing_speed, np.float32(0.0))
+    # The step of recorded positions, 1 mm, as the smallest gap keeps the quotient finite.
     gap = np.maximum(follower.gap, METRES_PER_MM)
     return np.minimum(closing_speed * closing_speed / (TWO * gap), MAX_FORCED_BRAKING.f32)

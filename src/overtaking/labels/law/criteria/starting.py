@@ -1,4 +1,7 @@
-"""Criteria about the begin of an overtake, and about the vehicles that it must not endanger."""
+"""Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -149,8 +152,9 @@ class GapBehind(Criterion):
 
     Attributes:
         safe_distance_rule: Code of the rule of the same law that states the safe distance.
-        max_speed: Function of a case that returns the highest speed that the law may allow in each
-            frame, shape (simulation, time) [m/s]; no remedy exceeds it.
+        max_speed: Function of a case that returns the speed limit in each frame, shape (simulation,
+            time) [m/s]; where kind of road or vehicle is unknown, the highest limit of the possible
+            kinds. No remedy exceeds it.
     """
 
     safe_distance_rule: str
@@ -198,6 +202,7 @@ class GapBehind(Criterion):
         gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
         follower_speed = case.signals.speed[0, frames] + closing_speed
         decel = decel_for_safe_distance(case.signals.friction[0, frames])
+        # At this speed the safe distance and the limit of forced braking are both kept.
         needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
         if gap[0] < 0 or needed > self.max_speed(case)[0, frame]:
             return larger_gap
@@ -212,7 +217,8 @@ def _finding_at_crossing(
     Args:
         case: The batch.
         role: The neighbour.
-        conditions: Its margin, by the vehicle that the driver perceived.
+        conditions: One entry: the neighbour among the vehicles that a driver perceives, and the
+            margin of its gap.
     """
     signals, frame = case.signals, case.events.line_crossed
     neighbour = neighbour_at(case, role, frame)
@@ -306,7 +312,7 @@ class SpeedAdvantage(Criterion):
     def check(self, case: Case) -> Finding:
         """The difference as the overlap begins decides."""
         begin, slot = case.events.overlap_begin, case.target.slot
-        frame = np.maximum(begin, 0)
+        frame = np.maximum(begin, 0)  # `NEVER` is negative.
         target = vehicle_snapshot(case.trajectories, slot, np.arange(len(frame)), frame)
         speed_gain = at_frame(case.signals.speed, frame) - target.speed
         return finding_at_frame(begin, speed_gain - self.min_speed_gain.f32, slot != NO_VEHICLE)
@@ -390,7 +396,7 @@ class NoOtherOvertaking(Criterion):
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """The indicators: a follower might indicate."""
+        """The indicators: a follower might indicate, unless its motion is a breach already."""
         return frozenset(["indicators"])
 
     def predicate(self) -> str:
@@ -407,9 +413,10 @@ class NoOtherOvertaking(Criterion):
         A follower that has begun to pull out is an arrival in 0 s.
         """
         has_attempt = case.events.has_attempt
-        # Only attempts are looked up: most simulations of a batch may have none.
+        # Only attempts are looked up: in a batch, most simulations may lack one.
         others = _others_at_attempt(case)
         ego_lane = _ego_lane_at_attempt(case)[:, None]
+        # `ego_lead` is positive for vehicles behind the ego.
         is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
         is_left_follower = is_behind & (others.lane == ego_lane + 1)
         is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
@@ -417,8 +424,8 @@ class NoOtherOvertaking(Criterion):
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         arrival = self._first_arrival(case, others, is_left_follower)
         arrival = np.where(has_begun, np.float32(0.0), arrival)
-        # A breach seen in the motion is certain. Without one, a follower with unknown lamps might
-        # indicate, so the verdict is open.
+        # Where no follower moves left, one with unknown indicators may still indicate: the verdict
+        # is then open. `finding_at_frame` keeps breaches decided.
         is_doubtful = is_follower.any(axis=1) & ("indicators" in case.trajectories.unknown)
         to_batch = partial(scatter, simulations=has_attempt, count=len(has_attempt))
         return finding_at_frame(
@@ -444,6 +451,8 @@ class NoOtherOvertaking(Criterion):
             ego_speed_error: F32,
             other_speed_error: F32,
         ) -> F32:
+            # `_first_arrival` reads the ego's speed from the signals and uses the difference of
+            # the speeds alone, so the error of the ego's speed enters by the other speed.
             measured = replace(
                 others,
                 gap=others.gap + ego_position_error - other_position_error,
@@ -453,6 +462,7 @@ class NoOtherOvertaking(Criterion):
 
         error = propagated_error(arrival_with, *errors_of_two_vehicles(errors))
         error = scatter(error, has_attempt, len(has_attempt))
+        # An arrival in 0 s: a follower has begun to pull out, or a vehicle is beside the ego.
         has_begun = finding.margin <= -self.min_arrival.f32
         return np.where(has_begun, np.float32(0.0), error)
 
@@ -530,7 +540,10 @@ class TargetInLane(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The speed of the target to the left decides, as the attempt begins."""
+        """The speed of the target to the left decides, as the attempt begins.
+
+        Constant errors of positions do not change a speed, so there is no standard error.
+        """
         trajectories, attempt = case.trajectories, case.events.attempt
         has_target, slot = case.target.slot != NO_VEHICLE, slot_or_ego(case.target.slot)
         limit = self.max_lateral_speed.f32
@@ -546,6 +559,7 @@ class TargetInLane(Criterion):
         is_unknown = "indicators" in trajectories.unknown
         lamp = indicator_to_overtaking_side(trajectories.road)
         is_indicating = has_target & ((lights & lamp) != 0) & (not is_unknown)
+        # A signal has no speed: it counts like a motion to the left at twice the limit.
         margin = np.where(is_indicating, np.minimum(margin, -limit), margin)
         doubtful = np.full(len(slot), is_unknown)
         return finding_at_frame(attempt, margin, has_target, doubtful=doubtful)
@@ -574,11 +588,11 @@ def denoised_lateral_speed_at(
 ) -> F32:
     """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
 
-    In a recording the central difference over about 0.2 s is widened, up to twice
-    `LATERAL_NOISE_TIME`, until its standard error is `LATERAL_ERROR_SHARE` of the limit. The noise
-    of a position is the root mean square of its third differences around the frame, over the root
-    of 20; the error of a difference over 2 h is the noise times the root of 2, over 2 h.
-    Simulations have no noise.
+    The speed is a central difference over a time T of about 0.2 s. In a recording, T is increased,
+    up to twice `LATERAL_NOISE_TIME`, until the standard error of the speed is at most
+    `LATERAL_ERROR_SHARE` of the limit. That error is sqrt(2) noise / T. The noise is the standard
+    deviation of a position: the root mean square of its third differences around the frame, divided
+    by sqrt(20). Simulations have no noise.
 
     Args:
         trajectories: The batch.
@@ -587,11 +601,13 @@ def denoised_lateral_speed_at(
         frame: A frame in which it is recorded.
         limit: The speed with which it is compared [m/s].
     """
+    # `unknown` is empty for simulations.
     if not trajectories.unknown:
         return lateral_speed_at(trajectories, simulation, slot, frame)
     interval = trajectories.scenario.frame_interval_ms
     max_half_window = int(float(LATERAL_NOISE_TIME.f32) * 1000.0 / interval)
     max_error = float(LATERAL_ERROR_SHARE.f32) * limit
+    # A third difference takes four frames, more than the three of a half window of 1.
     noise = _lateral_noise(trajectories, simulation, slot, frame, max(2, max_half_window))
     required_duration = np.sqrt(2.0) * noise / max_error
     half_window = np.ceil(required_duration / 2.0 * 1000.0 / interval)
