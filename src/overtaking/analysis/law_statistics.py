@@ -35,7 +35,7 @@ class JudgedBatch:
 
     Attributes:
         simulation_ids: Their numbers in the data set, shape (simulation,).
-        labelled: Their labels by each law.
+        labelled: Their labels by each law; `labels.classes` has a column for each policy.
     """
 
     simulation_ids: NDArray[np.integer]
@@ -95,7 +95,7 @@ class ToleranceCurve(ContentEquality, Plottable):
         legal_by_tolerance: Number of legal overtakes for each value in `TOLERANCE_SCALES`, if the
             tolerance relaxes all rules of its unit.
         legal_by_rule: The same for the tolerance in the unit of one rule, if it relaxes this rule
-            alone; by code.
+            alone; by code. Rules in units without a tolerance, such as m/s^2, have no entry.
     """
 
     rule_set: str
@@ -157,7 +157,8 @@ def tolerance_curve(batches: Iterable[JudgedBatch], pack: Pack, policy: Policy) 
     for batch in batches:
         (labelled,) = batch.labelled
         parts.append(_completed_overtakes(labelled, batch.case, pack, policy))
-        # On two-way roads the version in the findings names their rules too.
+        # The findings add `Pack.two_way_version` on two-way roads, and the measurement errors if
+        # verdicts allow for them.
         rule_set = labelled.findings.version
     overtakes = _CompletedOvertakes(
         is_breach=np.concatenate([part.is_breach for part in parts]),
@@ -175,8 +176,10 @@ class _CompletedOvertakes:
     """Completed overtakes; arrays have shape (overtake, required rule).
 
     Attributes:
-        is_breach: Whether the rule is broken beyond its own tolerance.
-        excess: Negative margin, in the unit of the rule.
+        is_breach: Whether the rule is broken and the policy counts the breach, given the policy's
+            smallest severity and its tolerance for the rule.
+        excess: Distance beyond the limit of the law, not beyond what the policy tolerates: the
+            negative margin, in the unit of the rule.
         duration: Duration of the breach [s].
         is_undecidable: Whether the rule is undecidable.
         units: Unit of each rule, shape (required rule,).
@@ -219,14 +222,16 @@ def _completed_overtakes(
     labelled: LabelledTrajectories, case: Case, pack: Pack, policy: Policy
 ) -> _CompletedOvertakes:
     findings = labelled.findings
-    columns = [findings.rule_codes.index(code) for code in policy.required]
+    rule_columns = [findings.rule_codes.index(code) for code in policy.required]
     rows = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
-    duration = np.stack([breach_duration(findings, column, case) for column in columns], axis=1)
+    duration = np.stack(
+        [breach_duration(findings, column, case) for column in rule_columns], axis=1
+    )
     return _CompletedOvertakes(
-        is_breach=counted_breaches(findings, policy, pack, case)[rows][:, columns],
-        excess=-findings.margin[rows][:, columns],
+        is_breach=counted_breaches(findings, policy, pack, case)[rows][:, rule_columns],
+        excess=-findings.margin[rows][:, rule_columns],
         duration=duration[rows],
-        is_undecidable=(findings.verdict == Verdict.UNDECIDABLE)[rows][:, columns],
+        is_undecidable=(findings.verdict == Verdict.UNDECIDABLE)[rows][:, rule_columns],
         units=np.array([pack.rule(code).unit for code in policy.required]),
         counts_undecidable=not policy.allows_undecided,
     )
@@ -238,10 +243,10 @@ def _curve_of(
     is_breach, units = overtakes.is_breach, overtakes.units
     breaks_one_rule = is_breach.sum(axis=1) == 1
     legal_by_rule: dict[str, list[int]] = {}
-    for column, code in enumerate(policy.required):
+    for rule_index, code in enumerate(policy.required):
         for name, scale in TOLERANCE_SCALES.items():
-            if scale.unit == units[column]:
-                is_this_rule = np.arange(len(units)) == column
+            if scale.unit == units[rule_index]:
+                is_this_rule = np.arange(len(units)) == rule_index
                 legal_by_rule[code] = overtakes.num_legal_by_value(name, is_this_rule)
     broken = is_breach.sum(axis=0).tolist()
     broken_alone = is_breach[breaks_one_rule].sum(axis=0).tolist()
@@ -263,7 +268,7 @@ def _curve_of(
 
 
 MAX_EXAMPLES = 5
-"""Simulations that a disagreement of two laws lists."""
+"""Largest number of overtakes that a disagreement of two laws lists."""
 
 
 @dataclass(kw_only=True)
@@ -276,7 +281,8 @@ class LawDisagreement:
         policy: Name of the policy, which both laws have.
         count: Number of overtakes.
         rules: Number of overtakes that break each rule of the other law.
-        examples: Number of a simulation, the rule that it breaks most severely, and its margin.
+        examples: Of the first `MAX_EXAMPLES` of them, the number of the simulation in its data set,
+            the rule of the other law that is broken most severely, and the margin with its unit.
     """
 
     legal_under: str
@@ -300,8 +306,8 @@ class LawDisagreement:
     def add(
         self,
         batch: JudgedBatch,
-        verdicts: tuple[LabelledTrajectories, LabelledTrajectories],
-        column: int,
+        labelled_pair: tuple[LabelledTrajectories, LabelledTrajectories],
+        policy_column: int,
         pack: Pack,
         policy: Policy,
     ) -> None:
@@ -309,14 +315,16 @@ class LawDisagreement:
 
         Args:
             batch: The batch.
-            verdicts: Its labels by the law under which overtakes are legal, and by the other law.
-            column: Position of the policy in the labels.
+            labelled_pair: Its labels by the law under which overtakes are legal, and by the other
+                law.
+            policy_column: Column of the policy in the classes of the labels.
             pack: Rules of the other law.
             policy: Policy of the other law.
         """
-        legal, illegal = verdicts
-        differs = legal.labels.classes[:, column] == OvertakeClass.SUCCESS_L
-        differs &= illegal.labels.classes[:, column] == OvertakeClass.SUCCESS_I
+        legal, illegal = labelled_pair
+        # The classes of completed overtakes: `SUCCESS_L` legal, `SUCCESS_I` illegal.
+        differs = legal.labels.classes[:, policy_column] == OvertakeClass.SUCCESS_L
+        differs &= illegal.labels.classes[:, policy_column] == OvertakeClass.SUCCESS_I
         rows, findings = np.flatnonzero(differs), illegal.findings
         is_breach = counted_breaches(findings, policy, pack, batch.case)
         self.count += len(rows)
@@ -328,7 +336,11 @@ class LawDisagreement:
             }
             self.rules.update(rule_columns.keys())
             if len(self.examples) < MAX_EXAMPLES:
-                severity = {code: findings.severity[row, k] for code, k in rule_columns.items()}
+                # `Severity` ascends from light to very serious; of equals the first rule counts.
+                severity = {
+                    code: findings.severity[row, rule_column]
+                    for code, rule_column in rule_columns.items()
+                }
                 worst = max(severity, key=lambda code: severity[code])
                 self.examples.append(
                     {
@@ -351,8 +363,8 @@ def compare_laws(
         policies: Of each law, the same names in the same order.
 
     Returns:
-        JSON values. `classes` counts simulations by class, `conduct` all of them by whether the ego
-        kept the required rules.
+        JSON values. For each law and policy, `classes` counts all simulations by class, and
+        `conduct` counts all of them by whether the ego kept the required rules.
     """
     names = [policy.name for policy in policies[0]]
     classes = {(pack.name, name): Counter[str]() for pack in packs for name in names}
@@ -371,15 +383,16 @@ def compare_laws(
         num_overtakes += int((outcome == Outcome.COMPLETED).sum())
         for pack, labelled in zip(packs, batch.labelled, strict=True):
             rule_sets[pack.name] = labelled.findings.version
-            for column, name in enumerate(names):
-                codes = labelled.labels.classes[:, column]
-                classes[pack.name, name].update(OvertakeClass(code).title for code in codes)
-                conduct[pack.name, name].update(_conduct_counts(labelled, column))
+            for policy_column, name in enumerate(names):
+                class_codes = labelled.labels.classes[:, policy_column]
+                classes[pack.name, name].update(OvertakeClass(code).title for code in class_codes)
+                conduct[pack.name, name].update(_conduct_counts(labelled, policy_column))
         for i, j in permutations(range(len(packs)), 2):
-            verdicts = batch.labelled[i], batch.labelled[j]
-            for column, name in enumerate(names):
+            labelled_pair = batch.labelled[i], batch.labelled[j]
+            for policy_column, name in enumerate(names):
                 disagreement = disagreements[packs[i].name, packs[j].name, name]
-                disagreement.add(batch, verdicts, column, packs[j], policies[j][column])
+                policy = policies[j][policy_column]
+                disagreement.add(batch, labelled_pair, policy_column, packs[j], policy)
     return {
         "simulations": num_simulations,
         "overtakes": num_overtakes,
@@ -397,15 +410,15 @@ def compare_laws(
     }
 
 
-def _conduct_counts(labelled: LabelledTrajectories, column: int) -> dict[str, int]:
+def _conduct_counts(labelled: LabelledTrajectories, policy_column: int) -> dict[str, int]:
     """Simulations by whether required rules are broken or undecidable, overtake or not.
 
     Args:
         labelled: The labels.
-        column: Position of the policy.
+        policy_column: Column of the policy in the labels.
     """
-    is_broken = labelled.labels.num_broken[:, column] > 0
-    is_undecidable = ~is_broken & (labelled.labels.num_undecidable[:, column] > 0)
+    is_broken = labelled.labels.num_broken[:, policy_column] > 0
+    is_undecidable = ~is_broken & (labelled.labels.num_undecidable[:, policy_column] > 0)
     return {
         "kept": int((~is_broken & ~is_undecidable).sum()),
         "broken": int(is_broken.sum()),

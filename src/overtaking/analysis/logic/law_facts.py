@@ -1,6 +1,11 @@
-"""Measurements of the ego in every frame, which only the law reads; never a verdict.
+"""Measurements of the ego in every frame; only the logic program of the law, `law.lp`, reads them.
 
-As in `recorded_facts`, a fact is declared at the function that measures it.
+The program decides on breaches; no fact here is a verdict. Approaching vehicles are oncoming ones
+that are still ahead of the ego (`FactSource.approaching`).
+
+As in `recorded_facts`, a fact is declared at the function that measures it. The keywords of the
+decorator name the arguments of the predicate: the function returns one column for each, in this
+order.
 """
 
 from __future__ import annotations
@@ -41,13 +46,20 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import IndexArray
 
 LAW_FACTS: dict[str, Fact] = {}
-"""Measurements that only the law reads, by name."""
+"""Facts that only the program of the law reads, by name."""
 
 SLOW_BELOW_MMPS = 10_000
-"""`slow_vehicle` lists vehicles below this speed, 36 km/h; queues are slower [mm/s]."""
+"""`slow_vehicle` lists vehicles below this speed [mm/s].
+
+It must exceed every speed with which the program compares: vehicles in a queue (rule L1) drive less
+than 30 km/h, in congestion (L13) less than 10 km/h.
+"""
 
 _MAX_BRAKING = np.float32(BRAKING.high * 1e-3)
-"""Forced braking where no gap is left to brake in [m/s^2]."""
+"""Cap of the forced braking, which is infinite where no gap is left to brake in [m/s^2].
+
+The largest value of the type, 1000 m/s^2: far above the abrupt braking of the law, 2 m/s^2.
+"""
 
 _ROLES_AHEAD = (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER, NeighbourRole.RIGHT_LEADER)
 
@@ -92,11 +104,18 @@ def _ego_edges(source: FactSource) -> FactColumns:
 )
 def _spacing(source: FactSource) -> FactColumns:
     codes = sorted(ROLE.constants.index(role) for role in source.roles)
-    return concatenate_facts([_spacing_to(source, code) for code in codes], 6)
+    return concatenate_facts([_spacing_to(source, code) for code in codes], num_arguments=6)
 
 
 def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
-    """`spacing` to the vehicle in one role; the rear vehicle, ego or neighbour, keeps the gap."""
+    """`spacing` to the vehicle in one role.
+
+    Article 18(1) of the Portuguese Highway Code requires the gap of the rear vehicle: of the ego
+    behind a leader, of a follower behind the ego. The target is taken as the rear vehicle, because
+    the program reads its lawful gap only after the ego has passed it (rule L9).
+
+    Rounding keeps `gap < lawful` true or false as it is for the unrounded gaps.
+    """
     signals, target = source.signals, source.case.target
     is_target, is_ahead = role_code == _TARGET_CODE, role_code in _ROLES_AHEAD
     instants = simulation, frame = _instants_with_vehicle(source, role_code)
@@ -113,7 +132,7 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
         rear_speed, closing_speed, decel_for_safe_distance(signals.friction[instants])
     )
     other_slot = target.slot[simulation] if is_target else signals.neighbour_slot[in_role]
-    # From the recorded integers, which are exact; the signals are floats.
+    # The fact has the exact speed, from the recorded integers; the signals are rounded floats.
     speed_mmps = source.states.speed
     ego_mmps = speed_mmps[simulation, EGO_SLOT, frame]
     other_mmps = speed_mmps[simulation, other_slot.astype(np.intp), frame]
@@ -129,7 +148,7 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
 
 
 def _instants_with_vehicle(source: FactSource, role_code: int) -> tuple[IndexArray, IndexArray]:
-    """Rows of simulations and frames in which the role is taken."""
+    """Rows of simulations and frames in which a vehicle has the role."""
     if role_code == _TARGET_CODE:
         simulation, frame = np.nonzero(source.case.target.valid)
     else:
@@ -154,10 +173,13 @@ def _forced_braking(source: FactSource) -> FactColumns:
         for role in NeighbourRole
         if role not in _ROLES_AHEAD and role.name.lower() in source.roles
     ]
-    return concatenate_facts([_forced_braking_of(source, role) for role in roles_behind], 4)
+    return concatenate_facts(
+        [_forced_braking_of(source, role) for role in roles_behind], num_arguments=4
+    )
 
 
 def _forced_braking_of(source: FactSource, role: NeighbourRole) -> FactColumns:
+    """`forced_braking` of the neighbour in one role."""
     simulation, frame = _instants_with_vehicle(source, role)
     closing_speed = source.signals.closing_speed[simulation, role, frame]
     is_closing = closing_speed > 0
@@ -235,6 +257,7 @@ def _approaching_vehicles(source: FactSource) -> FactColumns:
 def _braking_of_approaching_vehicles(source: FactSource) -> FactColumns:
     vehicles = source.approaching
     simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
+    # Recorded along the vehicle's own heading: negative is braking in either direction.
     decel = -source.states.accel_lon[simulation, slot, frame].astype(np.int64)
     brakes = decel > 0
     simulation_ids = source.simulation_ids[simulation[brakes]]
@@ -253,6 +276,7 @@ def _braking_of_approaching_vehicles(source: FactSource) -> FactColumns:
 def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
     vehicles = source.approaching
     simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
+    # Without such vehicles, as on every one-way road, no headings need turning to the road.
     if not simulation.size:
         return no_facts(4)
     excursion = rounded_up_mm(distance_over_outer_edge(source.case, simulation, frame, slot))

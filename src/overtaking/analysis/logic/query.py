@@ -1,4 +1,9 @@
-"""Queries of a data set: parse a condition, refuse an invalid one, and answer it."""
+"""Queries of a data set: parse a condition, refuse an invalid one, and answer it.
+
+A query is the body of a rule: atoms and comparisons that hold together. Its answers are the values
+of its variables. Clingo would answer a misspelt constant with nothing and wrap a large number
+without a message, so both are refused before it runs.
+"""
 
 # clingo's syntax trees are typed as nodes of any kind.
 # pyright: reportAttributeAccessIssue=false
@@ -61,6 +66,7 @@ MAX_CHARACTERS = 2000
 MAX_DEPTH = 40
 """Most brackets within each other in a query; clingo's parser recurses."""
 
+# Texts and patterns of checks. Of words after `#` a query may have those in `_AGGREGATES` alone.
 _WITHIN_MAX_INT = f"numbers up to {MAX_INT}, which is all that clingo's integers hold"
 _AGGREGATES = ("count", "sum", "min", "max", "true", "false")
 _STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
@@ -68,12 +74,12 @@ _DIRECTIVE = re.compile(r"#\s*(\w*)")
 _NUMBER = re.compile(r"\d+")
 _ERROR_POSITION = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
 _UNSAFE_VARIABLE = re.compile(r"'(\w+)' is unsafe")
-_MAX_MESSAGE = 120
+_MAX_MESSAGE = 120  # Longest part of a message of clingo that an error repeats [characters].
 _NOT_EQUAL, _EQUAL = 4, 5  # clingo.ast.ComparisonOperator
 _SUMS = (1, 2)  # clingo.ast.AggregateFunction.Sum and SumPlus
 
 _MAX_SUMMED_VALUE = 2000
-"""A sum of this value over every frame of a simulation stays within 32 bits."""
+"""A sum of this value over every frame, `MAX_FRAME` of them, stays within 32 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +88,8 @@ class QueryVariable:
 
     Attributes:
         name: Its name.
-        argument_type: Its type; None if it is computed.
+        argument_type: Its type; None if no predicate has it as an argument, as `N` in
+            `N = #count{…}`.
     """
 
     name: str
@@ -125,7 +132,8 @@ def parse_query(text: str) -> Query:
     names = list(answer_variables(tree.body))
     head = f"{ANSWER_PREDICATE}({','.join(names)})" if names else ANSWER_PREDICATE
     rules = (*rules_for_queries(), *parse_rules(f"{head} :-\n{condition}\n."))
-    needed = rules_needed_by([(ANSWER_PREDICATE, (None,) * len(names))], rules)
+    any_values = (None,) * len(names)
+    needed = rules_needed_by([(ANSWER_PREDICATE, any_values)], rules)
     return Query(
         columns=tuple(QueryVariable(name, types.get(name)) for name in names),
         requested_facts=needed.requested_facts,
@@ -218,7 +226,9 @@ def clingo_message(messages: Iterable[str], condition: str) -> str:
 
 
 def _variable_types(tree: Any) -> dict[str, ArgumentType]:
-    """The type of each variable of a query.
+    """The type of each variable of a query, by the arguments at which it occurs.
+
+    A variable can have the constants that are possible at all of them.
 
     Raises:
         ConfigError: A predicate is unknown, an argument cannot be a constant, or a variable has
@@ -407,8 +417,9 @@ class Answers(ShownAsTable, ContentEquality):
     Attributes:
         columns: The variables of the query.
         rows: Their values, in order.
-        is_cut: Whether there are more answers than the limit.
-        num_simulations: Number of simulations that were queried.
+        is_cut: Whether answers beyond the limit were left out.
+        num_simulations: Number of simulations that were queried; after a cut not all that were
+            asked for.
         frame_interval_ms: Time between two frames [ms].
     """
 

@@ -1,7 +1,10 @@
 """Groups of simulations of a data set, and the facts about their roads, vehicles and events.
 
 A fact is declared at the function that measures it: predicate, meaning, types of the arguments.
-Files list facts in the order of these declarations.
+Files list facts in the order of these declarations. A measurement returns one column of integers
+for each argument; a constant is its position among the constants of its type.
+
+In facts, left is the overtaking side and lanes count from the slow side, in left-hand traffic too.
 """
 
 from __future__ import annotations
@@ -86,7 +89,8 @@ class SimulationGroup:
         case: Their trajectories with signals and events.
         classes: `OvertakeClass`, shape (simulation, policy); None without labels.
         outcome: `Outcome`, shape (simulation,); None without labels.
-        num_read: Simulations of the data set read so far, this group included.
+        num_read: Simulations of the data set up to the last of this group, those that were not
+            asked for included; for progress.
     """
 
     simulation_ids: I64
@@ -135,7 +139,8 @@ def read_groups(
 def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
     """Codes of the classes, shape (simulation, policy), and of the outcomes, shape (simulation,).
 
-    The simulations are of one file, in order. The file has one row for each policy.
+    The simulations are of one file, in order. The file has a row for each simulation and policy,
+    with the policies of a simulation next to each other and in the order of `POLICY`.
     """
     first_id, num_policies = int(simulation_ids[0]), len(POLICY.constants)
     rows = dataset.rows("labels", first_id, int(simulation_ids[-1]))
@@ -147,7 +152,7 @@ def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
 
 
 FactColumns = tuple[NDArray[np.integer], ...]
-"""The arguments of the facts of one predicate; constants as their codes."""
+"""A column for each argument of one predicate, with a row for each fact; constants as codes."""
 
 
 def no_facts(num_arguments: int) -> FactColumns:
@@ -187,7 +192,8 @@ class FactSource:
         group: The simulations.
         frame_step: Interval between the frames with positions [frames]. Frames in which lanes,
             order or events change have positions too.
-        roles: Constants of `ROLE` for which `spacing` and `forced_braking` are measured.
+        roles: Constants of `ROLE` for which `spacing` and `forced_braking` are measured: these
+            facts exist for every frame, so roles that no rule reads are left out.
     """
 
     group: SimulationGroup
@@ -237,8 +243,8 @@ class FactSource:
     def is_written_frame(self) -> Mask:
         """Which frames have positions and speeds, shape (simulation, frame).
 
-        One frame in `frame_step`, the last, and all in which lanes, order or events change: rules
-        on lanes and order then give the same frames at every step.
+        One frame in `frame_step`, the last, and all in which lanes, order or events change. Rules
+        on lanes and order then conclude in the same frames, whatever the step.
         """
         events, valid = self.case.events, self.signals.valid
         frame = np.arange(valid.shape[1])
@@ -297,10 +303,10 @@ def _frames_with_new_order(source: FactSource) -> Mask:
 def _contacts(
     source: FactSource,
 ) -> tuple[IndexArray, IndexArray, NDArray[np.integer], NDArray[np.integer]]:
-    """Row of the simulation, slot, partner and first frame of each contact."""
+    """Row of the simulation, slot, partner and first frame at or after each contact."""
     contacts, last_frame = source.trajectories.contacts, source.trajectories.num_frames - 1
     simulation, slot = np.nonzero(contacts.partner != NO_VEHICLE)
-    # The first frame at or after the contact: the negated floor division rounds up.
+    # The negated floor division rounds up.
     frame = -(-contacts.time[simulation, slot] // source.signals.frame_interval_ms)
     frame = np.minimum(frame, last_frame[simulation])
     return simulation, slot, contacts.partner[simulation, slot], frame
@@ -430,9 +436,9 @@ def _lower_limits(source: FactSource) -> FactColumns:
 
 
 def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The first recorded position at or beyond each station [mm]."""
+    """The first position in whole millimetres at or beyond each station, given in m [mm]."""
     first = np.ceil(stations / POSITION_RESOLUTION).astype(np.int64)
-    # A quotient may be a whole number and the station not, or the other way round.
+    # The quotient is rounded, so its ceiling may be one too high or one too low.
     first -= (first - 1) * POSITION_RESOLUTION >= stations
     return first + (first * POSITION_RESOLUTION < stations)
 
@@ -446,8 +452,9 @@ def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
 )
 def _borders(source: FactSource) -> FactColumns:
     road = source.road
-    # Facts count to the left as the law does; the road counts to its geometric left.
+    # Positive is left, the overtaking side; offsets of the road are positive to the geometric left.
     positions = nearest_mm(road.overtaking_sign * np.array(road.lane_boundaries))
+    # The last border is the slow side of the lane beyond, the edge of the driving lanes.
     return np.arange(road.num_lanes + 1), positions
 
 
@@ -480,6 +487,9 @@ def _lane_marks(source: FactSource) -> FactColumns:
     facts: list[tuple[int, int, int]] = []
     for index, lane in enumerate(road.lanes):
         slow_mark, fast_mark = _side_marks(road, lane)
+        # A lane has its marks as seen from inside: the slow line from the left, and the fast line,
+        # which is the slow line of the next lane, from the right. If the line on the fast side of
+        # the last lane changes along the road, `line` has it.
         facts.append((index, SIDES.index("left"), _mark_code(slow_mark)))
         if index + 1 < road.num_lanes or not _has_varying_edge_mark(road):
             facts.append((index + 1, SIDES.index("right"), _mark_code(fast_mark)))
@@ -488,7 +498,7 @@ def _lane_marks(source: FactSource) -> FactColumns:
 
 
 def _side_marks(road: Road, lane: Lane) -> tuple[RoadMark, RoadMark]:
-    """The lines on the slow and on the fast side of a lane."""
+    """The marks on the slow and on the fast side of a lane; the road's sides are geometric."""
     if road.driving_side is DrivingSide.RIGHT:
         return lane.right_mark, lane.left_mark
     return lane.left_mark, lane.right_mark
@@ -516,6 +526,7 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     if not _has_varying_edge_mark(source.road):
         return no_facts(3)
     begins, marks = zip(*source.road.overtaking_edge_marks, strict=True)
+    # Without infinity, which no integer holds: a road lies between 0 and `MAX_LENGTH`.
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = np.array([_mark_code(mark) for mark in marks])
     return nearest_mm(ends[:-1]), nearest_mm(ends[1:]), codes
@@ -587,6 +598,7 @@ def _wind(source: FactSource) -> FactColumns:
 
 
 def _percentages(source: FactSource, values: F32) -> FactColumns:
+    """Numbers of the simulations, and a value of each as whole per cent."""
     return source.simulation_ids, np.rint(values).astype(np.int64)
 
 
@@ -669,7 +681,7 @@ def _runs_of_frames(values: NDArray[np.integer], valid: Mask) -> tuple[I64, ...]
 
     Args:
         values: Shape (..., frame).
-        valid: Which of them count, same shape.
+        valid: Which of them count, same shape; the others interrupt a run.
 
     Returns:
         For each run: its index along every leading axis, its value, its first and its last frame.
@@ -802,6 +814,7 @@ def _targets(source: FactSource) -> FactColumns:
     Lane=LANE,
 )
 def _original_lanes(source: FactSource) -> FactColumns:
+    # Code 255 is lane -1, as in `_lane_spans`.
     return source.simulation_ids, source.case.events.original_lane.astype(np.uint8).view(np.int8)
 
 

@@ -1,7 +1,8 @@
 """Types, predicates, and the rounding of measurements to integers.
 
-Facts, programs and queries use predicates whose arguments have declared types. The ranges of the
-types bound every term of a program, so that clingo computes within 32 bits.
+Facts, programs and queries use predicates whose arguments have declared types. A type is a range of
+integers or a set of constants, which columns of facts hold as codes, their positions in the set.
+The ranges of the types bound every term of a program, so that clingo computes within 32 bits.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ INT_BITS = 32
 """Width of clingo's integers; sums and products beyond it wrap silently."""
 
 MAX_INT = 2 ** (INT_BITS - 1) - 1
+"""Largest integer of clingo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class ArgumentType:
 
 
 def _enumeration(name: str, meaning: str, *constants: str) -> ArgumentType:
-    """A type of constants, in lower case: both languages take a capital letter for a variable."""
+    """A type of constants, in lower case: in ASP and Prolog a capital letter begins a variable."""
     return ArgumentType(name, meaning, constants=tuple(constant.lower() for constant in constants))
 
 
@@ -74,8 +76,11 @@ RULE_CODES = (
 """The Portuguese rules in `law.lp`."""
 
 MAX_FRAME = 1_000_000
-# The largest lengths and speeds of which a program can add four, or multiply one by 10, within 32
-# bits. A test computes the ranges of all terms.
+"""Largest frame: 10,000 s in steps of the simulator, 10 ms."""
+
+# With these the largest terms of the programs stay within 32 bits: twice the difference of two
+# positions (4 `MAX_MM`), and a speed times a time of at most 10,000 hundredths of a second.
+# `tests/unit/analysis/logic/test_ranges.py` computes the ranges of all terms.
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
 
@@ -133,7 +138,8 @@ class Predicate:
         name: Its name.
         meaning: Its statement about its arguments.
         arguments: Type of each argument by its label.
-        unused_constants: By label, constants of the type that the argument has in no fact.
+        unused_constants: By label, constants of the type that the argument has in no fact; a query
+            with one of them is refused, because it has no answer.
     """
 
     name: str
@@ -163,17 +169,18 @@ class Predicate:
 
 _THOUSANDTHS_PER_UNIT = 1000.0
 
-# Thresholds of the law are whole millimetres. A measurement with a lower limit is rounded down, one
+# The following functions turn m, m/s and m/s^2 into integers of thousandths: mm, mm/s, mm/s^2.
+# Thresholds of the law are such integers. A measurement with a lower limit is rounded down, one
 # with an upper limit is rounded up: the integer then lies on the same side of the limit.
 
 
 def rounded_down_mm(values: F32) -> I64:
-    """Thousandths, rounded down: at least a whole limit exactly where the value is."""
+    """Thousandths, rounded down: `value >= limit` stays as it is for every integer limit."""
     return np.floor(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
 
 
 def rounded_up_mm(values: F32) -> I64:
-    """Thousandths, rounded up: at most a whole limit exactly where the value is."""
+    """Thousandths, rounded up: `value <= limit` stays as it is for every integer limit."""
     return np.ceil(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
 
 
@@ -184,6 +191,9 @@ def nearest_mm(values: NDArray[np.floating]) -> I64:
 
 def limits_beside(limits: F32, values: F32) -> I64:
     """Limits in thousandths that compare with the rounded values as limits compare with values.
+
+    Where a limit is near its value, rounding both could make them equal or change their order. So
+    such a limit is moved to its side of the rounded value.
 
     Args:
         limits: The limits, of any shape.
