@@ -435,7 +435,7 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
-    # Decision 49 added L25 to L29 for two-way roads, and tables of one-way roads kept their rows.
+    # L25 to L29 came with two-way roads; without this, tables of one-way roads would get new rows.
     criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,

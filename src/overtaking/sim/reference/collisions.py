@@ -298,7 +298,7 @@ def _find_impact(
     # which gave this time: levers at any other time would create spin.
     boxes = boxes_before(RemainingStep(ONE - enter, time))
     arm_first, arm_second = _contact_arms(*boxes)
-    # A contact changes the velocities at the end of the step (ADR 4).
+    # A contact changes the velocities at the end of the step.
     velocity_first = _point_velocity(state, first, arm_first, own_frame.turn)
     velocity_second = _point_velocity(state, second, arm_second, frame.turn)
     normal_s, normal_d = overlap.normal_s, overlap.normal_d
@@ -436,7 +436,7 @@ def _contact_arms(a: OrientedBox, b: OrientedBox) -> tuple[RoadVector, RoadVecto
     """Contact point relative to the centre of each box [m].
 
     It lies midway between the points of each box nearest to the other's centre: a simple choice,
-    since motion after a contact is indicative only (ADR 4).
+    since motion after a contact is indicative only.
     """
     offset = RoadVector(b.s - a.s, b.d - a.d)
     point_of_a = _nearest_point(a, offset)
