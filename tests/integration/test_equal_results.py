@@ -23,7 +23,7 @@ DEFINITIONS = {"Attribute", "Column", "Endpoint", "Quantity", "Scale", "Statemen
 
 INPUTS = {
     *("CentreLineSpan", "Driver", "Intervention", "Lane", "MarkChange", "Pack", "Road"),
-    *("RoadCourse", "RoadZone", "SpeedLimitSpan", "Type"),
+    *("RoadCourse", "RoadZone", "SpeedLimitSpan", "ArgumentType", "QueryVariable"),
 }
 """Classes that hold only numbers which are checked to be finite, and texts."""
 
