@@ -210,8 +210,9 @@ class ExternallyMovedSimulation:
 
         Args:
             inputs: Inputs of one simulation.
-            tick: Time between two decisions [s]; the wheels turn for as long at a time.
-            frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`.
+            tick: Time between two decisions [s]; one call of `steer` turns the wheels for as long.
+            frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`,
+                because frames are written in tiles of as many, also for a single simulation.
             outputs: Flat arrays by name, as in `simulate`. Each call writes a part of them.
             level: SIMD level; None for the best of this CPU.
 
@@ -244,7 +245,7 @@ class ExternallyMovedSimulation:
         """The last step of the simulation."""
 
     def finish(self, /) -> None:
-        """Write the last frames, contacts and hash to the outputs."""
+        """Write the last frames, the contacts and the hash of what is recorded to the outputs."""
 
     def is_ego_wrecked(self, /) -> bool:
         """Whether the ego has collided or left the road."""
@@ -256,8 +257,10 @@ class ExternallyMovedSimulation:
 
         Args:
             contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
-                closing speed [m/s].
-            step: Number of the step of 10 ms; may be before the first decision.
+                closing speed [m/s]. A contact is recorded for its first slot only; the other
+                vehicle needs an entry of its own.
+            step: Number of the step of 10 ms from which the time after an accident of the ego
+                counts; may be before the first decision.
 
         Raises:
             ValueError: A slot does not exist.
@@ -266,7 +269,7 @@ class ExternallyMovedSimulation:
     def record(
         self, /, motion: NDArray[np.float32], ego_stage: float, ego_indicator: float, step: int
     ) -> None:
-        """Record a frame for which other drivers have decided.
+        """Record a frame, if one is due, for which the drivers of the other simulator have decided.
 
         Args:
             motion: As in `decide`.
@@ -282,11 +285,11 @@ class ExternallyMovedSimulation:
         """Turn the front wheels for one tick.
 
         Args:
-            wind_trim: Part of the wheel angle [rad], or of the lean of a two-wheeler [m/s^2], that
-                holds against crosswind, (slot,).
+            wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
+                two-wheeler [m/s^2], that holds against crosswind, (slot,).
 
         Returns:
-            Wheel angle [rad], or lean [m/s^2], (slot,).
+            Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], (slot,).
 
         Raises:
             ValueError: The array has another length.

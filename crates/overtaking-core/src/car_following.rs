@@ -36,7 +36,7 @@ pub struct Leader<S: Simd> {
     pub gap: F32<S>,
     /// Speed of the follower minus the leader's [m/s].
     pub closing_speed: F32<S>,
-    /// Acceleration of the leader, never positive [m/s^2].
+    /// Acceleration of the leader [m/s^2]. Never positive: `perception` clips the belief.
     pub accel: F32<S>,
 }
 
@@ -53,6 +53,8 @@ impl<S: Simd> Leader<S> {
 }
 
 /// Desired gap of the intelligent driver model [m].
+///
+/// `vehicle.idm_interaction` is 1 / (2 sqrt(a b)) with `vehicle.accel` a and `vehicle.decel` b.
 #[inline(always)]
 fn desired_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
@@ -66,7 +68,8 @@ fn desired_gap<S: Simd>(
 
 /// Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
 ///
-/// Near a leader that brakes the driver decelerates by `cah_accel`, with a smaller share of it the larger the time gap.
+/// Stop lamps make a driver brake at least by a share of `cah_accel`: all of it at short time gaps, nothing at long
+/// ones, linear between.
 #[inline(always)]
 pub fn acc_accel<S: Simd>(
     constants: &ModelConstants,
@@ -83,6 +86,7 @@ pub fn acc_accel<S: Simd>(
             if !stop_lamps_are_on.any_true() {
                 return accel;
             }
+            // `slip_speed` is the least divisor wherever a formula divides by speed.
             let time_gap_below_max = constants.stop_lamp_max_time_gap
                 - leader.gap / at_least(follower.speed, constants.slip_speed);
             let reaction_share = clamp_to(
@@ -104,7 +108,8 @@ pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Le
     let closing_speed = at_least(leader.closing_speed, 0.0);
     // The leader still moves when the closing speed has become 0 ...
     let moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap;
-    // ... or it stops first, and the follower stops behind it.
+    // ... or it stops first, and the follower stops behind it. If the gap opens and the leader does not brake, this
+    // condition is true as well; both terms are then 0.
     let stopping_term = leader_speed * leader_speed - double_gap * leader.accel;
     let stopping_accel = speed * speed * leader.accel / at_least(stopping_term, MIN_STOPPING_TERM);
     let leader_stops_first =
@@ -151,6 +156,8 @@ fn iidm_accel<S: Simd>(
         leader.closing_speed,
     ) / at_least(leader.gap, constants.min_effective_gap);
     let speed_ratio = follower.speed / follower.desired_speed;
+    // With the exponents 4 below the desired speed and 4 a / b above it, both branches have the same slope there. So
+    // the fourth power below changes together with `following.free_exponent`.
     let square = speed_ratio * speed_ratio;
     let free_accel_below = vehicle.accel * (one - square * square);
     let interaction = vehicle.accel * (one - z * z);
@@ -174,10 +181,12 @@ fn iidm_accel<S: Simd>(
     select(is_below, accel_below, accel_above)
 }
 
-/// Acceleration, never positive, that a leader imposes on a follower at its desired speed [m/s^2].
+/// Acceleration, never positive, that a leader imposes on a follower [m/s^2].
 ///
-/// It is not blended with `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too small to impose
-/// on another driver.
+/// It is the acceleration of `iidm_accel` at the desired speed, where the free acceleration is 0, not blended with
+/// `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too small to impose on another driver.
+/// `vehicle` are the parameters of the driver that judges the gap: the follower, or a driver ahead of it that assumes
+/// the follower to be like itself. `time_gap` is what this driver asks for behind the leader [s].
 #[inline(always)]
 pub fn imposed_accel<S: Simd>(
     constants: &ModelConstants,

@@ -11,21 +11,23 @@ use crate::state::PerVehicle;
 
 /// Perception of one driver at a decision.
 ///
-/// `Copy`, so that a stepped batch can keep the ego's until the action of an external driver arrives.
+/// `Copy`, so that `run::stepped_batch` can keep the ego's context until the action of an external driver arrives.
 #[derive(Clone, Copy)]
 pub struct DriverContext<S: Simd> {
     /// The nearest vehicles of the own direction, by role.
     pub neighbours: Neighbours<S>,
     /// Beliefs of the driver about them.
     pub beliefs: Beliefs<S>,
-    /// Vehicles of the other direction; not written on one-way roads.
+    /// Vehicles of the other direction.
+    ///
+    /// On one-way roads it stays as in `empty`: all blocks that share a context are on the same road.
     pub oncoming: OncomingTraffic<S>,
     /// Whether the driver checks mirrors and adjacent lanes at this decision.
     pub checks_mirrors: Mask<S>,
     /// Whether another driver that indicates for the same gap goes first.
     ///
-    /// Computed for the ego only. On two-way roads it cannot occur: entering one lane from both sides takes three
-    /// lanes. On one-way roads `change_lanes_by_mobil` computes it for the others.
+    /// Computed for the ego only. For the others `change_lanes_by_mobil` computes it, on one-way roads alone: two-way
+    /// roads do not need it, because entering one lane from both sides takes three lanes.
     pub gives_way: Mask<S>,
     /// Index of the decision, 20 per second.
     pub decision_index: u32,
@@ -51,7 +53,7 @@ pub struct RoadPositions<S: Simd, const N: usize> {
     pub d: PerVehicle<S, N>,
 }
 
-/// The contexts of all drivers of a block, and what is computed once for all of them.
+/// The contexts of all drivers of a `run::block`, and what is computed once for all of them.
 ///
 /// A thread has one and overwrites it at every decision of every block. It has several KiB; moving it would cost more
 /// than some of the computations that read it.
@@ -61,7 +63,10 @@ pub struct DecisionContext<S: Simd, const N: usize> {
     pub bodies: [VisibleBody<S>; N],
     /// Which vehicles can meet which, on two-way roads.
     pub oncoming_search: OncomingSearch<S, N>,
-    /// Positions at the start of a step; written while any pair is near, for the sweep of contacts.
+    /// Positions at the start of an integration step, from which contacts are swept.
+    ///
+    /// Only memory that the thread uses again: written in every step in which two vehicles may touch, and not read by
+    /// decisions.
     pub step_start: RoadPositions<S, N>,
 }
 

@@ -35,8 +35,9 @@ impl ExternallyMovedSimulation {
     ///
     /// Args:
     ///     inputs: Inputs of one simulation.
-    ///     tick: Time between two decisions [s]; the wheels turn for as long at a time.
-    ///     frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`.
+    ///     tick: Time between two decisions [s]; one call of `steer` turns the wheels for as long.
+    ///     frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`,
+    ///         because frames are written in tiles of as many, also for a single simulation.
     ///     outputs: Flat arrays by name, as in `simulate`. Each call writes a part of them.
     ///     level: SIMD level; None for the best of this CPU.
     ///
@@ -60,6 +61,7 @@ impl ExternallyMovedSimulation {
         level: Option<&str>,
     ) -> PyResult<Self> {
         let (py, inputs) = (inputs.py(), inputs.get());
+        // One number for each simulation.
         expect_length("scenario_index", inputs.num_simulations, 1)?;
         let level = require_level(level).map_err(PyValueError::new_err)?;
         let num_slots = inputs.num_slots;
@@ -81,8 +83,10 @@ impl ExternallyMovedSimulation {
     ///
     /// Args:
     ///     contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
-    ///         closing speed [m/s].
-    ///     step: Number of the step of 10 ms; may be before the first decision.
+    ///         closing speed [m/s]. A contact is recorded for its first slot only; the other
+    ///         vehicle needs an entry of its own.
+    ///     step: Number of the step of 10 ms from which the time after an accident of the ego
+    ///         counts; may be before the first decision.
     ///
     /// Raises:
     ///     ValueError: A slot does not exist.
@@ -143,25 +147,26 @@ impl ExternallyMovedSimulation {
         let (frames, num_slots) = (self.frames, self.num_slots);
         let (outputs, simulation) = (self.outputs.bind(py), &mut self.simulation);
         let motion = motion.as_slice()?;
-        let decided = with_output(outputs, num_slots, frames, |out| {
+        let driver_output = with_output(outputs, num_slots, frames, |out| {
             simulation.decide(motion, step, out)
         })?;
         let shape = [DRIVER_OUTPUT_FIELDS.len(), num_slots];
         Ok((
-            decided.table.into_pyarray(py).reshape(shape)?,
-            decided.lights.into_pyarray(py),
-            decided.end_step as i64,
+            driver_output.table.into_pyarray(py).reshape(shape)?,
+            driver_output.lights.into_pyarray(py),
+            // The engine keeps steps as whole float32 numbers.
+            driver_output.end_step as i64,
         ))
     }
 
     /// Turn the front wheels for one tick.
     ///
     /// Args:
-    ///     wind_trim: Part of the wheel angle [rad], or of the lean of a two-wheeler [m/s^2], that
-    ///         holds against crosswind, (slot,).
+    ///     wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
+    ///         two-wheeler [m/s^2], that holds against crosswind, (slot,).
     ///
     /// Returns:
-    ///     Wheel angle [rad], or lean [m/s^2], (slot,).
+    ///     Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], (slot,).
     ///
     /// Raises:
     ///     ValueError: The array has another length.
@@ -178,7 +183,7 @@ impl ExternallyMovedSimulation {
             .into_pyarray(py))
     }
 
-    /// Record a frame for which other drivers have decided.
+    /// Record a frame, if one is due, for which the drivers of the other simulator have decided.
     ///
     /// Args:
     ///     motion: As in `decide`.
@@ -229,7 +234,7 @@ impl ExternallyMovedSimulation {
         self.simulation.is_ego_wrecked()
     }
 
-    /// Write the last frames, contacts and hash to the outputs.
+    /// Write the last frames, the contacts and the hash of what is recorded to the outputs.
     #[pyo3(signature = () -> "None")]
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
         let (frames, num_slots) = (self.frames, self.num_slots);
