@@ -17,13 +17,15 @@ class Canvas:
     """An opaque picture.
 
     `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
-    of the picture raise `ValueError`.
+    of the picture raise `ValueError`. `darken` needs an even width, `write_yuv` an even width and
+    height, as films have them.
     """
 
     def __new__(cls, /, width: int, height: int, colour: str) -> Canvas:
         """Make a picture of one colour.
 
         Raises:
+            SystemLimitError: The system grants too little memory.
             ValueError: Width or height is 0, or the colour is invalid.
         """
 
@@ -40,13 +42,13 @@ class Canvas:
         """
 
     def copy_columns(self, /, other: Canvas, x: int, y: int, columns: tuple[int, int]) -> None:
-        """Copy all rows of another picture.
+        """Copy some columns of another picture, over all of its rows.
 
         Args:
             other: The other picture.
-            x: Column of the first copied column.
-            y: Row of the first row.
-            columns: First column to copy, and the column after the last.
+            x: Column of this picture for the first copied column.
+            y: Row of this picture for the first row of the other.
+            columns: First column of the other to copy, and the column after the last.
         """
 
     def darken(
@@ -61,9 +63,10 @@ class Canvas:
         Args:
             rows: First row, and the row after the last.
             moonlight: Brightness without lamps, 0 (black) to 255 (unchanged).
-            lights: For each lamp an array of brightness, shape (height, width), that is added, and
-                the column and the row of its upper left corner, from the corner of the rows. All
-                in pixels of half the resolution; parts outside the rows are ignored.
+            lights: For each lamp the brightness that it adds, shape (height, width), and the column
+                and the row of the upper left corner of this array, counted from the upper left
+                corner of the rows. All in pixels of half the resolution; parts outside the rows
+                are ignored.
         """
 
     def draw(self, /, drawing: Drawing, x: float = 0.0, y: float = 0.0) -> None:
@@ -81,7 +84,11 @@ class Canvas:
         """
 
     def to_rgb(self, /) -> NDArray[np.uint8]:
-        """The picture as red, green and blue, shape (height, width, 3)."""
+        """The picture as red, green and blue, shape (height, width, 3).
+
+        Raises:
+            SystemLimitError: The system grants too little memory.
+        """
 
     def write_yuv(self, /, out: NDArray[np.uint8]) -> None:
         """Write the picture for a video encoder, as YUV 4:2:0 (ITU-R BT.601-7, section 2.5).
@@ -521,7 +528,7 @@ def encounter_measures(
     """
 
 def exp_in_place(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
-    """Replace each number of a flat array by `core.float32_math.exp` of it.
+    """Replace each number of a flat float32 array by `core.float32_math.exp` of it.
 
     Raises:
         ValueError: The SIMD level is unknown or not available.
@@ -595,7 +602,7 @@ def limit_margins(
     """
 
 def log_in_place(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
-    """Replace each number of a flat array by `core.float32_math.log` of it.
+    """Replace each number of a flat float32 array by `core.float32_math.log` of it.
 
     Raises:
         ValueError: The SIMD level is unknown or not available.
@@ -605,8 +612,8 @@ def maximum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
     """Replace each number by the larger of itself and another number, as `float32_math.maximum`.
 
     Args:
-        values: Flat array.
-        others: An array of the same length, or one number.
+        values: Flat float32 array.
+        others: A float32 array of the same length, or one number.
 
     Raises:
         ValueError: The arrays differ in length.
@@ -641,7 +648,7 @@ def neighbour_signals(
 def normal_pairs_in_place(
     u: NDArray[np.floating[Any]], v: NDArray[np.floating[Any]], *, level: str | None = None
 ) -> None:
-    """Replace two flat arrays of uniform numbers by `core.random_numbers.box_muller` of them.
+    """Replace two flat float32 arrays of uniform numbers by `core.random_numbers.box_muller`.
 
     Raises:
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
@@ -663,8 +670,8 @@ def random_words(
     Args:
         seed: Seed of the data set.
         index: Scenario index of each simulation.
-        stream: Purpose of the draws, a `random_numbers.Stream` plus a slot or role for some
-            purposes; as long as `index`.
+        stream: Purpose of the draws, as long as `index`: a `random_numbers.Stream`, to which
+            purposes that concern single vehicles add the slot or role.
         draw: Number of the block of four words within the stream, from 0.
         level: SIMD level, None for the fastest of this CPU; the results are the same.
 

@@ -1,7 +1,9 @@
 //! Python functions for random numbers and elementary functions of whole float32 arrays.
 //!
 //! `overtaking.core.native` wraps them. Each gives the same bits as the function in Python that its documentation
-//! names; `overtaking_core::math::bulk` does the work.
+//! names; `overtaking_core::math::bulk` does the work. An array that is not contiguous or holds another type of number
+//! raises `TypeError`. The annotation `np.floating[Any]` is how type checkers see `overtaking.core.arrays.F32`, a
+//! float32 array.
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
 use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
@@ -19,8 +21,8 @@ type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
 /// Args:
 ///     seed: Seed of the data set.
 ///     index: Scenario index of each simulation.
-///     stream: Purpose of the draws, a `random_numbers.Stream` plus a slot or role for some
-///         purposes; as long as `index`.
+///     stream: Purpose of the draws, as long as `index`: a `random_numbers.Stream`, to which
+///         purposes that concern single vehicles add the slot or role.
 ///     draw: Number of the block of four words within the stream, from 0.
 ///     level: SIMD level, None for the fastest of this CPU; the results are the same.
 ///
@@ -50,6 +52,7 @@ pub fn random_words<'py>(
         stream: stream.as_slice()?,
         draw,
     };
+    // Twice the memory of the four arrays, because an index has 64 bits and a word 32.
     expect_room(4 * size_of_val(block.index))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);
@@ -58,7 +61,7 @@ pub fn random_words<'py>(
     Ok(words.map(|column| PyArray1::from_vec(py, column)))
 }
 
-/// Replace each number of a flat array by `core.float32_math.exp` of it.
+/// Replace each number of a flat float32 array by `core.float32_math.exp` of it.
 ///
 /// Raises:
 ///     ValueError: The SIMD level is unknown or not available.
@@ -74,7 +77,7 @@ pub fn exp_in_place(
     result.map_err(PyValueError::new_err)
 }
 
-/// Replace each number of a flat array by `core.float32_math.log` of it.
+/// Replace each number of a flat float32 array by `core.float32_math.log` of it.
 ///
 /// Raises:
 ///     ValueError: The SIMD level is unknown or not available.
@@ -104,8 +107,8 @@ pub fn uniform_numbers<'py>(
 /// Replace each number by the larger of itself and another number, as `float32_math.maximum`.
 ///
 /// Args:
-///     values: Flat array.
-///     others: An array of the same length, or one number.
+///     values: Flat float32 array.
+///     others: A float32 array of the same length, or one number.
 ///
 /// Raises:
 ///     ValueError: The arrays differ in length.
@@ -146,7 +149,7 @@ fn combine_in_place(
     Ok(())
 }
 
-/// Replace two flat arrays of uniform numbers by `core.random_numbers.box_muller` of them.
+/// Replace two flat float32 arrays of uniform numbers by `core.random_numbers.box_muller`.
 ///
 /// Raises:
 ///     ValueError: The arrays differ in length, or the SIMD level is unknown or not available.

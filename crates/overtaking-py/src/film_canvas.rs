@@ -2,8 +2,9 @@
 //!
 //! `overtaking.show.video` draws each picture of a film on a `Canvas`: it copies the road, adds `Drawing`s of vehicles,
 //! blends fog, darkens the night and converts the picture for the encoder. Copying, blending, darkening and conversion
-//! are plain loops over integers, compiled for the widest vectors of the CPU (`dispatch`). tiny-skia takes ten times as
-//! long, because it is compiled for the narrowest vectors.
+//! are plain loops over integers. `dispatch` compiles each loop for all widths of vectors and takes the widest of the
+//! CPU at run time; the compiler vectorizes it, so the argument `_simd` is not used. tiny-skia takes ten times as long,
+//! because it is compiled for the narrowest vectors.
 
 use std::ops::Range;
 
@@ -30,7 +31,8 @@ const WHOLE: u16 = 256;
 /// An opaque picture.
 ///
 /// `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
-/// of the picture raise `ValueError`.
+/// of the picture raise `ValueError`. `darken` needs an even width, `write_yuv` an even width and
+/// height, as films have them.
 #[pyclass]
 pub struct Canvas(Pixmap);
 
@@ -57,6 +59,7 @@ impl Canvas {
     /// Make a picture of one colour.
     ///
     /// Raises:
+    ///     SystemLimitError: The system grants too little memory.
     ///     ValueError: Width or height is 0, or the colour is invalid.
     #[new]
     #[pyo3(signature = (width: "int", height: "int", colour: "str"))]
@@ -100,6 +103,7 @@ impl Canvas {
             // system's sine and cosine.
             let (sine, cosine) = f64::from(*angle).sin_cos();
             let (along, across) = (scale * cosine as f32, scale * sine as f32);
+            // Column = along * x + across * y, row = -across * x + along * y: anticlockwise, as rows grow downwards.
             Transform::from_row(along, -across, across, along, *x, *y)
         };
         let transforms: Vec<Transform> = placed.iter().map(placement).collect();
@@ -111,13 +115,13 @@ impl Canvas {
         });
     }
 
-    /// Copy all rows of another picture.
+    /// Copy some columns of another picture, over all of its rows.
     ///
     /// Args:
     ///     other: The other picture.
-    ///     x: Column of the first copied column.
-    ///     y: Row of the first row.
-    ///     columns: First column to copy, and the column after the last.
+    ///     x: Column of this picture for the first copied column.
+    ///     y: Row of this picture for the first row of the other.
+    ///     columns: First column of the other to copy, and the column after the last.
     #[pyo3(signature = (
         other: "Canvas",
         x: "int",
@@ -192,9 +196,10 @@ impl Canvas {
     /// Args:
     ///     rows: First row, and the row after the last.
     ///     moonlight: Brightness without lamps, 0 (black) to 255 (unchanged).
-    ///     lights: For each lamp an array of brightness, shape (height, width), that is added, and
-    ///         the column and the row of its upper left corner, from the corner of the rows. All
-    ///         in pixels of half the resolution; parts outside the rows are ignored.
+    ///     lights: For each lamp the brightness that it adds, shape (height, width), and the column
+    ///         and the row of the upper left corner of this array, counted from the upper left
+    ///         corner of the rows. All in pixels of half the resolution; parts outside the rows
+    ///         are ignored.
     #[pyo3(signature = (
         rows: "tuple[int, int]",
         moonlight: "int",
@@ -224,6 +229,9 @@ impl Canvas {
     }
 
     /// The picture as red, green and blue, shape (height, width, 3).
+    ///
+    /// Raises:
+    ///     SystemLimitError: The system grants too little memory.
     #[pyo3(signature = () -> "NDArray[np.uint8]")]
     fn to_rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let pixels = self.0.data().chunks_exact(BYTES);
@@ -254,10 +262,11 @@ impl Canvas {
 /// First row or column, and the one after the last.
 type RowRange = (usize, usize);
 
-/// Multiply each byte of a row by its factor, add its summand, and divide by `WHOLE`.
+/// Multiply each byte of a row by its factor, add its summand, and divide by `WHOLE`, rounding down.
 #[inline(always)]
 fn blend(line: &mut [u8], factors: &[u16], summands: &[u16]) {
     for ((sample, factor), summand) in line.iter_mut().zip(factors).zip(summands) {
+        // Factor and summand share `WHOLE`, so the sum is at most 255 * 256, and nothing wraps.
         *sample = ((u16::from(*sample)
             .wrapping_mul(*factor)
             .wrapping_add(*summand))
@@ -269,11 +278,13 @@ fn blend(line: &mut [u8], factors: &[u16], summands: &[u16]) {
 ///
 /// `light` has rows of `columns` values, and its upper left corner is in column `x` and row `y` of `lit`.
 fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x, y): (i64, i64)) {
+    // `chunks_exact` takes no length of 0; an array without columns is empty anyway.
     let columns = columns.max(1);
     let first = x.clamp(0, width as i64);
     let last = (x + columns as i64).clamp(first, width as i64);
     for (row, line) in (y..).zip(light.chunks_exact(columns)) {
         let start = row * width as i64;
+        // Without meaning for a row above the picture, which `row >= 0` leaves out.
         let end = (start + last) as usize;
         if row >= 0 && first < last && end <= lit.len() {
             let visible = &line[(first - x) as usize..];
@@ -293,12 +304,13 @@ fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: us
         if row % 2 == 0 {
             let pairs = factors.chunks_exact_mut(2 * BYTES);
             for (pair, &light) in pairs.zip(&lit[row / 2 * width..]) {
-                // From 0 to 255 to 0 to 256, so that full light changes nothing.
+                // Stretches 0..=255 to 0..=256, so that full light changes nothing.
                 let light = u16::from(light) + u16::from(light >> 7);
                 pair.copy_from_slice(&[light, light, light, WHOLE, light, light, light, WHOLE]);
             }
         }
         for (sample, factor) in line.iter_mut().zip(&factors) {
+            // At most 255 * 256: nothing wraps.
             *sample = (u16::from(*sample).wrapping_mul(*factor) >> 8) as u8;
         }
     }
@@ -306,7 +318,8 @@ fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: us
 
 /// Compute the luma of each pixel and the chroma of each square of two times two pixels.
 ///
-/// The factors of ITU-R BT.601 are rounded to 1/256; luma is from 16 to 235, chroma from 16 to 240 around 128.
+/// The factors of ITU-R BT.601 are rounded to 1/256; luma is from 16 to 235, chroma from 16 to 240 around 128. Adding
+/// half a divisor before a shift rounds to the nearest.
 #[inline(always)]
 fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
     for (pixel, y) in data.chunks_exact(BYTES).zip(luma) {
@@ -329,17 +342,18 @@ fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
                 let samples = [up[component], up[next], down[component], down[next]];
                 (samples.into_iter().map(i16::from).sum::<i16>() + 2) >> 2
             });
+            // The sums are at most 112 * 255 + 128 in size, so they fit into 16 bits.
             *u = (((112 * blue - 74 * green - 38 * red + 128) >> 8) + 128) as u8;
             *v = (((112 * red - 94 * green - 18 * blue + 128) >> 8) + 128) as u8;
         }
     }
 }
 
-/// Lower and upper end along an axis.
+/// Lower and upper end along an axis; in a list of points, x and y.
 type Interval = (f32, f32);
 
-/// Distance of the control points of a cubic Bezier curve from its ends, in radii, so that it is close to a quarter
-/// circle.
+/// A cubic Bezier curve approximates a quarter circle if its control points are this far from its ends, in radii:
+/// 4 / 3 (sqrt(2) - 1).
 const QUARTER: f32 = 0.552_285;
 
 enum Shape {
@@ -425,6 +439,7 @@ fn rounded_rectangle(x: Interval, y: Interval, radius: f32) -> PathBuilder {
         }
         return path;
     }
+    // Distance of the control points from the corner of the rectangle without rounding.
     let inner = radius * (1.0 - QUARTER);
     path.move_to(x.0 + radius, y.0);
     path.line_to(x.1 - radius, y.0);
@@ -490,8 +505,8 @@ impl Drawing {
         radius: f32,
     ) -> PyResult<()> {
         // tiny-skia draws half of a line on each side of its path.
-        let inner = |ends: Interval| (ends.0 + 0.5 * line, ends.1 - 0.5 * line);
-        let path = rounded_rectangle(inner(x), inner(y), radius - 0.5 * line).finish();
+        let inset = |ends: Interval| (ends.0 + 0.5 * line, ends.1 - 0.5 * line);
+        let path = rounded_rectangle(inset(x), inset(y), radius - 0.5 * line).finish();
         let paint = solid_paint(colour, 1.0)?;
         self.0
             .extend(path.map(|path| Shape::Line(path, paint, line)));
