@@ -336,11 +336,11 @@ def methods() -> set[str]:
 @cache
 def functions() -> dict[str, set[str]]:
     """Modules in which there is a function or class, by its name; also those of Rust."""
-    found: dict[str, set[str]] = {name: {"builtins"} for name in dir(builtins)}
+    modules_by_name: dict[str, set[str]] = {name: {"builtins"} for name in dir(builtins)}
     for text, module in sources().items():
         for name in re.findall(r"^(?:def|class|    pub fn|pub fn) (\w+)", text, re.MULTILINE):
-            found.setdefault(name, set()).add(module)
-    return found
+            modules_by_name.setdefault(name, set()).add(module)
+    return modules_by_name
 
 
 @cache

@@ -39,7 +39,7 @@ struct OrientedBox<S: Simd> {
     half_width: F32<S>,
 }
 
-/// Turn from the frame of the second vehicle of a pair to that of the first: 1, or -1 for opposite directions.
+/// Turn between the frames of the two vehicles of a pair: 1, or -1 for opposite directions.
 ///
 /// The axes of a frame follow the direction of travel of its vehicle. `None` on one-way roads, and for the first
 /// vehicle itself.

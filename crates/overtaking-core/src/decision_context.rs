@@ -34,7 +34,7 @@ pub struct DriverContext<S: Simd> {
 }
 
 impl<S: Simd> DriverContext<S> {
-    /// The context of a driver that has not looked yet.
+    /// The context of a driver before its first look.
     pub fn empty(simd: S) -> Self {
         Self {
             neighbours: Neighbours::no_vehicles(simd),

@@ -311,9 +311,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Largest acceleration of a driver in the opposing lane [m/s^2].
     ///
-    /// An aborting driver brakes below its target's speed. A driver past its target that lacks the time to pass the next
-    /// vehicle, too, keeps behind that one, as it has to fit in between: with a share of its time gap, or in the middle
-    /// of the space if that is nearer.
+    /// An aborting driver brakes below its target's speed. A driver that has passed its target and has too
+    /// little time to pass the next vehicle keeps behind that vehicle, to fit in between: with a share of its time
+    /// gap, or in the middle of the space if the middle is nearer.
     #[inline(always)]
     pub fn accel_limit_while_passing(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);

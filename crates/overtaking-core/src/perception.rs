@@ -24,7 +24,7 @@ use crate::vehicle_handle::VehicleHandle;
 const NEAREST_GAP: f32 = 1.0;
 /// Gap beyond every limit of sight [m].
 const FARTHEST_GAP: f32 = 1e4;
-/// Nothing is visible through e^-40; larger exponents only overflow.
+/// A contrast of e^-40 is invisible; larger exponents would only overflow.
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
 /// Logarithm at which a contrast cannot be seen any more.
 const MIN_LOG_CONTRAST: f32 = 0.02;

@@ -129,7 +129,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         is_sound & self.state.overtake.stage[self.slot].simd_eq(stage)
     }
 
-    /// Whether the driver pulls out or passes, and has not begun to return.
+    /// Whether the driver pulls out or passes, before it begins to return.
     #[inline(always)]
     pub fn is_before_return(self) -> Mask<S> {
         self.is_in_stage(stage::PULL_OUT) | self.is_in_stage(stage::PASS)

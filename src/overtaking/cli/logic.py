@@ -155,23 +155,27 @@ def _proofs_page(simulation: int, proofs: "tuple[Proof, ...]") -> str:
 
     if not proofs:
         return f"Simulation {simulation} breaks none of {', '.join(RULE_CODES)}.\n"
-    shown: set[str] = set()
+    printed_atoms: set[str] = set()
     lines: list[str] = []
     for proof in proofs:
         frames = f"frames {proof.first_frame} to {proof.last_frame}, {proof.num_frames} in all"
         if proof.num_frames == 1:
             frames = f"frame {proof.first_frame}"
-        lines += [f"{title_of(proof.rule)}: broken in {frames}", *_steps(proof.step, 1, shown), ""]
+        lines += [
+            f"{title_of(proof.rule)}: broken in {frames}",
+            *_steps(proof.step, 1, printed_atoms),
+            "",
+        ]
     return "\n".join(lines)
 
 
-def _steps(step: "ProofStep", depth: int, shown: set[str]) -> "Iterator[str]":
+def _steps(step: "ProofStep", depth: int, printed_atoms: set[str]) -> "Iterator[str]":
     """A step and all that it rests on, a line each."""
     indent, inner = " " * (_INDENT * depth), " " * (_INDENT * (depth + 1))
-    if step.atom in shown:
+    if step.atom in printed_atoms:
         yield f"{indent}{step.sentence} (as above)"
         return
-    shown.add(step.atom)
+    printed_atoms.add(step.atom)
     more = f" (and so for {step.num_skipped} before)" if step.num_skipped else ""
     yield f"{indent}{step.sentence}{more}"
     for text in step.facts:
@@ -181,4 +185,4 @@ def _steps(step: "ProofStep", depth: int, shown: set[str]) -> "Iterator[str]":
     if step.absent_literals:
         yield f"{inner}and {'; '.join(step.absent_literals)}"
     for premise in step.premises:
-        yield from _steps(premise, depth + 1, shown)
+        yield from _steps(premise, depth + 1, printed_atoms)

@@ -37,7 +37,7 @@ _WIDE, _BYTE = np.int32, np.uint8
 _BELIEF_TYPES = {
     name: _BYTE if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
-    # A field about a neighbour has all axes of the class; one about the decision lacks the third.
+    # Fields about a neighbour have all axes of the class; fields about the decision have two.
     if field.dtype and field.axes == Percepts.AXES
 }
 """Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""

@@ -38,7 +38,7 @@ class DrivenVehicles(NamedTuple):
         accel_lon, accel_lat: Mean acceleration over the last step ahead and to the left [m/s^2].
         gust: Random process of the wind, of unit variance [1].
         distance_error, speed_error, lane_wander: Random processes of a driver of the model; these
-            vehicles have none, but the numbers are drawn together.
+            vehicles have no driver, but the engine draws all random processes together.
         mu_left, mu_right: Friction coefficient under the wheels of either side [1].
         wind_force: Lateral force of the wind [N].
         wind_moment: Yaw moment of the wind [N m].

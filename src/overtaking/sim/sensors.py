@@ -158,9 +158,9 @@ class SensorArray:
     def measure(self, neighbours: F32, is_running: Mask, decision_index: int) -> F32:
         """Measure the neighbours now, and report the measurements that are as old as the latency.
 
-        Before the latency has passed for the first time, the first measurements are reported. While
-        an action of the external driver holds for several decisions, nothing is measured; reported
-        measurements can then be older than the latency.
+        Before the latency has passed for the first time, the first measurements are reported. The
+        sensor does not measure while an action of the external driver holds for several decisions;
+        reported measurements can then be older than the latency.
 
         Args:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,

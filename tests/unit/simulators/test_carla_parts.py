@@ -14,7 +14,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.road import DrivingSide
-from overtaking.simulators.carla import manager, processes, replay, world
+from overtaking.simulators.carla import manager, replay, world
 from overtaking.simulators.carla.library import Address, parse_address
 from overtaking.simulators.carla.own import (
     MAX_TYRE_ACCEL,
@@ -155,29 +155,3 @@ def test_pushes_grow_with_the_worse_of_rain_and_wind():
 def test_pictures_that_cannot_be_are_refused(size: tuple[int, int]):
     with pytest.raises(ConfigError, match="size"):
         replay.check_size(size)
-
-
-class SlowServer:
-    """A server process that is ready after a minute."""
-
-    is_running = True
-
-    def __init__(self, *_: str) -> None:
-        pass
-
-    def receive(self, timeout: float) -> int:
-        if timeout < 60.0:
-            raise TimeoutError
-        return 2000
-
-    def close(self) -> None:
-        pass
-
-    def describe_exit(self) -> str:
-        return "by SIGKILL"
-
-
-def test_a_headless_server_on_a_busy_machine_is_waited_for(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(processes, "WorkerProcess", SlowServer)
-    monkeypatch.setattr(processes, "_SERVERS", {})
-    assert processes._start_headless() == Address("127.0.0.1", 2000)

@@ -261,8 +261,8 @@ def _find_impact(
     """The contact of a pair during the step; None if the first sweep finds none in any simulation.
 
     The boxes keep their heading while they are swept: first the heading at the end of the step,
-    then the heading at the time of contact that this gives. One correction is enough: times of
-    contact differ by at most 10 ms from those of steps of 1 ms
+    then the heading at the time of contact that this gives. One correction is enough: the
+    times of contact differ by at most 10 ms from a simulation with steps of 1 ms
     (`tests/reference/test_contact_times.py`).
     """
     s, d = state.motion.s, state.motion.d

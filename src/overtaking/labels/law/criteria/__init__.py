@@ -40,7 +40,8 @@ Errors: in `ERROR_FORMULA`, sp and sv are the standard deviations of a position 
     margin that they do not change, such as a range of sight or a lateral speed, or a margin whose
     error is neglected.
     `deciding_frame` finds the frame by the value of the margin, so it needs no mask of the frames
-    that `check` leaves out: another frame has the same value only by chance.
+    that `check` leaves out: another frame has the same value only by chance, except at a capped
+    margin, which several frames may share.
 Lanes: lane 0 is the slowest, and indices grow to the left, the overtaking side. In left-hand
     traffic the world is mirrored, so left and right keep these meanings.
 Float32: `minimum` and `maximum` of `core.float32_math` treat NaN and -0.0 as the engine does.

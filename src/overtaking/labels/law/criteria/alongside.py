@@ -1,4 +1,7 @@
-"""Criteria about ego and target side by side: side, lateral distance, speed of the target."""
+"""Criteria about ego and target side by side: side, lateral distance, speed of the target.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar

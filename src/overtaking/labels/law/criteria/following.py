@@ -139,7 +139,7 @@ class SafeDistance(Criterion):
         return *larger_gap, *breach.remedy_slower_ego(broken, allowed)
 
     def margins_by_frame(self, case: Case) -> F64:
-        """Margins of the frames with a leader that has not just cut in."""
+        """Margins of the frames with a leader that did not cut in recently."""
         signals = case.signals
         return _margins_behind_leader(
             case,
@@ -204,7 +204,7 @@ class TimeDistance(Criterion):
         return _larger_gap(breach, frames, self._min_gap(breach.case.signals.speed[0, frames]))
 
     def margins_by_frame(self, case: Case) -> F64:
-        """Margins of the frames with a leader that has not just cut in."""
+        """Margins of the frames with a leader that did not cut in recently."""
         signals = case.signals
         return _margins_behind_leader(case, signals.gap[:, _LEADER] - self._min_gap(signals.speed))
 
@@ -480,7 +480,7 @@ def _is_narrow_road_outside_towns(case: Case) -> bool:
 
 
 def _has_settled_leader(case: Case) -> Mask:
-    """Whether the ego has a leader that has not just cut in, shape (simulation, time)."""
+    """Whether the ego has a leader that did not cut in recently, shape (simulation, time)."""
     has_leader = case.signals.neighbour_slot[:, _LEADER] != NO_VEHICLE
     return has_leader & ~is_regaining_gap(case)
 
@@ -506,7 +506,7 @@ def _gap_and_time_error(finding: Finding, time: float, errors: MeasurementErrors
 
 
 def _judged_frames(breach: BreachContext) -> IndexArray:
-    """Frames of the breach with a leader that has not just cut in, shape (frame,)."""
+    """Frames of the breach with a leader that did not cut in recently, shape (frame,)."""
     frames = breach.frames_with_neighbour(_LEADER)
     return frames[~is_regaining_gap(breach.case)[0, frames]]
 

@@ -1,4 +1,7 @@
-"""Criteria about the lamps and the indicators of the ego."""
+"""Criteria about the lamps and the indicators of the ego.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,7 @@
-"""Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use."""
+"""Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -325,7 +325,7 @@ class SpeedAdvantage(Criterion):
         return np.full_like(finding.margin, np.sqrt(2.0) * errors.speed_std)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """A speed that is higher by what lacks."""
+        """A higher speed, by the size of the margin."""
         speed = breach.case.signals.speed[0, breach.first_frame]
         return breach.remedy_ego_speed(breach.first_frame, speed - np.float32(breach.margin))
 

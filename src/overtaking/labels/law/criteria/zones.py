@@ -1,4 +1,7 @@
-"""Criteria about places and signs that forbid to overtake."""
+"""Criteria about places and signs that forbid to overtake.
+
+`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
