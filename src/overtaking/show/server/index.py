@@ -85,6 +85,7 @@ class Index:
         count, rules = len(data), names.RULES
         self._data, self.done, self.total = data, 0, count
         self._begun, self._told = threading.Event(), threading.Event()
+        self._is_closed = threading.Event()
         # To sort a million takes longer than all the rest of a filter.
         self._orders = Kept(_KEPT_ORDERS, self._order)
 
@@ -103,7 +104,7 @@ class Index:
         self.margin = np.full((len(rules), count), np.nan, np.float32)
 
     def read(self) -> None:
-        """Read all files.
+        """Read all files, or until the index is closed.
 
         Raises:
             DatasetError: One is missing or damaged.
@@ -111,6 +112,8 @@ class Index:
         kept = self._data.kept_tables
         wanted = {table: of for table, of in _COLUMNS.items() if table in kept}
         for first, tables in self._data.columns(**wanted):
+            if self._is_closed.is_set():
+                return
             self._take(first, tables)
             self.done = first + tables["simulations"].num_rows
             if not self._begun.is_set():
@@ -120,6 +123,11 @@ class Index:
     def wait(self, seconds: float) -> None:
         """Wait until something is read, but no longer than some time [s]."""
         self._begun.wait(seconds)
+
+    def close(self) -> None:
+        """Stop reading after the present file."""
+        self._is_closed.set()
+        self._told.set()
 
     def told(self) -> None:
         """Go on reading: somebody has the first rows."""

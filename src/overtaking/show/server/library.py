@@ -72,8 +72,9 @@ class Library:
             raise
 
     def close(self) -> None:
-        """Cancel queries that run or wait."""
+        """Cancel queries that run or wait, and stop reading."""
         self._is_closed.set()
+        self._index.close()
 
     def start(self) -> dict[str, Any]:
         """What the page needs at its start."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import http.client
 import socket
 import threading
@@ -88,9 +89,15 @@ class ViewServer:
                 ws="none",
             ),
         )
-        threading.Thread(target=library.read, daemon=True).start()
+        self._library = library
+        self._reader = threading.Thread(target=library.read, name="view-reader", daemon=True)
         # The event loop of the caller, such as that of a notebook, cannot run a second server.
         self._thread = threading.Thread(target=self._server.run, args=([listener],), daemon=True)
+        # Python aborts the process if it ends while a daemon thread is in compiled code, such as
+        # that which reads Parquet files. So both threads end before, also in notebooks, which
+        # rarely close their servers.
+        atexit.register(self.close)
+        self._reader.start()
         self._thread.start()
         try:
             self._check_answer()
@@ -104,9 +111,12 @@ class ViewServer:
             self._thread.join(_INTERRUPT_INTERVAL_S)
 
     def close(self) -> None:
-        """End the server and close all connections."""
+        """End the server, close all connections and stop reading the data set."""
         self._server.should_exit = True
         self._thread.join()
+        self._library.close()  # A server that failed to start has not closed it.
+        self._reader.join()
+        atexit.unregister(self.close)
 
     def __enter__(self) -> Self:
         """The server, which ends with the block."""
