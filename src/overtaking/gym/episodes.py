@@ -268,8 +268,7 @@ class EpisodeBatch:
         self.num_clipped = np.zeros(num_envs, np.int64)
         self._stepper = EngineStepper(params, self._kind, observes_truth=settings.observes_truth)
         observed = self._stepper.observe_start()
-        # `runs` says for each simulation whether it goes on.
-        self.observation_table, self.is_running = observed.table, observed.runs
+        self.observation_table, self.is_running = observed.table, observed.is_running
 
     def __getstate__(self) -> dict[str, Any]:
         """All attributes but the stepper, a compiled object that cannot be pickled."""
@@ -330,7 +329,7 @@ class EpisodeBatch:
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
         observed = self._stepper.restart(rows, params)
-        self.observation_table[rows], self.is_running[rows] = observed.table, observed.runs
+        self.observation_table[rows], self.is_running[rows] = observed.table, observed.is_running
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index
         # `num_step_decisions` is not reset: it describes the last step, in which the previous
@@ -415,7 +414,7 @@ class EpisodeBatch:
         # after a step.
         has_acted = observed.num_decisions[:, None] > 0
         self.observation_table = np.where(has_acted, observed.table, self.observation_table)
-        self.is_running = observed.runs
+        self.is_running = observed.is_running
 
     def _simulate(
         self, refs: SortedRefs, params: StepParameters, rows: NDArray[np.int64]

@@ -284,13 +284,13 @@ class SteppedObservation(NamedTuple):
     Attributes:
         table: Observations of the egos, shape (simulation, `OBSERVATION_SIZE`). A simulation that
             ended during the call is observed at its end; one that ended earlier has zeros.
-        runs: Whether each simulation continues, shape (simulation,).
+        is_running: Whether each simulation continues, shape (simulation,).
         num_decisions: Number of decisions that each simulation carried out in this call, shape
             (simulation,).
     """
 
     table: F32
-    runs: Mask
+    is_running: Mask
     num_decisions: NDArray[np.uint32]
 
 

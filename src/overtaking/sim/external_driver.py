@@ -238,7 +238,7 @@ class _DrivenBatch:
 
     def _observe(self, stepped: SteppedObservation, decision_index: int) -> Observation:
         """The observation of the driver, through its sensors if it has any."""
-        table, is_running = stepped.table, stepped.runs
+        table, is_running = stepped.table, stepped.is_running
         table[~is_running] = 0.0
         if self._sensors:
             # The parts are views, so the measurements are written into the table.
