@@ -22,7 +22,10 @@ present action. Answers and actions have shape (simulation, part)."""
 
 
 _SPEED_TIME_CONSTANT = 1.0
-"""Ratio of speed error to acceleration in the action space `speed_lane` [s]. Chosen."""
+"""Time in which the answered speed of `speed_lane` would be reached at the first acceleration [s].
+
+Chosen.
+"""
 
 
 _POINT_TIMES = (0.5, 1.0, 1.5, 2.0)
@@ -57,10 +60,10 @@ def _track_speed(answer: F64, start: EgoObservation, now: EgoObservation) -> F64
 
     Args:
         answer: Speed [m/s] and change of lane, shape (simulation, part).
-        start: Observation that the answer was given to; it makes no difference.
+        start: Observation that the answer was given to; not used.
         now: Observation at this decision.
     """
-    del start
+    del start  # Only `_track_points` uses it; both functions are a `TrackAnswer`.
     unlimited_accel = (answer[:, 0] - now.ego.speed) / _SPEED_TIME_CONSTANT
     accel = np.clip(unlimited_accel, -now.vehicle.decel, now.vehicle.accel)
     return np.stack([accel, answer[:, 1]], axis=1)
@@ -74,7 +77,8 @@ def _track_points(answer: F64, start: EgoObservation, now: EgoObservation) -> F6
     tracking errors do not add up.
 
     Args:
-        answer: Points relative to the position at `start`, shape (simulation, coordinate) [m].
+        answer: Points relative to the position at `start`, in turn ahead and to the overtaking
+            side, shape (simulation, coordinate) [m].
         start: Observation that the answer was given to.
         now: Observation at this decision.
     """
@@ -117,6 +121,8 @@ def _least_squares_accel(distances: F64, speed: F64, times: F64) -> F64:
     return numerator / denominator if denominator > 0.0 else np.zeros_like(numerator)
 
 
+# The limits are chosen wide enough for any vehicle: a vehicle at the largest speed of `speed_lane`,
+# 100 m/s, moves by 200 m within the 2 s of a trajectory.
 _POINT_PARTS = tuple(
     part
     for k in range(1, len(_POINT_TIMES) + 1)
@@ -185,6 +191,7 @@ def to_action_integers(
     """
     steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
+        # Answers are within their limits, but a tracked answer may lead to an action outside them.
         clipped = np.clip(values[:, k], part.low, part.high)
         steps[:, k] = np.where(is_running, np.rint(clipped / part.resolution), 0.0)
     return steps

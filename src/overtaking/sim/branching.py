@@ -41,8 +41,8 @@ Simulate = Callable[..., Trajectories]
 _REMOVED_S = np.float32(-30_000.0)
 """Station of removed vehicles, so far before the start of the road that they meet no vehicle [m].
 
-A removed vehicle keeps its slot, so all vehicles keep their random numbers. Its flag `valid` stays
-true, because a flag that changes in the middle of a simulation would leave half-written frames.
+A removed vehicle keeps its slot, because random numbers are drawn by slot. It also stays `valid`: a
+vehicle that became invalid in the middle of a simulation would leave half-written frames.
 """
 
 
@@ -103,7 +103,7 @@ def branch(
             not exist, the ego is to be removed, or the source was driven by an external driver.
     """
     origin, interventions = _origin_of(source), tuple(interventions)
-    # Without `frame`: its limit is the last frame of the simulations (`simulate_versions`).
+    # `frame` is left out here: `simulate_versions` knows the last frame and checks it.
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
     first_intervention = Intervention(frame=frame, decision=decision, weather=weather)
@@ -125,6 +125,7 @@ def branch(
         versions,
         all_interventions,
     )
+    # An intervention that sets nothing but its frame has no effect and is not recorded.
     effective_interventions = tuple(
         intervention
         for intervention in all_interventions
@@ -230,7 +231,7 @@ def apply_intervention(scenario: Scenario, intervention: Intervention) -> Scenar
             removed.
     """
     weather = scenario.weather if intervention.weather is None else intervention.weather
-    if len(weather.rain) == 1:
+    if len(weather.rain) == 1:  # One weather for all simulations.
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
     new_scenario = scenario.replace(weather=weather.without(*intervention.without))
     if not intervention.is_about_vehicle:
@@ -238,7 +239,7 @@ def apply_intervention(scenario: Scenario, intervention: Intervention) -> Scenar
     _check_vehicle(scenario, intervention)
     slot, drivers = intervention.slot, _with_traits(scenario.drivers, intervention)
     start_speed = _add_to_slot(scenario.start_speed, slot, intervention.speed_change)
-    # Stations fall along the way of an oncoming vehicle.
+    # The station of an oncoming vehicle decreases as it drives ahead.
     direction = np.where(_is_oncoming(scenario)[:, slot], -1.0, 1.0)
     start_s = _add_to_slot(scenario.start_s, slot, direction * intervention.position_change)
     if intervention.remove:
@@ -252,18 +253,18 @@ def _with_traits(drivers: DriverTraits, intervention: Intervention) -> DriverTra
     Raises:
         ConfigError: A trait does not exist.
     """
-    fields_of_drivers = batch_fields(DriverTraits)
+    trait_names = batch_fields(DriverTraits)
     new_traits = {}
     for name, value in intervention.traits.items():
-        if name not in fields_of_drivers:
+        if name not in trait_names:
             raise ConfigError.unknown_choice(
-                what="trait", where="branch", choices=fields_of_drivers, got=name
+                what="trait", where="branch", choices=trait_names, got=name
             )
         array = getattr(drivers, name).copy()
         array[:, intervention.slot] = value
         new_traits[name] = array
     drivers, slot = drivers.replace(**new_traits), intervention.slot
-    # Else a driver would brake or accelerate back to the speed before the change.
+    # Otherwise a driver would brake or accelerate back to the speed before the change.
     desired_speed = _add_to_slot(drivers.desired_speed, slot, intervention.speed_change)
     return drivers.replace(
         desired_speed=np.where(desired_speed < 0, np.float32(0.0), desired_speed)
@@ -286,6 +287,7 @@ def _add_to_slot(values: F32, slot: int, increase: ArrayLike) -> F32:
 def _check_vehicle(scenario: Scenario, intervention: Intervention) -> None:
     """Reject a slot that is empty in any simulation, and the removal of the ego."""
     slot = intervention.slot
+    # Vehicles fill the first slots of each simulation.
     min_vehicles = int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= min_vehicles:
         raise ConfigError.out_of_range(
@@ -295,7 +297,7 @@ def _check_vehicle(scenario: Scenario, intervention: Intervention) -> None:
         raise ConfigError(
             what="vehicle",
             where="branch",
-            expected="another one than the ego to be removed",
+            expected="another vehicle than the ego to be removed",
             got=slot,
             next_step="force ForcedDecision.STAY to see what happens without an overtake",
         )
@@ -309,9 +311,9 @@ def with_final_conditions(
 ) -> Trajectories:
     """The recording of a branch, with the scenarios by which events and law are judged.
 
-    These are the scenarios of the last version, but with the true starts: the last version contains
-    the displacements of later frames as changes of `start_s` and `start_speed`. Starts of removed
-    vehicles far before the road are left out too.
+    These are the scenarios of the last version, but with the positions and speeds at frame 0. In
+    the last version `start_s` and `start_speed` include the changes at later frames, and the
+    stations of removed vehicles far before the road.
 
     Args:
         trajectories: The recording.
@@ -332,7 +334,7 @@ def with_final_conditions(
 def _hide_removed(
     trajectories: Trajectories, interventions: Sequence[Intervention]
 ) -> Trajectories:
-    """The recording in which removed vehicles have no states from their removal on."""
+    """The recording without the states of removed vehicles from their removal on."""
     removals = [intervention for intervention in interventions if intervention.remove]
     if not removals:
         return trajectories

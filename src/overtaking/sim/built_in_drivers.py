@@ -39,7 +39,7 @@ MIN_SPEED_GAIN = 3.0
 PULL_OUT_TIME_GAP = 4.0
 """Time gap to the leader below which the overtake may begin [s]. Chosen.
 
-Also the smallest time in which the ego may close up to a slower new leader.
+Also the shortest time in which the gap to a slower new leader may shrink to `MIN_TIME_GAP`.
 """
 
 
@@ -78,8 +78,11 @@ MIN_TIME_BETWEEN_CHANGES = 8.0
 
 
 ABORT_STATE_THRESHOLD = 0.5
-"""`abort_state` above which the ego aborts: between 0.5, too fast or too near to fit in behind the
-target, and 1, fits in [1]."""
+"""`abort_state` above which the ego aborts [1].
+
+The state 0.5 is not enough: the ego is still too fast or too near to fit in behind the target. In
+the state 1 it fits in.
+"""
 
 
 ONCOMING_TIME_MARGIN = 3.0
@@ -94,7 +97,7 @@ def stay(observation: Observation) -> Moves:
 def rules(observation: Observation) -> Moves:
     """Change lanes by fixed rules: for a gain of speed, into gaps larger than UN R79 demands.
 
-    The driver decides only while it checks the mirrors. Between two checks it goes on to indicate
+    The driver decides only while it checks the mirrors. Between two checks it keeps indicating to
     the side that it wants.
     """
     ego = observation.ego

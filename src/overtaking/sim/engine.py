@@ -30,14 +30,10 @@ from overtaking.model.trajectories import (
 from overtaking.world.constants import engine_constants
 from overtaking.world.step_parameters import ParameterSwitch, StepParameters, step_parameters
 
-# Types of the engine's integers: counts and measured values as int32, codes and flags as bytes.
-_WIDE, _BYTE = np.int32, np.uint8
-
-
 _BELIEF_TYPES = {
-    name: _BYTE if field.is_flag else field.dtype.type
+    name: np.uint8 if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
-    # Fields about a neighbour have all axes of the class; fields about the decision have two.
+    # Fields about a neighbour have all axes of the class; fields about the manoeuvre have two.
     if field.dtype and field.axes == Percepts.AXES
 }
 """Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""
@@ -79,6 +75,9 @@ def run(
         actions: Recorded actions of an external driver; None lets the model driver drive the ego.
         level: As in `simulate`.
         buffers: As in `simulate`.
+
+    Raises:
+        ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
     outputs = allocate_outputs(scenario, params, buffers or Buffers())
     checked_level = simd_level(level)
@@ -108,6 +107,7 @@ def run(
 
 
 def _flatten(judgement_errors: F32 | None) -> F32 | None:
+    """The errors as one row of numbers, if there are any."""
     return None if judgement_errors is None else judgement_errors.reshape(-1)
 
 
@@ -158,32 +158,40 @@ def road_values(params: StepParameters) -> dict[str, Any]:
 def allocate_outputs(
     scenario: Scenario, params: StepParameters, buffers: Buffers
 ) -> dict[str, NDArray[Any]]:
-    """The arrays that the engine fills, by the names under which it looks them up."""
+    """The arrays that the engine fills, by the names under which it looks them up.
+
+    Counts and measured values are int32, codes and flags are bytes.
+
+    Args:
+        scenario: A batch of scenarios.
+        params: Parameters of the batch.
+        buffers: Memory for the arrays.
+    """
     num_simulations, num_slots = scenario.num_simulations, scenario.num_slots
     # The engine transposes squares of 16 simulations by 16 frames, so it writes 16 frames at a
-    # time, and the arrays have space for the last 16.
+    # time. The number of frames is rounded up to a multiple of 16.
     num_frames = -(-params.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     array = buffers.array
     shape = (num_simulations, num_slots, num_frames)
     states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
-    # `written` holds how many frames of each vehicle are filled. In memory that is used again, the
-    # engine then clears only the frames that the batch before has filled.
-    written = ArrayLayout("written", shape[:2], _WIDE)
+    # `written` holds how many frames of each vehicle are filled. In reused memory the engine then
+    # clears only the frames that the previous batch has filled.
+    written = ArrayLayout("written", shape[:2], np.int32)
     outputs = buffers.arrays("states", (*states, written))
     outputs |= {
-        name: array(name, (num_simulations, num_frames), _BYTE)
+        name: array(name, (num_simulations, num_frames), np.uint8)
         for name in ("stage", "collided_with")
     }
-    outputs["num_frames"] = array("num_frames", (num_simulations,), _WIDE)
-    outputs["contact_partner"] = array("contact_partner", (num_simulations, num_slots), _BYTE)
+    outputs["num_frames"] = array("num_frames", (num_simulations,), np.int32)
+    outputs["contact_partner"] = array("contact_partner", (num_simulations, num_slots), np.uint8)
     for name in ("contact_time", "contact_impulse", "contact_speed"):
-        outputs[name] = array(name, (num_simulations, num_slots), _WIDE)
+        outputs[name] = array(name, (num_simulations, num_slots), np.int32)
     percept_shape = (num_simulations, _core.MAX_PERCEPTS)
     outputs |= {
-        f"percept_{name}": array(f"percept_{name}", percept_shape, _BYTE)
+        f"percept_{name}": array(f"percept_{name}", percept_shape, np.uint8)
         for name in ("valid", "kind")
     }
-    outputs["percept_time"] = array("percept_time", percept_shape, _WIDE)
+    outputs["percept_time"] = array("percept_time", percept_shape, np.int32)
     for name, dtype in _BELIEF_TYPES.items():
         shape_by_vehicle = (*percept_shape, len(PerceivedVehicle))
         outputs[f"percept_{name}"] = array(f"percept_{name}", shape_by_vehicle, dtype)
@@ -225,8 +233,8 @@ def to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Tra
 def _read_only(states: NDArray[Any]) -> NDArray[Any]:
     """Recorded states, protected against writing.
 
-    The next batch in the same memory clears only the frames that the engine has written, so values
-    that a caller writes behind them would appear in that batch.
+    The next batch in the same memory clears only the frames that the engine has written. Values
+    that a caller wrote after these frames would appear in the states of that batch.
     """
     states.setflags(write=False)
     return states

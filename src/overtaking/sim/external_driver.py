@@ -1,8 +1,8 @@
 """Simulations in which an external driver, a program of the user's, drives the ego.
 
 The driver answers at each decision for all simulations of a batch at once. Its answers are clipped,
-rounded to integers and recorded; the batch is then simulated with this record. So every
-machine can repeat the recording from the record, without the driver.
+rounded to integers and recorded as actions; the batch is then simulated again with these actions.
+So every machine can repeat the simulation from the actions, without the driver.
 """
 
 import hashlib
@@ -136,6 +136,9 @@ def drive(
         run: `engine.run` or `reference.run`, which makes the recording.
         simulator: `engine` or `reference`, in which the driver drives.
 
+    Returns:
+        The recordings, with the actions of the driver.
+
     Raises:
         DriverError: The driver raises an exception, or its answer is not an action.
     """
@@ -162,7 +165,7 @@ def record_actions(
     space = driver.action_space
     log = np.zeros(_log_shape(params), np.int32)
     num_clipped = np.zeros(scenario.num_simulations, np.int64)
-    if not scenario.num_simulations:
+    if not scenario.num_simulations:  # Steppers need at least one simulation.
         return Actions(values=log, kind=space.kind, num_clipped=num_clipped)
     if (reset := getattr(driver.function, "reset", None)) is not None:
         reset(scenario)
@@ -239,6 +242,7 @@ class _DrivenBatch:
     def _observe(self, stepped: SteppedObservation, decision_index: int) -> Observation:
         """The observation of the driver, through its sensors if it has any."""
         table, is_running = stepped.table, stepped.is_running
+        # The stepper still observes a simulation at its end; a driver has nothing to decide there.
         table[~is_running] = 0.0
         if self._sensors:
             # The parts are views, so the measurements are written into the table.
@@ -266,7 +270,7 @@ def _call_driver(function: DriverFunction, observation: Observation, space: Acti
     try:
         answer: Any = np.asarray(function(observation))
     except DriverError:
-        raise  # Its message is complete, and would be cut as a part of another message.
+        raise  # `OnnxDriver` raises it with a complete message.
     except Exception as error:
         failure = f"{type(error).__name__}{_error_line(error)}: {error}{_similar_names(error)}"
         raise _driver_error(observation, "an answer", failure, running) from error
@@ -302,10 +306,12 @@ def _similar_names(error: Exception) -> str:
     """The existing names that are most similar to an attribute that does not exist."""
     if not isinstance(error, AttributeError) or error.obj is None:
         return ""
+    # The columns of an observation are named tuples, whose methods would only distract.
     names = getattr(type(error.obj), "_fields", None) or dir(error.obj)
     public_names = [name for name in names if not name.startswith("_")]
+    # With the cutoff 0 the three most similar names are listed, however different they are.
     similar = get_close_matches(str(error.name), public_names, cutoff=0.0)
-    return f"; near are {', '.join(similar)}" if similar else ""
+    return f"; similar names: {', '.join(similar)}" if similar else ""
 
 
 def _driver_error(

@@ -1,7 +1,8 @@
 """Drivers of the model in one simulation whose vehicles another simulator moves, such as CARLA.
 
-The drivers see, decide and steer as in a simulation of our own, 20 times a second, and the same
-quantities are recorded. The compiled engine computes this; `sim.reference` has the formulas.
+The drivers perceive, decide and steer as in a simulation that the engine moves, 20 times a second,
+and the same quantities are recorded. The compiled engine computes them; `sim.reference` has the
+formulas.
 """
 
 import math
@@ -20,16 +21,18 @@ from overtaking.world.step_parameters import StepParameters
 
 
 class VehicleMotion(NamedTuple):
-    """Motion of all vehicles after a tick, each in its own direction of travel, (slot,).
+    """Motion of all vehicles after a tick, each array of shape (slot,).
 
-    The lateral axis points to the overtaking side. Numbers of slots without a vehicle are ignored.
+    The values of each vehicle are in the frame of its own direction of travel: stations increase
+    ahead, lateral positions towards the overtaking side. Values of empty slots are ignored.
 
     Attributes:
         s, d: Station and lateral position of the centre [m].
-        heading: Angle to the road [rad].
+        heading: Angle to the road, positive towards the overtaking side [rad].
         vx, vy: Velocity ahead and to the overtaking side, in the axes of the vehicle [m/s].
-        yaw_rate: Yaw rate [rad/s].
-        accel_lon, accel_lat: Acceleration in the axes of the vehicle [m/s^2].
+        yaw_rate: Yaw rate, positive towards the overtaking side [rad/s].
+        accel_lon, accel_lat: Acceleration ahead and to the overtaking side, in the axes of the
+            vehicle [m/s^2].
     """
 
     s: F32
@@ -59,7 +62,7 @@ class VehicleContact(NamedTuple):
 
 
 class DriverOutput(NamedTuple):
-    """Requests of the drivers to their vehicles after a decision, (slot,).
+    """Requests of the drivers to their vehicles after a decision, each array of shape (slot,).
 
     Attributes:
         requested_accel: Requested acceleration [m/s^2].
@@ -87,7 +90,7 @@ class ExternallyMovedSimulation:
     Args:
         scenario: A batch of one scenario.
         params: Its parameters.
-        tick: Time between two decisions [s]; the wheels turn for as long at a time.
+        tick: Time between two decisions [s]; each call of `steer` turns the wheels for this time.
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
@@ -97,7 +100,7 @@ class ExternallyMovedSimulation:
     def __init__(
         self, scenario: Scenario, params: StepParameters, tick: float, level: str | None = None
     ) -> None:
-        """Begin before the first decision."""
+        """Allocate the memory of the recording; no driver has decided yet."""
         self._scenario, self._params = scenario, params
         self._outputs = allocate_outputs(scenario, params, Buffers())
         self._simulation = _core.ExternallyMovedSimulation(
@@ -121,34 +124,35 @@ class ExternallyMovedSimulation:
     def note_contacts(
         self, contacts: Sequence[VehicleContact], step: int, time_scale: float = 1.0
     ) -> None:
-        """Record the first contact of each vehicle with another one, and make it a wreck.
+        """Record the first contact of each vehicle with another vehicle, and make it a wreck.
 
-        An accident of the ego ends the simulation soon. The closing speed follows from the impulse
-        J = (1 + e) v / (1 / m1 + 1 / m2) of a central impact, so that no velocity before the
-        contact is needed.
+        A contact of the ego ends the simulation after `time.after_collision` of `model.toml`. The
+        closing speed v is computed from the impulse J = (1 + e) v / (1 / m1 + 1 / m2) of a central
+        impact, because the other simulator does not report the velocities before the contact.
 
         Args:
-            contacts: Contacts in the order of their ticks.
+            contacts: Contacts in the order of their ticks. Contacts with other objects, such as
+                guard rails, are ignored.
             step: Number of the step of the contacts; may be before the first decision.
-            time_scale: Factor by which time in the recording runs faster than in the other
-                simulator.
+            time_scale: Ratio of a duration in the other simulator to the same duration in the
+                recording. Speeds, and so impulses, are larger in the recording by this ratio.
 
         Source:
             Newton's law of restitution, as in `sim.reference.collisions`.
         """
         constants, inverse_mass = self._params.constants, self._params.vehicles.inverse_mass[:, 0]
-        rebound = 1.0 + float(constants.restitution)
+        restitution_factor = 1.0 + float(constants.restitution)
         time = float(np.float32(step) * constants.step)
-        noted: list[tuple[int, int, float, float, float]] = []
+        contact_rows: list[tuple[int, int, float, float, float]] = []
         for contact in contacts:
             if contact.other_slot < 0:
                 continue
             slot, other_slot = contact.slot, contact.other_slot
-            softness = float(inverse_mass[slot] + inverse_mass[other_slot])
+            sum_of_inverse_masses = float(inverse_mass[slot] + inverse_mass[other_slot])
             impulse = time_scale * math.hypot(*contact.impulse)
-            closing_speed = impulse * softness / rebound
-            noted.append((slot, other_slot, time, impulse, closing_speed))
-        self._simulation.note_contacts(noted, step)
+            closing_speed = impulse * sum_of_inverse_masses / restitution_factor
+            contact_rows.append((slot, other_slot, time, impulse, closing_speed))
+        self._simulation.note_contacts(contact_rows, step)
 
     def decide(self, motion: VehicleMotion, step: int) -> DriverOutput:
         """Let all drivers decide on the motion of this tick, and record a frame if one is due.
@@ -173,19 +177,20 @@ class ExternallyMovedSimulation:
         """Turn the front wheels for one tick.
 
         Args:
-            wind_trim: Part of the wheel angle [rad], or of the lean of a two-wheeler [m/s^2], that
-                holds against crosswind, (slot,). It replaces the answer of drivers to the wind of
-                the scenario.
+            wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
+                two-wheeler [m/s^2], that compensates crosswind, shape (slot,). It replaces the part
+                that the drivers would add for the wind of the scenario, because another simulator
+                moves the vehicles.
 
         Returns:
-            Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], (slot,).
+            Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], shape (slot,).
         """
         return self._simulation.steer(wind_trim)
 
     def record(
         self, motion: VehicleMotion, ego_stage: Stage, ego_indicator: float, step: int
     ) -> None:
-        """Record a frame for which the drivers of the other simulator have decided.
+        """Record a frame in which the other simulator's drivers drive all vehicles.
 
         Args:
             motion: Motion of all vehicles.
@@ -200,6 +205,6 @@ class ExternallyMovedSimulation:
         self._simulation.end_at(step)
 
     def finish(self) -> Trajectories:
-        """The recorded simulation, to be asked for once."""
+        """Complete the recording and return it; call this once."""
         self._simulation.finish()
         return to_trajectories(self._scenario, self._outputs)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from overtaking.core.worker_process import ParentConnection
 
 _NUM_CHECKED_ROWS = 3
-"""Number of rows of the input in the check, if the network takes any number.
+"""Number of rows of the input in the check, for a network that takes any number of rows.
 
 Chosen: with more than one row, the check notices an output without a row for each simulation.
 """
@@ -69,25 +69,34 @@ class _Network:
             raise _UnusableError(f"one input of shape {shape}", f"{shapes}")
         if inputs[0].type != "tensor(float)":
             raise _UnusableError("an input of float32 numbers", inputs[0].type)
-        self._input, self.width = inputs[0].name, shapes[0][1]
-        self.num_parts = self._check(shapes[0][0])
+        num_input_rows, self.width = shapes[0]
+        self._input_name = inputs[0].name
+        self.num_parts = self._check_output(num_input_rows)
 
-    def _check(self, length: object) -> int:
+    def _check_output(self, num_input_rows: object) -> int:
         """Run the network once with zeros; return the number of parts of an action.
 
         Args:
-            length: Fixed number of rows of the input, or a name if any number is allowed.
+            num_input_rows: Number of rows of the input if it is fixed; a name or None if not.
         """
-        num_rows = length if isinstance(length, int) else _NUM_CHECKED_ROWS
+        num_rows = num_input_rows if isinstance(num_input_rows, int) else _NUM_CHECKED_ROWS
         action = self.run(np.zeros((num_rows, self.width), np.float32))
         if not np.isfinite(action).all():
             raise _UnusableError("finite numbers as the output for zeros", f"{action[0].tolist()}")
         return action.shape[1] if action.ndim == 2 else 1
 
     def run(self, observation: NDArray[np.float32]) -> NDArray[np.generic]:
-        """The first output for observations of shape (simulation, width)."""
+        """The first output of the network, an action for each simulation.
+
+        Args:
+            observation: Observations, shape (simulation, width).
+
+        Raises:
+            _UnusableError: The network fails, or its output is no action.
+            MemoryError: ONNX Runtime lacks memory.
+        """
         try:
-            action = self._session.run(None, {self._input: observation})[0]
+            action = self._session.run(None, {self._input_name: observation})[0]
         except Exception as error:
             raise _runtime_error("an output", error) from None
         expected = f"numbers of shape (simulation, 1 to {MAX_ACTION_PARTS}) as the first output"
@@ -107,8 +116,8 @@ def main(parent: ParentConnection) -> None:
     limits = next(messages)
     parent.send(READY)
     content = next(messages)
-    # Three open files are allowed, and standard input, output and error are open already. So a
-    # network cannot read other files, such as a file that it names as the place of its weights.
+    # Three open files are allowed, and standard input, output and error are open already. So ONNX
+    # Runtime cannot open other files, such as a file of weights that the network names.
     limit_process(limits["memory_mib"], open_files=3)
     try:
         network = _Network(content, limits["widths"])

@@ -1,8 +1,8 @@
 """Vehicles of one simulation that a program drives by pedals and wheel angles, tick by tick.
 
-The headless CARLA server moves its vehicles so. The compiled engine computes the motion and the
-contacts; `sim.reference.pedal_driving` and `sim.reference.collisions` give the same bits and have
-the formulas.
+The headless CARLA server moves its vehicles with this module. The compiled engine computes the
+motion and the contacts; `sim.reference.pedal_driving` and `sim.reference.collisions` give the same
+bits and have the formulas.
 """
 
 import dataclasses
@@ -75,7 +75,7 @@ class ContactBodies(NamedTuple):
         vx, vy: Velocity ahead and to the left, in the axes of the body [m/s].
         yaw_rate: Yaw rate, anticlockwise [rad/s].
         half_length, half_width: Half the sides [m].
-        inverse_mass: One over the mass, 0 for a body that nothing moves [1/kg].
+        inverse_mass: One over the mass, 0 for a body that no impulse moves [1/kg].
         inverse_inertia: One over the moment of inertia about the vertical [1/(kg m^2)].
     """
 
@@ -105,8 +105,8 @@ def driven_vehicles_at_start(num_vehicles: int) -> NDArray[np.float32]:
 class PedalDriving:
     """Moves vehicles by their pedals and wheel angles, and finds their contacts.
 
-    The engine has `_core.MAX_VEHICLES` slots, so more vehicles move in groups of that size. Lorries
-    shelter vehicles of their own group only from the wind.
+    The engine has `_core.MAX_VEHICLES` slots, so more vehicles move in groups of that size. A truck
+    shelters only the vehicles of its own group from the wind.
 
     Args:
         params: Parameters of a batch of one simulation. Its constants `step` and `decision` are the
@@ -122,11 +122,12 @@ class PedalDriving:
         checked_level = simd_level(level)
         num_vehicles = params.vehicle_table.shape[1]
         self._groups: list[tuple[slice, _core.PedalDriving]] = []
-        for number, first in enumerate(range(0, num_vehicles, _core.MAX_VEHICLES)):
+        for group_index, first in enumerate(range(0, num_vehicles, _core.MAX_VEHICLES)):
             group = slice(first, min(first + _core.MAX_VEHICLES, num_vehicles))
-            # Random numbers depend on scenario and slot, so each group has a scenario, and thereby
-            # gusts, of its own. The indices of sampled scenarios are far below 2^32.
-            scenario_index = params.scenario_index + np.uint64(number << 32)
+            # Random numbers depend on scenario index and slot. Each group starts again at slot 0,
+            # so it gets an index, and thereby gusts, of its own. The indices of sampled scenarios
+            # are far below 2^32.
+            scenario_index = params.scenario_index + np.uint64(group_index << 32)
             params_of_group = dataclasses.replace(
                 params,
                 vehicle_table=params.vehicle_table[:, group],

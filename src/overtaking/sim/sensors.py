@@ -1,4 +1,4 @@
-"""Sensors of an automated vehicle, which stand between the true traffic and an external driver.
+"""Sensors of an automated vehicle, through which an external driver observes the true traffic.
 
 A sensor limits range and field of view, misses vehicles, adds errors to gaps and closing speeds,
 and reports late. Its random errors depend on seed, scenario index and decision alone, not on the
@@ -18,6 +18,7 @@ from overtaking.core.files import read_toml
 from overtaking.core.random_numbers import Stream, box_muller
 from overtaking.model.driver_interface import NEIGHBOUR_ROLES, NeighbourColumns, PassingColumns
 from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios.specification_values import suggestion
 from overtaking.sim.ego_observation import uniform_numbers
 from overtaking.world.constants import DECISIONS_PER_SECOND
@@ -36,7 +37,7 @@ _GAP_AHEAD_OF_LEADER_COLUMN = PassingColumns._fields.index("gap_ahead_of_leader"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """Properties of a sensor system around the ego; the user states them for a product.
+    """Properties of the ego's sensor system, which a user states for a product.
 
     The sensor detects the vehicle in a role if its centre is within range and field of view, or
     within `range_around`, except for random misses. Ranges shrink in rain and fog.
@@ -66,9 +67,10 @@ class Sensor:
     fog_loss: float
 
     def __post_init__(self) -> None:
-        """Reject values that are no numbers or outside `_UPPER_LIMITS`."""
+        """Reject values that are not numbers or outside `_UPPER_LIMITS`."""
         for name, (limit, unit) in _UPPER_LIMITS.items():
             value = getattr(self, name)
+            # Written so that NaN is rejected too: all comparisons with it are false.
             if not (isinstance(value, int | float) and 0.0 <= value <= limit):
                 raise ConfigError.out_of_range(
                     what=name, where="sensor", low=0, high=f"{limit:g} {unit}".strip(), got=value
@@ -145,7 +147,7 @@ class SensorArray:
         """Compute the ranges in the weather of each simulation; nothing is measured yet."""
         self._sensor, self._scenario = sensor, scenario
         self._unseen_gap = params.constants.unseen_gap
-        self._ego_half_length = params.vehicles.at_slots(0).half_length
+        self._ego_half_length = params.vehicles.at_slots(EGO_SLOT).half_length
         weather = scenario.weather
         # CARLA states rain and fog in per cent. Losses in rain and fog multiply.
         share_in_rain = 1.0 - sensor.rain_loss * weather.rain / 100.0
@@ -153,7 +155,7 @@ class SensorArray:
         self._range_share = (share_in_rain * share_in_fog).astype(np.float32)
         self._delay = round(sensor.latency * float(DECISIONS_PER_SECOND))
         # Decisions with their measurements, oldest first.
-        self._measurements = deque[tuple[int, F32]](maxlen=max(self._delay, 0) + 1)
+        self._measurements = deque[tuple[int, F32]](maxlen=self._delay + 1)
 
     def measure(self, neighbours: F32, is_running: Mask, decision_index: int) -> F32:
         """Measure the neighbours now, and report the measurements that are as old as the latency.
@@ -173,6 +175,7 @@ class SensorArray:
         """
         measurements = self._measurements
         measurements.append((decision_index, self._measure_now(neighbours, decision_index)))
+        # The first entry becomes the youngest one that is as old as the latency.
         while len(measurements) > 1 and measurements[1][0] <= decision_index - self._delay:
             measurements.popleft()
         _, reported = measurements[0]
@@ -182,7 +185,7 @@ class SensorArray:
     def clear_gap_ahead_of_leader(passing: F32) -> None:
         """Set the gap ahead of the leader, which sensors do not measure, to zero.
 
-        Zero says that there is no room ahead of the leader; `unseen_gap` would say that the road
+        Zero means that there is no space ahead of the leader; `unseen_gap` would mean that the road
         there is free.
 
         Args:
@@ -240,7 +243,7 @@ class SensorArray:
         max_distance = np.where(_IS_AHEAD, sensor.range_ahead, sensor.range_behind) * range_share
         is_in_view = (angle <= 0.5 * sensor.field_of_view) & (distance <= max_distance)
         is_around = distance <= sensor.range_around * range_share
-        # In true values `is_detected` says that the vehicle exists.
+        # In true values `is_detected` is 1 for every vehicle that exists.
         return (neighbour.is_detected > 0) & (is_in_view | is_around)
 
 

@@ -1,7 +1,7 @@
 """A batch that waits at every decision for the actions of an external driver, on either simulator.
 
-`new_stepper` makes such a batch. `trace_beliefs` uses it to find what the egos of a recording
-believed about their neighbours at every decision.
+`new_stepper` makes such a batch. `trace_beliefs` uses it to simulate a recording again, with the
+beliefs of the egos about their neighbours at every decision.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from overtaking import _core
 from overtaking.core.native import simd_level
 from overtaking.model.driver_interface import (
     MAX_ACTION_PARTS,
+    SplitObservation,
     SteppedObservation,
     split_observation,
 )
@@ -54,7 +55,7 @@ class Stepper(Protocol):
 class EngineStepper:
     """The compiled stepper. New simulations can begin in some rows while the other rows go on.
 
-    It holds no thread between calls, so a forked child can go on with a copy.
+    It holds no thread between calls, so a child process after `fork` can continue with its copy.
 
     Args:
         params: Parameters of a batch.
@@ -86,18 +87,18 @@ class EngineStepper:
         """As `Stepper.step`."""
         return SteppedObservation(*self._batch.step(actions, num_decisions))
 
-    def restart(self, rows: NDArray[np.int64], parameters: StepParameters) -> SteppedObservation:
+    def restart(self, rows: NDArray[np.int64], params: StepParameters) -> SteppedObservation:
         """Begin new simulations in some rows.
 
         Args:
             rows: Positions in the batch at which new simulations begin, without repetition.
-            parameters: Parameters of the new simulations, in the order of `rows`. Road, seed and
+            params: Parameters of the new simulations, in the order of `rows`. Road, seed and
                 number of slots must be the same as at the start.
 
         Returns:
             The observations at their start, shape (row, `OBSERVATION_SIZE`).
         """
-        return SteppedObservation(*self._batch.restart(rows, engine_inputs(parameters)))
+        return SteppedObservation(*self._batch.restart(rows, engine_inputs(params)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,15 +160,15 @@ def trace_beliefs(
         simulator: `engine` or `reference`; both give the same beliefs.
     """
     # A stepper observes either beliefs or truth, so the same simulation runs twice.
-    ego, believed = _trace_observations(scenario, actions, simulator, observes_truth=False)
-    _, true = _trace_observations(scenario, actions, simulator, observes_truth=True)
-    return BeliefTrace(ego=ego, believed=believed, true=true)
+    believed = _trace_observations(scenario, actions, simulator, observes_truth=False)
+    true = _trace_observations(scenario, actions, simulator, observes_truth=True)
+    return BeliefTrace(ego=believed.ego, believed=believed.neighbours, true=true.neighbours)
 
 
 def _trace_observations(
     scenario: Scenario, actions: Actions | None, simulator: str, *, observes_truth: bool
-) -> tuple[F32, F32]:
-    """Observed columns of the egos and of their neighbours, along a first axis of decisions."""
+) -> SplitObservation:
+    """Observations of the egos at all decisions, along a first axis of decisions."""
     action_kind = None if actions is None else actions.kind
     stepper = new_stepper(
         step_parameters(scenario), action_kind, observes_truth=observes_truth, simulator=simulator
@@ -175,15 +176,15 @@ def _trace_observations(
     # A stepper of the model driver takes actions too, and ignores them.
     no_action = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
-    table, is_running, _ = stepper.observe_start()
-    while is_running.any():
-        tables.append(np.where(is_running[:, None], table, np.float32(np.nan)))
+    observed = stepper.observe_start()
+    while observed.is_running.any():
+        tables.append(np.where(observed.is_running[:, None], observed.table, np.float32(np.nan)))
         action = no_action if actions is None else _actions_at(actions, len(tables) - 1)
-        table, is_running, _ = stepper.step(action, 1)
-    ego, neighbours, _ = split_observation(np.stack(tables))
-    return ego, neighbours
+        observed = stepper.step(action, 1)
+    return split_observation(np.stack(tables))
 
 
 def _actions_at(actions: Actions, decision: int) -> np.ndarray:
     """Recorded actions at a decision; after the end of the record, the last recorded actions."""
-    return np.ascontiguousarray(actions.values[:, min(decision, actions.values.shape[1] - 1)])
+    last_decision = actions.values.shape[1] - 1
+    return np.ascontiguousarray(actions.values[:, min(decision, last_decision)])

@@ -146,7 +146,7 @@ def test_who_is_removed_is_not_there_and_met_by_nobody():
     ("change", "message"),
     [
         (Intervention(slot=5, remove=True), "vehicle: expected 0 to 2, got 5"),
-        (Intervention(remove=True), "vehicle: expected another one than the ego"),
+        (Intervention(remove=True), "vehicle: expected another vehicle than the ego"),
         (Intervention(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
         (Intervention(without=("sun",)), "without: expected .*rain.*got sun"),
     ],

@@ -253,9 +253,9 @@ def changes_its_mind(observation: ot.Observation) -> np.ndarray:
     [
         (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError in .*: of"),
         (fails, f"in test_external_driver.py, line {fails.__code__.co_firstlineno + 1}: of mine"),
-        (names_wrongly, "AttributeError in .*no attribute 'speeds'; near are speed"),
-        (lambda observation: observation.leader.speed, "'speed'; near are .*closing_speed"),
-        (lambda observation: observation.left_lead.gap, "'left_lead'; near are left_leader"),
+        (names_wrongly, "AttributeError in .*no attribute 'speeds'; similar names: speed"),
+        (lambda observation: observation.leader.speed, "'speed'; similar names: .*closing_speed"),
+        (lambda observation: observation.left_lead.gap, "'left_lead'; similar names: left_leader"),
         (lambda _: [[1.0], [1.0, 2.0]], "an answer, got ValueError"),
         (sometimes_nan, r"simulation 3 at 1.00 s.*finite numbers, got \[nan, 0.0\]"),
         (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane_change, got shape \(6, 3\)"),
