@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.whatif.futures import Futures, copies
 from overtaking.analysis.whatif.scenes import Scene
-from overtaking.core.arrays import F32, Mask
-from overtaking.core.random_numbers import Stream
+from overtaking.core.arrays import F32, U64, Mask
+from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.model.scenario import Intervention, Scenario
 from overtaking.model.trajectories import (
     POSITION_RESOLUTION,
@@ -113,7 +113,12 @@ def proposals(
     """
     many = copies(scene.world, frame, count)
     noise = RandomStream(scene.scenario.seed, many.index, int(Stream.EXTERNAL_DRIVER))
-    judged = np.stack([noise.normal(), noise.normal()])
+    # The engine draws the errors of the first decision itself, so `judged` must be equal to them.
+    judged = (
+        _first_judgement_errors(scene.scenario.seed, many.index)
+        if frame == 0
+        else np.stack([noise.normal(), noise.normal()])
+    )
     # Position and speed of every vehicle in one frame, shape (vehicle,).
     place = stayed.states.s[0, :, frame].astype(np.float64) * POSITION_RESOLUTION
     speed = stayed.states.speed[0, :, frame].astype(np.float64) * SPEED_RESOLUTION
@@ -136,6 +141,21 @@ def _starts(run: Trajectories) -> NDArray[np.int64]:
     """Row of the percept before the start of an overtake, -1 without one, shape (simulation,)."""
     is_start = run.percepts.valid & (run.percepts.kind == ManoeuvreKind.PULL_OUT)
     return np.where(is_start.any(axis=1), is_start.argmax(axis=1), -1)
+
+
+def _first_judgement_errors(seed: int, scenario_index: U64) -> F32:
+    """The ego's errors of distances and of speeds at the first decision, shape (2, simulation) [1].
+
+    They are the uniform numbers of unit variance with which the engine starts these errors.
+
+    Args:
+        seed: Seed of the data set.
+        scenario_index: Index of each scenario, shape (simulation,).
+    """
+    stream = Stream.MOTION + EGO_SLOT
+    _, distance, speed, _ = philox_words(seed, scenario_index, stream, block_number=0)
+    uniform_numbers = uniform_from_word(np.stack([distance, speed]))
+    return np.sqrt(np.float32(3.0)) * (2.0 * uniform_numbers - 1.0).astype(np.float32)
 
 
 def _errors_undone(

@@ -281,6 +281,20 @@ def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Datase
         assert abs(mean - believed) < 0.1 * believed
 
 
+@pytest.mark.parametrize("frame", [0, 1])
+def test_the_ego_errs_in_a_proposed_world_as_the_proposal_assumes(data: ot.Dataset, frame: int):
+    # A proposal places a noticed leader so that the ego believes the gap of the percept. The
+    # standard error of the ego's judgement of distances is some 15 %.
+    scene = scene_of(data, 0)
+    stayed = scene.branch(ot.Intervention(decision=ot.ForcedDecision.STAY))
+    percept = Percept.of(started(scene.world, frame, copies(scene.world, frame, 1)))
+    assert percept is not None
+    assert percept.detected[PerceivedVehicle.LEADER]
+    run = started(scene.world, frame, proposals(scene, stayed, frame, percept, 200))
+    gaps = run.percepts.gap[:, 0, PerceivedVehicle.LEADER] * 1e-3
+    assert np.std(gaps / percept.gap[PerceivedVehicle.LEADER]) < 0.05
+
+
 def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
     table = data.labels()
     paper = table[table["policy"] == "paper"]
