@@ -17,8 +17,8 @@ class Canvas:
     """An opaque picture.
 
     `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
-    of the picture raise `ValueError`. `darken` needs an even width, `write_yuv` an even width and
-    height, as films have them.
+    of the picture raise `ValueError`, and so does an odd width in `darken`, or an odd width or
+    height in `write_yuv`.
     """
 
     def __new__(cls, /, width: int, height: int, colour: str) -> Canvas:
@@ -97,7 +97,8 @@ class Canvas:
             out: Memory for luma, then both chroma planes at half the resolution; contiguous.
 
         Raises:
-            ValueError: The array does not have 3 / 2 elements per pixel.
+            ValueError: The array does not have 3 / 2 elements per pixel, or the width or height is
+                odd.
         """
 
 @final

@@ -71,6 +71,20 @@ else:
     print("done")
 """
 
+RANDOM_WORDS = """
+import resource
+import numpy as np
+from overtaking import _core
+count = 4 << 20
+index, stream = np.zeros(count, np.uint64), np.zeros(count, np.uint32)
+with open("/proc/self/statm") as statm:
+    used = int(statm.read().split()[0]) * resource.getpagesize()
+# The four arrays of words take 64 MiB.
+resource.setrlimit(resource.RLIMIT_AS, (used + (96 << 20),) * 2)
+words = _core.random_words(seed=1, index=index, stream=stream, draw=0)
+print(sum(word.nbytes for word in words) >> 20)
+"""
+
 FEWEST_THREADS = {"RAYON_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
 """With more of them the largest of the limits below would not be enough on large machines."""
 
@@ -166,3 +180,9 @@ def test_a_run_larger_than_the_limit_of_a_container_is_refused_before_it_begins(
     with pytest.raises(SystemLimitError, match=r"simulate: memory: expected at most the 105 MB"):
         ot.simulate(ot.sample("motorway", num_simulations=100, seed=1))
     ot.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")
+
+
+def test_random_words_need_memory_for_their_own_arrays_only():
+    command = [sys.executable, "-c", RANDOM_WORDS]
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (process.returncode, process.stdout.strip()) == (0, "64"), process.stderr

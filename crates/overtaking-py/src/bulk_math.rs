@@ -52,8 +52,8 @@ pub fn random_words<'py>(
         stream: stream.as_slice()?,
         draw,
     };
-    // Twice the memory of the four arrays, because an index has 64 bits and a word 32.
-    expect_room(4 * size_of_val(block.index))?;
+    // For the four arrays below: a stream number has 32 bits, as a random word has.
+    expect_room(4 * size_of_val(block.stream))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);
     let result = py.detach(|| core::random_words(&block, level, out));

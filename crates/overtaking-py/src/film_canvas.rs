@@ -31,8 +31,8 @@ const WHOLE: u16 = 256;
 /// An opaque picture.
 ///
 /// `rows` are a pair: the first row and the row after the last. Rows or columns beyond the edges
-/// of the picture raise `ValueError`. `darken` needs an even width, `write_yuv` an even width and
-/// height, as films have them.
+/// of the picture raise `ValueError`, and so does an odd width in `darken`, or an odd width or
+/// height in `write_yuv`.
 #[pyclass]
 pub struct Canvas(Pixmap);
 
@@ -44,12 +44,11 @@ impl Canvas {
     /// The bytes of each of some rows; an error if the canvas does not have them.
     fn rows(&mut self, rows: Range<usize>) -> PyResult<std::slice::ChunksExactMut<'_, u8>> {
         let size = self.width() * BYTES;
-        let bytes = self
-            .0
-            .data_mut()
-            .get_mut(rows.start * size..rows.end * size);
-        let bytes =
-            bytes.ok_or_else(|| PyValueError::new_err("rows: expected some of the canvas"))?;
+        // Before the multiplication, which overflows for a row far beyond the picture.
+        if rows.start > rows.end || rows.end > self.0.height() as usize {
+            return Err(PyValueError::new_err("rows: expected some of the canvas"));
+        }
+        let bytes = &mut self.0.data_mut()[rows.start * size..rows.end * size];
         Ok(bytes.chunks_exact_mut(size))
     }
 }
@@ -212,9 +211,13 @@ impl Canvas {
         moonlight: u8,
         lights: Vec<(PyReadonlyArray2<'_, u8>, i32, i32)>,
     ) -> PyResult<()> {
+        if !self.width().is_multiple_of(2) {
+            return Err(PyValueError::new_err("canvas: expected an even width"));
+        }
         let width = self.width() / 2;
+        let lines = self.rows(rows.0..rows.1)?;
         // The light on each square of two times two pixels.
-        let mut lit = vec![moonlight; width * (rows.1.saturating_sub(rows.0)).div_ceil(2)];
+        let mut lit = vec![moonlight; width * lines.len().div_ceil(2)];
         for (light, x, y) in &lights {
             add_light(
                 &mut lit,
@@ -223,7 +226,6 @@ impl Canvas {
                 (i64::from(*x), i64::from(*y)),
             );
         }
-        let lines = self.rows(rows.0..rows.1)?;
         py.detach(|| dispatch!(Level::new(), _simd => darken_lines(lines, &lit, width)));
         Ok(())
     }
@@ -246,9 +248,15 @@ impl Canvas {
     ///     out: Memory for luma, then both chroma planes at half the resolution; contiguous.
     ///
     /// Raises:
-    ///     ValueError: The array does not have 3 / 2 elements per pixel.
+    ///     ValueError: The array does not have 3 / 2 elements per pixel, or the width or height is
+    ///         odd.
     #[pyo3(signature = (out: "NDArray[np.uint8]") -> "None")]
     fn write_yuv(&self, py: Python<'_>, mut out: PyReadwriteArrayDyn<'_, u8>) -> PyResult<()> {
+        if !(self.0.width().is_multiple_of(2) && self.0.height().is_multiple_of(2)) {
+            return Err(PyValueError::new_err(
+                "canvas: expected an even width and height",
+            ));
+        }
         expect_length("a frame", out.len(), self.0.data().len() / BYTES * 3 / 2)?;
         let (out, size) = (out.as_slice_mut()?, self.0.data().len() / BYTES);
         let (luma, chroma) = out.split_at_mut(size);

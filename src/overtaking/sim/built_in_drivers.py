@@ -270,8 +270,7 @@ class OnnxDriver:
         self.sha256 = hashlib.sha256(self._content).hexdigest()
         self._lock = Lock()  # Two threads would mix up their answers on the pipes.
         self._worker: WorkerProcess | None = None
-        with self._lock:
-            self._width, self.num_parts = self._start(ConfigError)
+        self._width, self.num_parts = self._start(ConfigError)
 
     def __call__(self, observation: Observation) -> NDArray[np.floating]:
         """The action of each simulation.

@@ -193,6 +193,16 @@ SHARES, OTHER = np.zeros(32, np.uint16), Canvas(32, 20, WHITE)
             "colour: expected #rrggbb, got red",
         ),
         (lambda canvas: canvas.darken((0, 22), 9, []), "rows: expected some of the canvas"),
+        (lambda canvas: canvas.darken((0, 2**60), 9, []), "rows: expected some of the canvas"),
+        (
+            lambda canvas: canvas.darken((2**62, 2**62 + 1), 9, []),
+            "rows: expected some of the canvas",
+        ),
+        (lambda _: Canvas(31, 20, WHITE).darken((0, 20), 9, []), "canvas: expected an even width"),
+        (
+            lambda _: Canvas(32, 19, WHITE).write_yuv(np.empty(912, np.uint8)),
+            "canvas: expected an even width and height",
+        ),
         (
             lambda canvas: canvas.write_yuv(np.empty(3, np.uint8)),
             "a frame: expected 960 numbers, got 3",
