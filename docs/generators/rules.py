@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING
 
 from generators.knowledge import numbers_of, source_link
@@ -10,12 +10,17 @@ from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law import numbers as law_numbers
+from overtaking.labels.law.case import NO_GENERAL_LIMIT
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import TextSource
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from _typeshed import DataclassInstance
+
     from overtaking.labels.law.judging import Policy
     from overtaking.labels.law.rule import Pack, Rule
 
@@ -65,16 +70,16 @@ def content() -> str:
                 map(_policy, policies_of_law("pt")),
             ),
             TOLERANCES,
-            numbers_of("tolerances.toml"),
+            table(("rule", "margin", "share", "source"), _tolerances((PORTUGAL, GERMANY))),
         ),
         section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, TextSource))),
         section("Shared numbers", SHARED, _shared_numbers()),
         *_pack("Portugal", PORTUGAL, "law.toml"),
-        *_pack("Germany", GERMANY, "law_de.toml"),
+        *_pack("Germany", GERMANY),
     )
 
 
-def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
+def _pack(country: str, pack: Pack, numbers: str | None = None) -> tuple[str, ...]:
     """The overview of a pack, its rules, and their numbers."""
     names = [each.name for each in policies_of_law(pack.name)]
     overview = table(
@@ -88,20 +93,49 @@ def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
         ),
         section(f"The rules of {country}", *map(_rule, pack.rules)),
         section(f"Numbers of {country}", NUMBERS, _numbers_of_rules(pack)),
-        section(f"Other numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),
+        *(
+            (section(f"Other numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),)
+            if numbers
+            else ()
+        ),
     )
 
 
 def _numbers_of_rules(pack: Pack) -> str:
     """Every number of a criterion, with its unit, source and reason."""
     rows = [
-        (rule.code, *_number(field.name, value))
+        (rule.code, *_number(name, number))
         for rule in pack.rules
         if rule.criterion is not None
-        for field in fields(rule.criterion)
-        if isinstance(value := getattr(rule.criterion, field.name), Quantity)
+        for name, number in _quantities(rule.criterion)
     ]
     return table(("rule", "number", "value", "unit", "source", "why"), rows)
+
+
+def _quantities(record: DataclassInstance) -> Iterator[tuple[str, Quantity]]:
+    """Dotted name and value of each quantity of a record, through nested records."""
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if isinstance(value, Quantity):
+            yield field.name, value
+        elif is_dataclass(value) and not isinstance(value, type):
+            for name, number in _quantities(value):
+                yield f"{field.name}.{name}", number
+
+
+def _tolerances(packs: Iterable[Pack]) -> list[tuple[str, ...]]:
+    """Every tolerance of `enforced`, the only policy of these laws that has tolerances."""
+    return [
+        (
+            rule.code,
+            f"{tolerance.margin:.3g} {rule.unit}",
+            f"{100.0 * tolerance.share:g} %",
+            source_link(tolerance.source),
+        )
+        for pack in packs
+        for rule in pack.rules
+        for tolerance in rule.tolerances.values()
+    ]
 
 
 def _shared_numbers() -> str:
@@ -115,6 +149,8 @@ def _shared_numbers() -> str:
 
 
 def _number(name: str, number: Quantity) -> tuple[str, ...]:
+    if number is NO_GENERAL_LIMIT:
+        return f"`{name}`", "none", "", "", ""
     source = source_link(number.source)
     return f"`{name}`", number.bare(), unit(number.quoted_unit), source, number.rationale or ""
 

@@ -40,7 +40,8 @@ Input of a rule:
 - `NeighbourRole`: leader and follower in the lane of the ego and in the lanes beside it;
 - `NEVER` (-1): the number of a frame if the event did not happen;
 - `UNCONSTRAINED`: larger than any margin; a margin has this value in frames that do not count;
-- `ROAD_KINDS` and `LIMIT_CLASSES`: kinds of roads and of vehicles with speed limits of their own.
+- `GeneralSpeedLimits` and `ClassSpeedLimits`: speed limits that hold without a sign, by kind of
+  road and class of vehicle.
 
 Spans of frames to check (`FrameSpan`: the first and the last frame of each simulation):
 
@@ -87,8 +88,8 @@ from overtaking.api.law import policies_for as policies_for
 from overtaking.api.law import tolerance_curve as tolerance_curve
 from overtaking.api.law import undecidable_rules as undecidable_rules
 from overtaking.knowledge.quantities import Quantity as Quantity
-from overtaking.labels.law.case import LIMIT_CLASSES as LIMIT_CLASSES
-from overtaking.labels.law.case import ROAD_KINDS as ROAD_KINDS
+from overtaking.labels.law.case import ClassSpeedLimits as ClassSpeedLimits
+from overtaking.labels.law.case import GeneralSpeedLimits as GeneralSpeedLimits
 from overtaking.labels.law.case import alongside as alongside
 from overtaking.labels.law.case import judged_span as judged_span
 from overtaking.labels.law.case import manoeuvre as manoeuvre
@@ -97,6 +98,7 @@ from overtaking.labels.law.case import seconds_of as seconds_of
 from overtaking.labels.law.case import span_after_gap_recovery as span_after_gap_recovery
 from overtaking.labels.law.case import span_after_passing as span_after_passing
 from overtaking.labels.law.case import speed_limit_bounds as speed_limit_bounds
+from overtaking.labels.law.criteria.speed import keeps_limit as keeps_limit
 from overtaking.labels.law.germany import GERMANY as GERMANY
 from overtaking.labels.law.judging import Policy as Policy
 from overtaking.labels.law.margins import UNCONSTRAINED as UNCONSTRAINED
@@ -119,7 +121,6 @@ from overtaking.labels.law.rule import Spread as Spread
 from overtaking.labels.law.rule import TextSource as TextSource
 from overtaking.labels.law.rule import Tolerance as Tolerance
 from overtaking.labels.law.rule import adopt as adopt
-from overtaking.labels.law.speed import keeps_limit as keeps_limit
 from overtaking.labels.signals import encounters_at as encounters_at
 from overtaking.labels.snapshots import FrameSpan as FrameSpan
 from overtaking.labels.snapshots import at_frame as at_frame

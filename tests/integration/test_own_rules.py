@@ -116,13 +116,21 @@ def test_two_rules_of_one_code_are_no_pack():
 
 
 def test_a_speed_limit_of_another_country_counts_where_less_is_posted():
-    general = np.full((len(ot.law.ROAD_KINDS), len(ot.law.LIMIT_CLASSES)), 130 / 3.6, np.float32)
+    limit = ot.law.quantity(130.0, "km/h", why="A test")
+    limits = ot.law.ClassSpeedLimits(light=limit, van=limit, heavy=limit)
+    general_limits = ot.law.GeneralSpeedLimits(motorway=limits, other=limits, town=limits)
 
-    def below(case: ot.law.Case) -> ot.law.Finding:
-        return ot.law.keeps_limit(case, ot.law.speed_limit_bounds(case, general))
+    class SpeedLimit(ot.law.Criterion):
+        def predicate(self) -> str:
+            return f"At every frame: speed <= the posted limit and {general_limits}."
 
-    limit = dataclasses.replace(PORTUGAL.rule("L12"), code="G1", check=below, spread=None)
-    pack = ot.law.Pack(name="mine", version="1", rules=(limit,))
+        def check(self, case: ot.law.Case) -> ot.law.Finding:
+            return ot.law.keeps_limit(case, ot.law.speed_limit_bounds(case, general_limits))
+
+    rule = dataclasses.replace(
+        PORTUGAL.rule("L12"), code="G1", criterion=SpeedLimit(unit="m/s"), tolerances={}
+    )
+    pack = ot.law.Pack(name="mine", version="1", rules=(rule,))
 
     def margin(**given: Any) -> float:
         return float(ot.label(alone(**given).trajectories, law=pack).findings.margin[0, 0])

@@ -10,8 +10,14 @@ from overtaking.core.arrays import F32, I32, IndexArray, Mask
 from overtaking.core.float32_math import ZERO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.event_detection import nan_if_begun_before_recording
-from overtaking.labels.law.case import nearest_oncoming_at, neighbour_at, seconds_of
+from overtaking.labels.law.case import (
+    nearest_oncoming_at,
+    neighbour_at,
+    seconds_of,
+    speed_limit_bounds,
+)
 from overtaking.labels.law.criteria.lines_and_lanes import is_solid_at, solid_borders
+from overtaking.labels.law.portugal import GENERAL_LIMITS
 from overtaking.labels.law.safe_distance import (
     decel_for_safe_distance,
     entry_margin_ahead,
@@ -21,7 +27,6 @@ from overtaking.labels.law.safe_distance import (
     stop_margins,
 )
 from overtaking.labels.law.sight import available_sight
-from overtaking.labels.law.speed import speed_limits
 from overtaking.labels.paper_features import matched_frame
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
@@ -81,7 +86,7 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     surroundings, left = _surroundings(case, frames), _left_lane_features(case, frames)
     ego = _ego_state(case, rows, frames)
     leader = _leader_features(case, rows, frames, ego)
-    limit = at_frame(speed_limits(case)[1], frame)
+    limit = at_frame(speed_limit_bounds(case, GENERAL_LIMITS)[1], frame)
     decel = decel_for_safe_distance(surroundings.friction)
     margins = stop_margins(
         ego.speed, surroundings.friction, surroundings.sight_lit, surroundings.sight_unlit

@@ -88,7 +88,6 @@ FILLED_BY_RECORDS = {
     "drivers.toml",
     "paper.toml",
     "roads.toml",
-    "tolerances.toml",
     "validation.toml",
     "vehicle_classes.toml",
 }

@@ -4,10 +4,7 @@ from collections.abc import Callable
 
 from overtaking.core.arrays import F64
 from overtaking.labels.labelling import LabelledTrajectories
-from overtaking.labels.law.case import (
-    judged_span,
-)
-from overtaking.labels.law.germany import driving
+from overtaking.labels.law.case import judged_span
 from overtaking.labels.law.margins import margins_within_span
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack, Rule
@@ -15,7 +12,6 @@ from overtaking.labels.law.safe_distance import (
     stopping_distance_for_sight,
 )
 from overtaking.labels.law.sight import L14, L14s
-from overtaking.labels.law.speed import L12, Limits, speed_limits, to_recorded_resolution
 from overtaking.model.verdicts import Case, Finding, Verdict
 
 
@@ -49,13 +45,6 @@ def _margins_by_frame(rule: Rule, case: Case) -> F64 | None:
     return _MARGINS[rule.check](case) if rule.check in _MARGINS else None
 
 
-def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
-    """Margins of a law's speed limits [m/s]."""
-    return lambda case: margins_within_span(
-        judged_span(case), to_recorded_resolution(limits(case)[1]) - case.signals.speed
-    )
-
-
 def _stop_within(sight: str) -> Callable[[Case], F64]:
     """Margins of a sight, named by its field of `EgoSignals`, over the stopping distance [m]."""
 
@@ -68,9 +57,7 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
 
 
 _MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
-    L12.check: _speed_limit(speed_limits),
     L14.check: _stop_within("sight_lit"),
     L14s.check: _stop_within("sight_unlit"),
-    driving.V2.check: _speed_limit(driving.limits),
 }
 """Margins by the check of a rule; both read the same numbers of the law."""

@@ -34,29 +34,11 @@ from overtaking.labels.law.sight import (
     passing_sight_margin,
     required_passing_sight,
 )
-from overtaking.labels.law.speed import L12, L13, speed_limits
 from overtaking.model.verdicts import Case, Finding
 from overtaking.world.road_surface import stoppable_speed
 
 Find = Callable[[BreachContext], tuple[Remedy, ...]]
 """A function that finds the remedies for a breach."""
-
-
-def not_too_fast(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L12: at the limit."""
-    return at_limit(facts, speed_limits(facts.case)[1])
-
-
-def at_limit(facts: BreachContext, limits: F32) -> tuple[Remedy, ...]:
-    """At the limit where it was exceeded most, of limits of shape (simulation, time) [m/s]."""
-    return facts.remedy_slower_ego(facts.frames, limits[0, facts.frames])
-
-
-def not_too_slow(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L13: at the lowest speed of motorways."""
-    lowest = constant("law.minimum.speed")
-    margins = facts.case.signals.speed[0, facts.frames] - lowest
-    return facts.remedy_ego_speed(facts.frame_of_margin(margins), lowest)
 
 
 def _stop(facts: BreachContext, sight: F32) -> tuple[Remedy, ...]:
@@ -107,8 +89,6 @@ def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
-        (L12, not_too_fast),
-        (L13, not_too_slow),
         (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),
         (L14s, lambda facts: _stop(facts, facts.case.signals.sight_unlit)),
         (L15, see_farther),

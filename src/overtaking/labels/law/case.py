@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
 from overtaking.core.float32_math import HALF, as_f32
-from overtaking.knowledge.toml_reader import constant, number
+from overtaking.knowledge.quantities import Quantity
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.margins import (
     UNCONSTRAINED,
     ScanResults,
@@ -19,7 +20,12 @@ from overtaking.labels.law.margins import (
     num_frames_to_regain_gap,
     scan_spans,
 )
-from overtaking.labels.law.numbers import LINE_TOLERANCE, WINDOW_AFTER, WINDOW_BEFORE
+from overtaking.labels.law.numbers import (
+    LINE_TOLERANCE,
+    WINDOW_AFTER,
+    WINDOW_BEFORE,
+    quantity,
+)
 from overtaking.labels.signals import encounters_at, frames_alongside_target
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
@@ -344,21 +350,78 @@ LIMIT_CLASSES = ("light", "van", "heavy")
 _LIMIT_CLASS_OF_KIND = {VehicleKind.VAN: 1, VehicleKind.TRUCK: 2}
 """Index into `LIMIT_CLASSES` of the kinds that are not in class 0, light vehicles."""
 
+NO_GENERAL_LIMIT = quantity(1000.0, "km/h", why="Larger than any speed")
+"""Stands for a general speed limit where a law has none."""
 
-def speed_limit_bounds(case: Case, general: F32, ahead: float = 0.0) -> tuple[F32, F32]:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassSpeedLimits:
+    """General speed limits on one kind of road, by class of vehicle.
+
+    Attributes:
+        light: Limit of all vehicles but vans and heavy vehicles.
+        van: Limit of light goods vehicles.
+        heavy: Limit of heavy goods vehicles.
+    """
+
+    light: Quantity
+    van: Quantity
+    heavy: Quantity
+
+    def __str__(self) -> str:
+        """The three limits with their units, such as `120 km/h, 110 km/h and 90 km/h`."""
+        light, van, heavy = (
+            "none" if limit is NO_GENERAL_LIMIT else str(limit)
+            for limit in (self.light, self.van, self.heavy)
+        )
+        return f"{light}, {van} and {heavy}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeneralSpeedLimits:
+    """Speed limits that hold without a sign, by kind of road and class of vehicle.
+
+    Attributes:
+        motorway: Limits on motorways.
+        other: Limits outside towns on roads that are no motorways.
+        town: Limits in towns.
+    """
+
+    motorway: ClassSpeedLimits
+    other: ClassSpeedLimits
+    town: ClassSpeedLimits
+
+    def __str__(self) -> str:
+        """The nine limits, for the predicate of a rule."""
+        return (
+            f"{self.motorway} on motorways for light vehicles, vans and heavy goods vehicles, "
+            f"{self.other} on other roads, and {self.town} in towns"
+        )
+
+    def to_array(self) -> F32:
+        """Limits by `ROAD_KINDS` and `LIMIT_CLASSES`, shape (3, 3) [m/s]."""
+        roads = (getattr(self, road) for road in ROAD_KINDS)
+        rows = [[getattr(limits, name).f32 for name in LIMIT_CLASSES] for limits in roads]
+        return np.array(rows, np.float32)
+
+
+def speed_limit_bounds(
+    case: Case, general_limits: GeneralSpeedLimits, ahead: float = 0.0
+) -> tuple[F32, F32]:
     """The lowest and the highest limit that may hold where each ego is [m/s].
 
     They are equal where kind of road, kind of ego and posted limit are known.
 
     Args:
         case: The batch.
-        general: General limits by `ROAD_KINDS` and `LIMIT_CLASSES`, shape (3, 3) [m/s].
+        general_limits: Limits that hold without a sign.
         ahead: How far ahead of each ego [m].
 
     Returns:
         Both of shape (simulation, time), read-only.
     """
     unknown, road = case.trajectories.unknown, case.trajectories.road
+    general = general_limits.to_array()
     if "road_kind" not in unknown:
         row = ROAD_KINDS.index(road.kind if road.kind in ROAD_KINDS else "other")
         general = general[row : row + 1]
@@ -405,12 +468,3 @@ def limit_class(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
     for vehicle_kind, index in _LIMIT_CLASS_OF_KIND.items():
         classes[vehicle_kind] = index
     return classes[kind]
-
-
-def general_limits(file: str) -> F32:
-    """Limits of a file, named without suffix; shape (kind of road, class) [m/s]."""
-    rows = [
-        [number(f"{file}.limits.{road}.{vehicle_class}") for vehicle_class in LIMIT_CLASSES]
-        for road in ROAD_KINDS
-    ]
-    return np.array(rows, np.float32)

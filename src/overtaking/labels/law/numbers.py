@@ -6,7 +6,7 @@ from typing import Any
 from overtaking.knowledge.quantities import ENGINEERING_CHOICE, Quantity, parse_quantity
 from overtaking.knowledge.toml_reader import load_toml, sources
 
-_PLACEHOLDER = re.compile(r"\{((?:law|law_de|friction)\.[\w.]+)\}")
+_PLACEHOLDER = re.compile(r"\{((?:law|friction)\.[\w.]+)\}")
 _FACTORS = {("m/s", "km/h"): 3.6}
 """Factors from the unit of a file to another unit."""
 

@@ -1,7 +1,7 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice.
 
 An s at the end of a code marks the strict variant of a rule. Rules without a criterion stand in
-modules by subject (`sight`, `speed`, `oncoming_traffic`).
+modules by subject (`sight`, `oncoming_traffic`).
 
 - `grade`: how severe a breach is. By Articles 145 and 146 most breaches are very serious on a
   motorway and serious elsewhere (`Grade.BY_ROAD`).
@@ -14,8 +14,8 @@ modules by subject (`sight`, `speed`, `oncoming_traffic`).
   says where. `source` is the Highway Code by default.
 """
 
-from overtaking.core.arrays import F32
-from overtaking.labels.law.case import general_limits, speed_limit_bounds
+from overtaking.knowledge.quantities import Quantity
+from overtaking.labels.law.case import ClassSpeedLimits, GeneralSpeedLimits
 from overtaking.labels.law.criteria.alongside import (
     BicycleDistance,
     LateralDistance,
@@ -35,6 +35,7 @@ from overtaking.labels.law.criteria.returning import (
     RightLaneUse,
     SafeReturn,
 )
+from overtaking.labels.law.criteria.speed import MinimumSpeed, SpeedLimit
 from overtaking.labels.law.criteria.starting import (
     GapAhead,
     GapBehind,
@@ -53,17 +54,28 @@ from overtaking.labels.law.rule import (
     Pack,
     Rule,
     TextSource,
+    Tolerance,
 )
 from overtaking.labels.law.sight import L14, L15, L14s, L15s
-from overtaking.labels.law.speed import L12, L13
 from overtaking.labels.law.texts import edition, with_texts
-from overtaking.model.verdicts import Case
 
 
-def _highest_speed_limit(case: Case) -> F32:
-    """The highest limit that may hold where each ego is, shape (simulation, time) [m/s]."""
-    _, highest = speed_limit_bounds(case, general_limits("law"))
-    return highest
+def _highway_code_kmh(value: float) -> Quantity:
+    return quantity(value, "km/h", "pt-highway-code-2013")
+
+
+GENERAL_LIMITS = GeneralSpeedLimits(
+    motorway=ClassSpeedLimits(
+        light=_highway_code_kmh(120.0), van=_highway_code_kmh(110.0), heavy=_highway_code_kmh(90.0)
+    ),
+    other=ClassSpeedLimits(
+        light=_highway_code_kmh(90.0), van=_highway_code_kmh(80.0), heavy=_highway_code_kmh(80.0)
+    ),
+    town=ClassSpeedLimits(
+        light=_highway_code_kmh(50.0), van=_highway_code_kmh(50.0), heavy=_highway_code_kmh(50.0)
+    ),
+)
+"""Speed limits of Article 27(1)."""
 
 
 L1 = Rule(
@@ -136,10 +148,7 @@ L5 = Rule(
     article="Articles 35 and 38(2)(c)",
     title="Room behind in the lane entered",
     gloss="Change lane only where no danger to or obstruction of traffic results.",
-    criterion=GapBehind(
-        safe_distance_rule="L3",
-        max_speed=_highest_speed_limit,
-    ),
+    criterion=GapBehind(safe_distance_rule="L3", general_limits=GENERAL_LIMITS),
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
     limit_phrase="the lawful gap to the vehicle behind in the lane entered",
@@ -249,6 +258,52 @@ L11 = Rule(
     "of it,",
     text_source=TextSource.SECONDARY,
     consulted_source="38(2)(e) read in the decree (page 69); 18(3) quoted by circulaseguro.pt",
+)
+
+_MOTORWAY_LIMITS = GENERAL_LIMITS.motorway
+
+L12 = Rule(
+    id="pt.ce.27@2013",
+    code="L12",
+    article="Article 27",
+    title="Speed limit",
+    gloss="Keep to the limit that is posted and to the general limit of road and vehicle: on "
+    f"motorways {_MOTORWAY_LIMITS.light} for light vehicles, {_MOTORWAY_LIMITS.van.bare()} for "
+    f"vans, {_MOTORWAY_LIMITS.heavy.bare()} for heavy goods vehicles.",
+    # Articles 145(1)(b) and 146(i) state from which excess a breach is serious or very serious.
+    criterion=SpeedLimit(
+        general_limits=GENERAL_LIMITS,
+        serious_excess=_highway_code_kmh(30.0),
+        very_serious_excess=_highway_code_kmh(60.0),
+        heavy_serious_excess=_highway_code_kmh(20.0),
+        heavy_very_serious_excess=_highway_code_kmh(40.0),
+    ),
+    grade=Grade.BY_BREACH,
+    required_by=EVERY_POLICY,
+    # The police deduct the largest permissible error of a fixed device from its reading: 5 km/h up
+    # to 100 km/h, 5 % above. The error of moving devices is 7 km/h or 7 %.
+    tolerances={"enforced": Tolerance(margin=5.0 / 3.6, share=0.05, source="pt-portaria-352-2023")},
+    limit_phrase="the speed limit",
+    text_source=TextSource.SECONDARY,
+    consulted_source="27(2) and (3) read in the decree (page 65); the table of 27(1) as printed by "
+    "acp.pt; 145(1)(b) quoted by pplware.sapo.pt",
+)
+
+_MIN_SPEED = _highway_code_kmh(50.0)
+
+L13 = Rule(
+    id="pt.ce.27-6@2013",
+    code="L13",
+    article="Article 27(6)",
+    title="Lowest speed",
+    gloss=f"On motorways do not drive slower than {_MIN_SPEED}.",
+    criterion=MinimumSpeed(min_speed=_MIN_SPEED),
+    grade=Grade.LIGHT,
+    required_by=EVERY_POLICY,
+    limit_phrase="the lowest speed on motorways",
+    text_source=TextSource.SECONDARY,
+    consulted_source="27(6): 50 km/h in a sheet of a driving school; 40 km/h in the text of 2001 "
+    "(pgdlisboa.pt)",
 )
 
 L16 = Rule(

@@ -38,11 +38,13 @@ class Tolerance:
         margin: Margin beyond the border, in the unit of the rule, 0 or more.
         share: Share of the measured value, 0 to 1; only of rules that have a `limit`.
         lasting: Time of the longest unbroken part of the breach [s].
+        source: Id of the source of these numbers; empty without a source.
     """
 
     margin: float = 0.0
     share: float = 0.0
     lasting: float = 0.0
+    source: str = ""
 
 
 class TextSource(StrEnum):

@@ -1,13 +1,13 @@
-"""Texts, policies and tolerances of the rules without a criterion, from TOML files."""
+"""Texts and policies of the rules without a criterion, from TOML files."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.numbers import fill_placeholders
-from overtaking.labels.law.rule import Rule, TextSource, Tolerance
+from overtaking.labels.law.rule import Rule, TextSource
 
-_FILE, _TOLERANCES = "law_rules.toml", "tolerances.toml"
+_FILE = "law_rules.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +44,8 @@ def texts_by_code(pack: str) -> Mapping[str, Words]:
 def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
     """Complete the rules of a pack: a rule with a criterion states its texts itself.
 
-    The others get how their wording is known, the name of their limit, the policies that require
-    them, and the tolerances of these policies.
+    The others get how their wording is known, the name of their limit, and the policies that
+    require them.
 
     Args:
         pack: Name of the pack.
@@ -54,7 +54,7 @@ def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
     Raises:
         KeyError: A rule has neither a criterion nor an entry.
     """
-    entries, tolerances = texts_by_code(pack), load_toml(_TOLERANCES)
+    entries = texts_by_code(pack)
     completed = list[Rule]()
     for rule in rules:
         if rule.criterion is not None:
@@ -68,11 +68,6 @@ def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
                 consulted_source=entry.where,
                 limit_phrase=fill_placeholders(entry.border),
                 required_by=frozenset(entry.policies.split()),
-                tolerances={
-                    policy: read_record(Tolerance, _TOLERANCES, f"{policy}.{pack}.{rule.code}")
-                    for policy, packs in tolerances.items()
-                    if rule.code in packs.get(pack, {})
-                },
             )
         )
     return tuple(completed)

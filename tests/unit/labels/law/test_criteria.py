@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp, two_way_road
 from tests.support.law_fixtures_of_two_ways import place
-from tests.support.overtakes import BESIDE, crossing, overtake, passing
+from tests.support.overtakes import BESIDE, alone, crossing, limited, overtake, passing
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.criteria.alongside import BicycleDistance, PassingSide, TargetSpeed
-from overtaking.labels.law.criteria.starting import NoOtherOvertaking
+from overtaking.labels.law.criteria.starting import GapBehind, NoOtherOvertaking
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import quantity
@@ -24,6 +24,8 @@ from overtaking.model.road_course import ZoneKind
 from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from overtaking.labels.law.rule import Criterion
     from overtaking.model.road import Road
     from overtaking.model.verdicts import Case
@@ -34,15 +36,39 @@ CRITERIA = {
     if rule.criterion is not None
 }
 
-CAPS: set[tuple[type[Criterion], str]] = {(NoOtherOvertaking, "max_arrival")}
-"""Numbers that no sentence prints, because they only keep margins finite."""
+CAPS: set[tuple[type[Criterion], str]] = {
+    (NoOtherOvertaking, "max_arrival"),
+    (GapBehind, "general_limits"),
+}
+"""Numbers that no sentence prints, because they only keep margins finite or bound a remedy."""
+
+
+def paths_of_numbers(record: Any, above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Names of the fields that lead to each quantity of a record, through nested records."""
+    for field in dataclasses.fields(record):
+        path, value = (*above, field.name), getattr(record, field.name)
+        if isinstance(value, Quantity):
+            yield path
+        elif dataclasses.is_dataclass(value):
+            yield from paths_of_numbers(value, path)
+
+
+def with_doubled_number(record: Any, path: tuple[str, ...]) -> Any:
+    """The record with twice the number to which a path leads."""
+    name, *below = path
+    value = getattr(record, name)
+    if below:
+        return dataclasses.replace(record, **{name: with_doubled_number(value, tuple(below))})
+    return dataclasses.replace(
+        record, **{name: dataclasses.replace(value, value=2.0 * value.number)}
+    )
+
 
 NUMBERS = [
-    pytest.param(criterion, field.name, id=f"{code} {field.name}")
+    pytest.param(criterion, path, id=f"{code} {'.'.join(path)}")
     for code, criterion in CRITERIA.items()
-    for field in dataclasses.fields(criterion)
-    if isinstance(getattr(criterion, field.name), Quantity)
-    and (type(criterion), field.name) not in CAPS
+    for path in paths_of_numbers(criterion)
+    if (type(criterion), path[0]) not in CAPS
 ]
 
 
@@ -113,6 +139,11 @@ BY_HAND = [
         lambda: passing(1, ego={"speed": FASTER}, target={"kind": "B", "s": 48.0}, events=BESIDE),
         (30.0 - 29.0) / 29.0 * SV / 29.0,
     ),
+    ("L12", lambda: passing(1), SV),
+    # Over 0.1 m either way of the ego's last place, the limit falls from 120 to 60 km/h.
+    ("L12", lambda: alone(road=limited((298.55, 600.0, 60.0))), math.hypot(30.0 / 3.6, SV)),
+    ("L13", lambda: passing(1), SV),
+    ("V3", lambda: alone(ego={"speed": 13.8}, weather={"fog": 100.0, "rain": 100.0}), SV),
     ("L17", lambda: place(ZoneKind.NARROW, 300.0, 350.0), SP),
     # The centre of the truck is 0.3 m right of the border of the third lane.
     ("L20", lambda: passing(1.5 - 0.3 / 3.75, ego={"kind": "T"}), 0.5 * SP / 0.3),
@@ -127,12 +158,9 @@ BY_HAND = [
 """Code of a rule, a case, and the error that the formula gives for it."""
 
 
-@pytest.mark.parametrize(("criterion", "name"), NUMBERS)
-def test_a_sentence_prints_every_number_of_its_criterion(criterion, name):
-    number = getattr(criterion, name)
-    doubled = dataclasses.replace(number, value=2.0 * number.number)
-    changed = dataclasses.replace(criterion, **{name: doubled})
-    assert changed.predicate() != criterion.predicate()
+@pytest.mark.parametrize(("criterion", "path"), NUMBERS)
+def test_a_sentence_prints_every_number_of_its_criterion(criterion, path):
+    assert with_doubled_number(criterion, path).predicate() != criterion.predicate()
 
 
 @pytest.mark.parametrize(("code", "make", "expected"), BY_HAND)

@@ -10,7 +10,6 @@ from tests.support.cases import Track, case, ramp
 from tests.support.german_fixtures import behind
 from tests.support.overtakes import alone, overtake
 
-from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels.law import germany
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import assess_legality, judge_pack, policies_of_law
@@ -79,10 +78,3 @@ def test_a_lawful_overtake_is_lawful_under_every_policy():
         codes = np.array(said.rule_codes)[said.verdict[0] == Verdict.ILLEGAL]
         assert law.is_legal[0], (policy.name, codes)
         assert law.num_undecidable[0] == 0
-
-
-def test_every_number_of_the_german_law_is_used():
-    text = "".join(path.read_text("utf-8") for path in SOURCES)
-    for name in all_quantities("law_de.toml"):
-        if not name.startswith(("limits.", "excess.")):
-            assert f'"law_de.{name}"' in text, name

@@ -20,10 +20,10 @@ from overtaking.data.tables.encode import encode
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
 from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.explain.margins import margins_by_frame
+from overtaking.labels.law.case import speed_limit_bounds
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import judge_pack, judge_rule
-from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.speed import speed_limits
+from overtaking.labels.law.portugal import GENERAL_LIMITS, PORTUGAL
 from overtaking.labels.safety_features import oncoming_measures
 from overtaking.model.known_roads import known_road
 from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
@@ -64,10 +64,10 @@ def test_the_speed_limit_is_that_of_the_ego_s_place_frame_by_frame(ends, lower, 
 
 def test_limits_may_be_asked_of_every_frame_and_cost_nothing_where_they_are_one():
     same, changing = fast(known_road("motorway")), fast(limited((150.0, 600.0, 60.0)))
-    assert speed_limits(same)[1].strides[1] == 0
-    least, most = speed_limits(changing)
-    np.testing.assert_array_equal(least, most)
-    np.testing.assert_allclose(most[0, [0, 99, 100, 199]], np.array([120, 120, 60, 60]) / 3.6)
+    assert speed_limit_bounds(same, GENERAL_LIMITS)[1].strides[1] == 0
+    lowest, highest = speed_limit_bounds(changing, GENERAL_LIMITS)
+    np.testing.assert_array_equal(lowest, highest)
+    np.testing.assert_allclose(highest[0, [0, 99, 100, 199]], np.array([120, 120, 60, 60]) / 3.6)
 
 
 def test_the_margins_of_every_frame_agree_with_the_finding():

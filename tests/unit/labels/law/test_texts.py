@@ -143,18 +143,6 @@ def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
     assert with_check.spread is None
 
 
-@pytest.mark.parametrize(
-    ("code", "numbers"),
-    [
-        ("V3", ["law_de.fog.sight", "law_de.fog.speed"]),
-    ],
-)
-def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):
-    pack = PORTUGAL if code in PORTUGAL.codes else GERMANY
-    for path in numbers:
-        assert amount(path) in pack.rule(code).predicate
-
-
 @pytest.mark.parametrize("law", PACKS)
 def test_borders_contain_numbers_only_as_placeholders(law):
     for code, entry in texts_by_code(law).items():

@@ -3,7 +3,7 @@
 `criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -17,9 +17,11 @@ from overtaking.core.float32_math import maximum
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.beliefs import belief_at, pull_out_percept
 from overtaking.labels.law.case import (
+    GeneralSpeedLimits,
     ego_may_be,
     meteorological_range,
     neighbour_at,
+    speed_limit_bounds,
 )
 from overtaking.labels.law.margins import finding_at_frame
 from overtaking.labels.law.measurement_errors import (
@@ -152,13 +154,11 @@ class GapBehind(Criterion):
 
     Attributes:
         safe_distance_rule: Code of the rule of the same law that states the safe distance.
-        max_speed: Function of a case that returns the speed limit in each frame, shape (simulation,
-            time) [m/s]; where kind of road or vehicle is unknown, the highest limit of the possible
-            kinds. No remedy exceeds it.
+        general_limits: Speed limits of the same law; no remedy exceeds the limit at the crossing.
     """
 
     safe_distance_rule: str
-    max_speed: Callable[[Case], F32]
+    general_limits: GeneralSpeedLimits
     unit: str = "m"
 
     @property
@@ -204,7 +204,8 @@ class GapBehind(Criterion):
         decel = decel_for_safe_distance(case.signals.friction[0, frames])
         # At this speed the safe distance and the limit of forced braking are both kept.
         needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
-        if gap[0] < 0 or needed > self.max_speed(case)[0, frame]:
+        _, highest_limit = speed_limit_bounds(case, self.general_limits)
+        if gap[0] < 0 or needed > highest_limit[0, frame]:
             return larger_gap
         return *larger_gap, *breach.remedy_ego_speed(frame, needed)
 

@@ -4,6 +4,11 @@ A breach is serious where the catalogue of fines gives a point for it, very seri
 light. A rule whose text was not read is undecidable.
 """
 
+from overtaking.labels.law.case import (
+    NO_GENERAL_LIMIT,
+    ClassSpeedLimits,
+    GeneralSpeedLimits,
+)
 from overtaking.labels.law.criteria.alongside import LateralDistance, PassingSide, TargetSpeed
 from overtaking.labels.law.criteria.following import (
     FinedTimeDistance,
@@ -19,6 +24,7 @@ from overtaking.labels.law.criteria.returning import (
     RightLaneUse,
     SafeReturn,
 )
+from overtaking.labels.law.criteria.speed import SpeedInFog, SpeedLimit
 from overtaking.labels.law.criteria.starting import (
     CalmFollower,
     SightForTrucks,
@@ -26,7 +32,7 @@ from overtaking.labels.law.criteria.starting import (
     TargetInLane,
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingAtCrossings, NoOvertakingSigns
-from overtaking.labels.law.germany.driving import V1, V2, V3, V1s
+from overtaking.labels.law.germany.driving import V1, V1s
 from overtaking.labels.law.germany.opposite import O14, O15, O16
 from overtaking.labels.law.germany.overtaking import O3
 from overtaking.labels.law.numbers import quantity
@@ -39,6 +45,7 @@ from overtaking.labels.law.rule import (
     Pack,
     Rule,
     TextSource,
+    Tolerance,
 )
 from overtaking.labels.law.texts import edition, with_texts
 from overtaking.model.trajectories import ManoeuvreKind
@@ -87,6 +94,65 @@ F2 = Rule(
     limit_phrase="the room in the lane of the return",
     text_source=TextSource.SECONDARY,
     consulted_source="7(5) quoted in part by rodorf.de",
+)
+
+_TOWN_LIMIT = quantity(50.0, "km/h", "de-stvo-2013")
+_LIMIT_OUTSIDE_TOWN = quantity(100.0, "km/h", "de-stvo-2013")
+_TRUCK_LIMIT = quantity(60.0, "km/h", "de-stvo-2013", why="Above 7.5 t")
+_TRUCK_LIMIT_ON_MOTORWAY = quantity(80.0, "km/h", "de-stvo-2013")
+
+V2 = Rule(
+    id="de.stvo.3-3@2013",
+    code="V2",
+    article="§ 3(3) and § 18(5) StVO; sign 274",
+    title="Speed limit",
+    gloss=f"Keep to the limit that is posted and to the general one: in towns {_TOWN_LIMIT}, "
+    f"elsewhere {_LIMIT_OUTSIDE_TOWN.bare()}, for trucks {_TRUCK_LIMIT.bare()}; on motorways none, "
+    f"for trucks {_TRUCK_LIMIT_ON_MOTORWAY.bare()}.",
+    criterion=SpeedLimit(
+        # Vans are goods vehicles up to 3.5 t.
+        general_limits=GeneralSpeedLimits(
+            motorway=ClassSpeedLimits(
+                light=NO_GENERAL_LIMIT, van=NO_GENERAL_LIMIT, heavy=_TRUCK_LIMIT_ON_MOTORWAY
+            ),
+            other=ClassSpeedLimits(
+                light=_LIMIT_OUTSIDE_TOWN, van=_LIMIT_OUTSIDE_TOWN, heavy=_TRUCK_LIMIT
+            ),
+            town=ClassSpeedLimits(light=_TOWN_LIMIT, van=_TOWN_LIMIT, heavy=_TOWN_LIMIT),
+        ),
+        # A breach costs one point from the first excess, two from the second.
+        serious_excess=quantity(20.0, "km/h", "de-bkatv-recalled"),
+        very_serious_excess=quantity(
+            40.0, "km/h", "de-bkatv-recalled", why="Outside built-up areas"
+        ),
+    ),
+    grade=Grade.BY_BREACH,
+    required_by=EVERY_POLICY,
+    tolerances={"enforced": Tolerance(margin=3.0 / 3.6, share=0.03, source="adac-2019")},
+    source="de-stvo-2013",
+    limit_phrase="the speed limit",
+    text_source=TextSource.READ,
+    consulted_source="3(3) at dein-gesetz.de; 18(5) at deubner-recht.de (as of 20 July 2023) and "
+    "bgbau-medien.de",
+)
+
+_FOG_SPEED = quantity(50.0, "km/h", "de-stvo-2013", why="§ 3(1) sentence 3")
+_FOG_RANGE = quantity(50.0, "m", "de-stvo-2013", why="§ 3(1) sentence 3")
+
+V3 = Rule(
+    id="de.stvo.3-1-3@2013",
+    code="V3",
+    article="§ 3(1) sentence 3 StVO",
+    title="Slowly in fog",
+    gloss=f"Drive no faster than {_FOG_SPEED} if one sees less than {_FOG_RANGE} for fog, snow or "
+    "rain.",
+    criterion=SpeedInFog(max_range=_FOG_RANGE, max_speed=_FOG_SPEED),
+    grade=Grade.SERIOUS,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase=f"the {_FOG_SPEED} in fog",
+    text_source=TextSource.READ,
+    consulted_source="3(1) at fahrschule.de",
 )
 
 _COURTS_TIME = quantity(
