@@ -32,8 +32,8 @@ from overtaking.analysis.logic.vocabulary import (
     rounded_down_mm,
     rounded_up_mm,
 )
+from overtaking.labels.law.criteria.oncoming_traffic import distance_over_outer_edge
 from overtaking.labels.law.criteria.zones import target_left_edge
-from overtaking.labels.law.oncoming_traffic import distance_over_outer_edge
 from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER

@@ -2,6 +2,6 @@
 
 - `explanation`: the explanation of one simulation;
 - `breach`: one broken rule, and the changes that would have kept it;
-- `remedies`, `gaps`, `german`: the remedies for each check;
+- `remedies`, `german`: the remedies for each check;
 - `margins`: margins frame by frame, for charts.
 """

@@ -1,4 +1,4 @@
-"""Remedies of the Portuguese rules; those about gaps are in `gaps`."""
+"""Remedies of the Portuguese rules without a criterion."""
 
 from collections.abc import Callable, Mapping
 
@@ -7,17 +7,8 @@ import numpy as np
 from overtaking.core.arrays import F32
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.explain import gaps
 from overtaking.labels.law.margins import SAME_MARGIN_M
-from overtaking.labels.law.numbers import ABRUPT_BRAKING, LINE_TOLERANCE, STOPPING_REACTION_TIME
-from overtaking.labels.law.oncoming_traffic import (
-    L24,
-    L25,
-    L26,
-    L27,
-    distance_over_outer_edge,
-    near_oncoming_vehicles,
-)
+from overtaking.labels.law.numbers import STOPPING_REACTION_TIME
 from overtaking.labels.law.remedies import (
     BreachContext,
     Remedy,
@@ -72,20 +63,6 @@ def _more_sight(facts: BreachContext, needed: np.float32) -> tuple[Remedy, ...]:
     )
 
 
-def oncoming_drives_on(facts: BreachContext) -> tuple[Remedy, ...]:
-    """L26: the oncoming vehicle brakes less or stays in its lane, whichever it did not."""
-    limit = float(ABRUPT_BRAKING.f32)
-    rows, frames, slot = near_oncoming_vehicles(facts.case)
-    accel = facts.case.trajectories.states.accel_lon[rows, slot, frames] * 1e-3
-    over = distance_over_outer_edge(facts.case, rows, frames, slot)
-    braked, left = int(accel.argmin()), int(over.argmax())
-    if over[left] > LINE_TOLERANCE.f32 and limit + accel[braked] >= -limit:
-        return single_change(RemedyQuantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
-    return single_change(
-        RemedyQuantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked])
-    )
-
-
 REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
@@ -93,10 +70,6 @@ REMEDIES: dict[Callable[[Case], Finding], Find] = {
         (L14s, lambda facts: _stop(facts, facts.case.signals.sight_unlit)),
         (L15, see_farther),
         (L15s, see_farther),
-        (L24, gaps.oncoming),
-        (L25, gaps.time_to_pass),
-        (L26, oncoming_drives_on),
-        (L27, gaps.to_return),
     )
 }
 """Remedies by the check of a rule. A remedy reads the same numbers as the check, so rules of other

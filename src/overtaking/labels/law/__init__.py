@@ -8,8 +8,7 @@
 - `remedies`: a breach, and the changes that would have kept the rule;
 - `rule`: the classes of criteria, rules and packs;
 - `criteria`: how duties are measured, one module for each subject;
-- `oncoming_traffic`, `lines_and_lanes`, `zones`, `sight`, `speed`: the Portuguese rules without a
-  criterion, by subject;
+- `sight`: the Portuguese rules without a criterion;
 - `portugal`, `germany`: the packs;
 - `judging`: judge a case by a rule or a pack, and read the findings under a policy.
 """

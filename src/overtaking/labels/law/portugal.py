@@ -1,7 +1,7 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice.
 
 An s at the end of a code marks the strict variant of a rule. Rules without a criterion stand in
-modules by subject (`sight`, `oncoming_traffic`).
+modules by subject (`sight`).
 
 - `grade`: how severe a breach is. By Articles 145 and 146 most breaches are very serious on a
   motorway and serious elsewhere (`Grade.BY_ROAD`).
@@ -29,6 +29,12 @@ from overtaking.labels.law.criteria.lines_and_lanes import (
     SolidLines,
     WidthForOvertaking,
 )
+from overtaking.labels.law.criteria.oncoming_traffic import (
+    GapAtReturn,
+    GapToReturnInto,
+    NoOncomingReaction,
+    TimeToPass,
+)
 from overtaking.labels.law.criteria.returning import (
     NoForcedBraking,
     ReturnDelay,
@@ -44,7 +50,6 @@ from overtaking.labels.law.criteria.starting import (
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingSigns, NoOvertakingZones
 from overtaking.labels.law.numbers import quantity
-from overtaking.labels.law.oncoming_traffic import L24, L25, L26, L27
 from overtaking.labels.law.rule import (
     DEFAULT_AND_STRICTER,
     EVERY_POLICY,
@@ -454,6 +459,66 @@ L23 = Rule(
     limit_phrase="the braking that may be forced on others",
     text_source=TextSource.SECONDARY,
     consulted_source="35 in a reprint of an earlier edition",
+)
+
+L24 = Rule(
+    id="pt.ce.38-1.oncoming@2013",
+    code="L24",
+    article="Article 38(1)",
+    title="Oncoming traffic",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic from the "
+    "opposite direction.",
+    criterion=GapAtReturn(),
+    grade=Grade.BY_ROAD,
+    required_by=DEFAULT_AND_STRICTER,
+    limit_phrase="the distance to oncoming traffic",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(1) quoted by dinheirovivo.pt (2021)",
+)
+
+L25 = Rule(
+    id="pt.ce.38-1.pull-out@2013",
+    code="L25",
+    article="Articles 35 and 38(1)",
+    title="Time to pass",
+    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic that comes "
+    "from the opposite direction.",
+    criterion=TimeToPass(),
+    grade=Grade.BY_ROAD,
+    required_by=DEFAULT_AND_STRICTER,
+    limit_phrase="the gap to oncoming traffic that the overtake needs",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(1) quoted by dinheirovivo.pt (2021); 35 in a reprint of an earlier "
+    "edition",
+)
+
+L26 = Rule(
+    id="pt.ce.35.oncoming@2013",
+    code="L26",
+    article="Article 35",
+    title="No reaction of oncoming traffic",
+    gloss="Overtake only where no danger to or obstruction of traffic results.",
+    criterion=NoOncomingReaction(),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase="the braking that may be forced on oncoming traffic",
+    text_source=TextSource.SECONDARY,
+    consulted_source="35 in a reprint of an earlier edition",
+)
+
+L27 = Rule(
+    id="pt.ce.38-2-b.gap@2013",
+    code="L27",
+    article="Article 38(2)(b)",
+    title="A gap to return into",
+    gloss="Do not begin to overtake unless one can return to the right without danger to those "
+    "who drive there.",
+    criterion=GapToReturnInto(safe_distance_rule="L3"),
+    grade=Grade.BY_ROAD,
+    required_by=DEFAULT_AND_STRICTER,
+    limit_phrase="the gap that the return needs",
+    text_source=TextSource.SECONDARY,
+    consulted_source="38(2)(b) quoted by dinheirovivo.pt (2021)",
 )
 
 _SLOW_VEHICLE_GAP = quantity(50.0, "m", "pt-highway-code-2013")

@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp, two_way_road
 from tests.support.law_fixtures_of_two_ways import place
-from tests.support.overtakes import BESIDE, alone, crossing, limited, overtake, passing
+from tests.support.overtakes import (
+    BACK,
+    BESIDE,
+    alone,
+    crossing,
+    limited,
+    meeting,
+    overtake,
+    passing,
+    rural,
+)
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Quantity
@@ -76,6 +86,13 @@ def behind(s: float = 60.0, *, road: Road | None = None, events: Any = None, **e
     """The ego and another vehicle of the same speed, 60 m ahead or at another place."""
     track = Track(**({"speed": 30.0} | ego))
     return case(track, Track(s=s, speed=track.speed), road=road, events=events or {})
+
+
+def returning(oncoming_speed: float) -> Case:
+    """Back in frame 150 at 20 m/s, far from an oncoming vehicle of this speed."""
+    oncoming = Track(s=700.0, lane=1, speed=oncoming_speed, oncoming=True)
+    tracks = Track(speed=20.0), Track(s=-60.0, speed=15.0), oncoming
+    return case(*tracks, road=two_way_road(), events=BACK)
 
 
 SP, SV = 0.1, 0.2
@@ -153,6 +170,21 @@ BY_HAND = [
         "O17",
         lambda: place(ZoneKind.PEDESTRIAN_CROSSING, 566.0, 570.0),
         math.hypot(1.0, 30.0 / (3.5 / 3.0)) * SP,
+    ),
+    # 1 s of 30 m/s is more than 2 s of 10 m/s, and 1 s of 50 m/s less than 2 s of 30 m/s.
+    ("L24", lambda: returning(10.0), math.sqrt(2.0) * math.hypot(SP, SV)),
+    ("L24", lambda: returning(30.0), math.hypot(math.sqrt(2.0) * SP, 2.0 * SV)),
+    # At 30 m/s against 20 m/s, in the opposing lane from frame 76 to 334, which is 12.9 s.
+    (
+        "L25",
+        lambda: rural(meeting(60.0)),
+        math.hypot(math.sqrt(2.0) * SP, 13.9 * SV, SV, 50.0 / (3.5 / 3.0) * SP),
+    ),
+    # Behind the gap 20 m/s, ahead of it 24 m/s.
+    (
+        "L27",
+        lambda: rural(Track(s=143.8, speed=24.0)),
+        math.hypot(math.sqrt(2.0) * SP, (1.0 + 20.0 / DECEL) * SV, (1.0 - 24.0 / DECEL) * SV),
     ),
 ]
 """Code of a rule, a case, and the error that the formula gives for it."""

@@ -11,6 +11,7 @@ shared functions and numbers are in `law.case`, `law.margins`, `law.measurement_
 - `speed`: speed limits, lowest speed on motorways, speed in fog;
 - `starting`: begin of an overtake, and the vehicles that it must not endanger;
 - `lines_and_lanes`: continuous lines, width of the lane on the left, lanes for trucks;
+- `oncoming_traffic`: gaps to oncoming vehicles, their reaction, the gap to return into;
 - `zones`: places and signs that forbid to overtake.
 
 All criteria share these conventions:

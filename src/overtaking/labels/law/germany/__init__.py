@@ -18,6 +18,11 @@ from overtaking.labels.law.criteria.following import (
 )
 from overtaking.labels.law.criteria.lamps_and_indicators import IndicatorUse, Lamps
 from overtaking.labels.law.criteria.lines_and_lanes import SolidLines
+from overtaking.labels.law.criteria.oncoming_traffic import (
+    GapAtReturn,
+    NoOncomingReaction,
+    TimeToPass,
+)
 from overtaking.labels.law.criteria.returning import (
     NoForcedBraking,
     ReturnDelay,
@@ -33,8 +38,7 @@ from overtaking.labels.law.criteria.starting import (
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingAtCrossings, NoOvertakingSigns
 from overtaking.labels.law.germany.driving import V1, V1s
-from overtaking.labels.law.germany.opposite import O14, O15, O16
-from overtaking.labels.law.germany.overtaking import O3
+from overtaking.labels.law.germany.opposite import O16
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.rule import (
     DEFAULT_AND_STRICTER,
@@ -293,6 +297,23 @@ O2 = Rule(
     fine="80 EUR, 1 point (BKat 18, Kraftfahrt-Bundesamt)",
 )
 
+O3 = Rule(
+    id="de.stvo.5-2-1@2013",
+    code="O3",
+    article="§ 5(2) sentence 1 StVO",
+    title="Oncoming traffic",
+    gloss="Only those may overtake who can see that they will not hinder oncoming traffic at any "
+    "time.",
+    criterion=GapAtReturn(),
+    grade=Grade.SERIOUS,
+    required_by=EVERY_POLICY,
+    source="de-stvo-2013",
+    limit_phrase="the distance to oncoming traffic",
+    text_source=TextSource.READ,
+    consulted_source="5(2) at dejure.org",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
 O4 = Rule(
     id="de.stvo.5-3-1@2013",
     code="O4",
@@ -460,6 +481,39 @@ O13 = Rule(
     limit_phrase="the speed it had",
     text_source=TextSource.READ,
     consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",
+)
+
+O14 = Rule(
+    id="de.stvo.5-2-1.pull-out@2013",
+    code="O14",
+    article="§ 5(2) sentence 1 StVO",
+    title="Time to pass",
+    gloss="Only those may overtake who can see that they will not hinder oncoming traffic at any "
+    "time of the overtake.",
+    criterion=TimeToPass(),
+    grade=Grade.SERIOUS,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase="the gap to oncoming traffic that the overtake needs",
+    text_source=TextSource.READ,
+    consulted_source="5(2) at dejure.org",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
+O15 = Rule(
+    id="de.stvo.5-2-1.oncoming@2013",
+    code="O15",
+    article="§ 5(2) sentence 1 StVO",
+    title="No reaction of oncoming traffic",
+    gloss=O14.gloss,
+    criterion=NoOncomingReaction(),
+    grade=Grade.SERIOUS,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the braking that may be forced on oncoming traffic",
+    text_source=TextSource.READ,
+    consulted_source="5(2) at dejure.org",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
 )
 
 O17 = Rule(

@@ -5,8 +5,7 @@ from overtaking.labels.law.margins import (
     finding_not_applicable,
 )
 from overtaking.labels.law.numbers import amount
-from overtaking.labels.law.oncoming_traffic import L25, L26, NO_REACTION, TIME_TO_PASS
-from overtaking.labels.law.rule import Grade, Rule, Spread, adopt
+from overtaking.labels.law.rule import Grade, Rule, Spread
 from overtaking.labels.law.sight import (
     SEES_ONCOMING,
     crossing_frame,
@@ -22,33 +21,6 @@ _SEE = (
     "the overtake."
 )
 _FINE = "100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)"
-
-
-O14 = adopt(
-    L25,
-    id="de.stvo.5-2-1.pull-out@2013",
-    code="O14",
-    article=_SENTENCE,
-    title="Time to pass",
-    predicate=TIME_TO_PASS,
-    gloss=_SEE,
-    grade=Grade.SERIOUS,
-    source=_STVO,
-    fine=_FINE,
-)
-
-O15 = adopt(
-    L26,
-    id="de.stvo.5-2-1.oncoming@2013",
-    code="O15",
-    article=_SENTENCE,
-    title="No reaction of oncoming traffic",
-    predicate=NO_REACTION,
-    gloss=_SEE,
-    grade=Grade.SERIOUS,
-    source=_STVO,
-    fine=_FINE,
-)
 
 
 def _oversees(case: Case) -> Finding:
