@@ -11,8 +11,13 @@ import pytest
 import overtaking as ot
 from overtaking.cli import main, options
 from overtaking.data.balance import ClassBalance
-from overtaking.knowledge.toml_reader import load_toml
-from overtaking.labels.law.judging import STORED_POLICIES, choose_policy, default_policy
+from overtaking.labels.law.judging import (
+    DEFAULT_POLICY,
+    POLICY_OF_PROFILE,
+    STORED_POLICIES,
+    choose_policy,
+    default_policy,
+)
 from overtaking.scenarios.profiles import profile_names
 from overtaking.show.video import jobs
 from overtaking.show.video.film import Film
@@ -58,13 +63,12 @@ def test_only_profiles_of_the_study_are_read_under_paper():
 
 
 def test_default_policies_exist_and_the_help_states_them():
-    file = load_toml("policies.toml")
-    names = {file["default"], *file["default_of_profile"].values()}
+    names = {DEFAULT_POLICY, *POLICY_OF_PROFILE.values()}
     assert names <= {policy.name for policy in STORED_POLICIES}
-    profiles = " and ".join(file["default_of_profile"])
+    profiles = " and ".join(POLICY_OF_PROFILE)
     _, option = get_args(options.Policy)
     help_text = option.help
-    assert f"[default: {file['default']}; paper for {profiles}]" in help_text
+    assert f"[default: {DEFAULT_POLICY}; paper for {profiles}]" in help_text
 
 
 def test_features_and_statistics_have_the_default_policy(

@@ -1,6 +1,6 @@
 """Judge a case by a rule or a pack of rules, and read the findings under a policy.
 
-A rule names the policies that require it; `policies.toml` has the policies.
+A policy states how strictly findings are read; each rule names the policies that require it.
 """
 
 import dataclasses
@@ -12,7 +12,6 @@ import numpy as np
 
 from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.errors import ConfigError, check_choice
-from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.margins import finding_from_margins
 from overtaking.labels.law.measurement_errors import MeasurementErrors
@@ -196,8 +195,6 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     return Findings(rule_codes=pack.codes, version=version, **columns)
 
 
-_FILE = "policies.toml"
-
 LAWS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
 """The packs of this package, by name."""
 
@@ -243,14 +240,30 @@ class Legality(Batch):
     is_legal: Mask
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reading:
-    """A policy as the file has it."""
+_POLICIES = (
+    Policy(
+        name="paper",
+        required=(),
+        allows_undecided=True,
+        censors_open=False,
+        names_departures=False,
+    ),
+    Policy(name="default", required=()),
+    Policy(name="strict", required=()),
+    Policy(name="serious", required=(), min_severity=Severity.SERIOUS),
+    Policy(name="enforced", required=(), min_severity=Severity.SERIOUS),
+)
+"""The policies of every law, without the rules and tolerances that the law adds."""
 
-    allows_undecided: bool = False
-    censors_open: bool = True
-    names_departures: bool = True
-    least: str = Severity.LIGHT.name.lower()
+STORED_POLICY_NAMES = ("paper", "default", "strict")
+"""Names of the policies that data sets keep, in the order of every table; the others are computed
+on request."""
+
+DEFAULT_POLICY = "default"
+"""Name of the policy that decides the class unless the user names one."""
+
+POLICY_OF_PROFILE = {"pinto2023": "paper", "pinto2023-physical": "paper"}
+"""Default policies of the profiles that reproduce the study, whose own rules decide about them."""
 
 
 @cache
@@ -258,24 +271,20 @@ def policies_of_law(pack: str) -> tuple[Policy, ...]:
     """All policies of a pack of this package, by its name; empty for the name of another pack."""
     if pack not in LAWS:
         return ()
-    return tuple(_policy(name, LAWS[pack].rules) for name in load_toml(_FILE)["policies"])
-
-
-def _policy(name: str, rules: Sequence[Rule]) -> Policy:
-    reading = read_record(_Reading, _FILE, f"policies.{name}")
-    return Policy(
-        name=name,
-        required=tuple(rule.code for rule in rules if name in rule.required_by),
-        allows_undecided=reading.allows_undecided,
-        censors_open=reading.censors_open,
-        names_departures=reading.names_departures,
-        min_severity=Severity[reading.least.upper()],
-        tolerances={rule.code: rule.tolerances[name] for rule in rules if name in rule.tolerances},
+    rules = LAWS[pack].rules
+    return tuple(
+        dataclasses.replace(
+            policy,
+            required=tuple(rule.code for rule in rules if policy.name in rule.required_by),
+            tolerances={
+                rule.code: rule.tolerances[policy.name]
+                for rule in rules
+                if policy.name in rule.tolerances
+            },
+        )
+        for policy in _POLICIES
     )
 
-
-STORED_POLICY_NAMES: tuple[str, ...] = tuple(load_toml(_FILE)["stored"].split())
-"""Names of the policies that data sets keep, in the order of every table."""
 
 STORED_POLICIES = tuple(
     stored for stored in policies_of_law("pt") if stored.name in STORED_POLICY_NAMES
@@ -289,8 +298,7 @@ def default_policy(profile: str) -> str:
     Args:
         profile: Name of the profile of simulations, or format of a recording.
     """
-    policies = load_toml(_FILE)
-    return str(policies["default_of_profile"].get(profile, policies["default"]))
+    return POLICY_OF_PROFILE.get(profile, DEFAULT_POLICY)
 
 
 def choose_policy(name: str | None, profile: str) -> str:
