@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING
 
-from generators.knowledge import numbers_of, source_link
+from generators.knowledge import source_link
 from generators.markdown import page, section, table, unit
 
 from overtaking.knowledge.quantities import Quantity
@@ -74,12 +74,12 @@ def content() -> str:
         ),
         section("How the text is known", TEXTS, table(("text", "meaning"), map(_text, TextSource))),
         section("Shared numbers", SHARED, _shared_numbers()),
-        *_pack("Portugal", PORTUGAL, "law.toml"),
+        *_pack("Portugal", PORTUGAL),
         *_pack("Germany", GERMANY),
     )
 
 
-def _pack(country: str, pack: Pack, numbers: str | None = None) -> tuple[str, ...]:
+def _pack(country: str, pack: Pack) -> tuple[str, ...]:
     """The overview of a pack, its rules, and their numbers."""
     names = [each.name for each in policies_of_law(pack.name)]
     overview = table(
@@ -93,11 +93,6 @@ def _pack(country: str, pack: Pack, numbers: str | None = None) -> tuple[str, ..
         ),
         section(f"The rules of {country}", *map(_rule, pack.rules)),
         section(f"Numbers of {country}", NUMBERS, _numbers_of_rules(pack)),
-        *(
-            (section(f"Other numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),)
-            if numbers
-            else ()
-        ),
     )
 
 

@@ -43,19 +43,22 @@ class SightFacts:
         eye_height: Height of a car driver's eyes above the road [m].
         truck_eye_height: Height of a truck driver's eyes above the road [m].
         object_height: Height of the part of a vehicle that a driver must see, above the road [m].
+        min_visible: Sight distance below which a bend is one of reduced visibility [m].
         passing_zone_speeds: Speed limits, ascending, shape (row,) [m/s].
         passing_zone_sight: Sight distance needed at each of these speed limits before the centre
             line may be broken, so that drivers may pass, shape (row,) [m].
 
     Source:
         AASHTO, A Policy on Geometric Design of Highways and Streets (2018), section 3.2.6 and
-        table 3-4. The clearance is chosen: half a lane, a verge and a ditch.
+        table 3-4. The clearance is chosen: half a lane, a verge and a ditch. `min_visible` is from
+        article 19 of the Portuguese highway code.
     """
 
     clearance: float
     eye_height: float
     truck_eye_height: float
     object_height: float
+    min_visible: float
     passing_zone_speeds: tuple[float, ...]
     passing_zone_sight: tuple[float, ...]
 

@@ -11,6 +11,7 @@ from overtaking.core.float32_math import ZERO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.event_detection import nan_if_begun_before_recording
 from overtaking.labels.law.case import (
+    available_sight,
     nearest_oncoming_at,
     neighbour_at,
     seconds_of,
@@ -26,7 +27,6 @@ from overtaking.labels.law.safe_distance import (
     margin_to_leader,
     stop_margins,
 )
-from overtaking.labels.law.sight import available_sight
 from overtaking.labels.paper_features import matched_frame
 from overtaking.labels.snapshots import (
     METRES_PER_MM,

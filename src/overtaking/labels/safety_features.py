@@ -11,6 +11,8 @@ from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.case import (
     MIN_CLOSING_SPEED,
+    assumed_oncoming_speed,
+    available_sight,
     judged_span,
     nearest_oncoming_at,
     opposing_lane_span,
@@ -28,7 +30,6 @@ from overtaking.labels.law.safe_distance import (
     margin_to_leader,
     stop_margins,
 )
-from overtaking.labels.law.sight import assumed_oncoming_speed, available_sight
 from overtaking.labels.signals import encounters_at
 from overtaking.labels.snapshots import (
     METRES_PER_MM,

@@ -179,9 +179,8 @@ def _zones_of_short_sight(road: Road, direction: int) -> tuple[RoadZone, ...]:
     facts = sight_facts()
     limits = road.speed_limit_at(_stations(road), direction)
     passing_sight = np.interp(limits, facts.passing_zone_speeds, facts.passing_zone_sight)
-    min_visibility = float(constant("law.sight.least"))
     masks = (
-        (ZoneKind.BEND, visible.past_bends < min_visibility),
+        (ZoneKind.BEND, visible.past_bends < facts.min_visible),
         (ZoneKind.CREST, visible.over_crests < passing_sight),
     )
     return tuple(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believed_margin
@@ -127,7 +126,7 @@ def _believed_finding(
     )
 
 
-ALL_REMEDIES = REMEDIES | GERMAN
+ALL_REMEDIES = REMEDIES
 """The remedies for the rules of both laws, by the check of the rule."""
 
 

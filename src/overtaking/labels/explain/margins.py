@@ -1,18 +1,10 @@
 """Margins, frame by frame, of the rules that look at every frame."""
 
-from collections.abc import Callable
-
 from overtaking.core.arrays import F64
 from overtaking.labels.labelling import LabelledTrajectories
-from overtaking.labels.law.case import judged_span
-from overtaking.labels.law.margins import margins_within_span
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack, Rule
-from overtaking.labels.law.safe_distance import (
-    stopping_distance_for_sight,
-)
-from overtaking.labels.law.sight import L14, L14s
-from overtaking.model.verdicts import Case, Finding, Verdict
+from overtaking.model.verdicts import Case, Verdict
 
 
 def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:
@@ -40,24 +32,4 @@ def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> d
 
 def _margins_by_frame(rule: Rule, case: Case) -> F64 | None:
     """Margins of one rule, as `Criterion.margins_by_frame`."""
-    if rule.criterion is not None:
-        return rule.criterion.margins_by_frame(case)
-    return _MARGINS[rule.check](case) if rule.check in _MARGINS else None
-
-
-def _stop_within(sight: str) -> Callable[[Case], F64]:
-    """Margins of a sight, named by its field of `EgoSignals`, over the stopping distance [m]."""
-
-    def margins_of(case: Case) -> F64:
-        signals = case.signals
-        stop = stopping_distance_for_sight(signals.speed, signals.friction)
-        return margins_within_span(judged_span(case), getattr(signals, sight) - stop)
-
-    return margins_of
-
-
-_MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
-    L14.check: _stop_within("sight_lit"),
-    L14s.check: _stop_within("sight_unlit"),
-}
-"""Margins by the check of a rule; both read the same numbers of the law."""
+    return None if rule.criterion is None else rule.criterion.margins_by_frame(case)

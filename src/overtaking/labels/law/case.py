@@ -1,4 +1,4 @@
-"""Spans of frames, neighbours, zones of the road and speed limits of a case."""
+"""Spans of frames, neighbours, zones of the road, sight and speed limits of a case."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
@@ -31,6 +31,7 @@ from overtaking.labels.snapshots import (
     METRES_PER_MM,
     Frames,
     FrameSpan,
+    at_frame,
     other_vehicles_at,
     scatter,
     slot_or_ego,
@@ -43,7 +44,7 @@ from overtaking.model.safety_measures import Encounter
 from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Finding
-from overtaking.world.sight_distance import all_zones_for
+from overtaking.world.sight_distance import all_zones_for, sight_at
 from overtaking.world.weather_parameters import weather_effects
 
 
@@ -341,6 +342,32 @@ def meteorological_range(case: Case) -> F32:
     sight = weather_effects(case.trajectories.scenario).sight
     air = sight["fog_extinction"] + sight["rain_extinction"]
     return constant("weather.fog.transmission_depth") / air
+
+
+def available_sight(case: Case, frame: I32) -> F32:
+    """Sight distance that air and road permit at one frame of each simulation [m]."""
+    sight_of_road = as_f32(sight_at(case.trajectories.road, at_frame(case.signals.s, frame)))
+    return np.minimum(meteorological_range(case), sight_of_road)
+
+
+def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
+    """Speed assumed for oncoming vehicles that the ego cannot see yet, (simulation,) [m/s].
+
+    The highest limit of their direction between the ego and the end of its sight: they may drive at
+    it somewhere on that way. The limit at the ego alone would be too low just before a section of
+    low speed ends, and the highest limit of the road too high within a long one.
+    """
+    road = case.trajectories.road
+    near = at_frame(case.signals.s, frame)
+    far = near + available_sight(case, frame)
+    highest = road.speed_limit_at(near, -1)
+    sections = road.course.speed_limits_for(-1) if road.course else ()
+    section_ends = {end for section in sections for end in (section.start, section.stop)}
+    for station in section_ends - {road.length}:
+        is_in_sight = (near < station) & (station <= far)
+        limit = np.maximum(highest, road.speed_limit_at(station, -1))
+        highest = np.where(is_in_sight, limit, highest)
+    return as_f32(highest)
 
 
 ROAD_KINDS = ("motorway", "other", "town")

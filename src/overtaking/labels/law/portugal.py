@@ -1,7 +1,6 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice.
 
-An s at the end of a code marks the strict variant of a rule. Rules without a criterion stand in
-modules by subject (`sight`).
+An s at the end of a code marks the strict variant of a rule.
 
 - `grade`: how severe a breach is. By Articles 145 and 146 most breaches are very serious on a
   motorway and serious elsewhere (`Grade.BY_ROAD`).
@@ -41,6 +40,7 @@ from overtaking.labels.law.criteria.returning import (
     RightLaneUse,
     SafeReturn,
 )
+from overtaking.labels.law.criteria.sight import MinimumSightDistance, StoppingSightDistance
 from overtaking.labels.law.criteria.speed import MinimumSpeed, SpeedLimit
 from overtaking.labels.law.criteria.starting import (
     GapAhead,
@@ -51,6 +51,7 @@ from overtaking.labels.law.criteria.starting import (
 from overtaking.labels.law.criteria.zones import NoOvertakingSigns, NoOvertakingZones
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.rule import (
+    ALL_BUT_STRICT,
     DEFAULT_AND_STRICTER,
     EVERY_POLICY,
     NO_POLICY,
@@ -61,7 +62,6 @@ from overtaking.labels.law.rule import (
     TextSource,
     Tolerance,
 )
-from overtaking.labels.law.sight import L14, L15, L14s, L15s
 from overtaking.labels.law.texts import edition, with_texts
 
 
@@ -309,6 +309,69 @@ L13 = Rule(
     text_source=TextSource.SECONDARY,
     consulted_source="27(6): 50 km/h in a sheet of a driving school; 40 km/h in the text of 2001 "
     "(pgdlisboa.pt)",
+)
+
+L14 = Rule(
+    id="pt.ce.24-1@2013",
+    code="L14",
+    article="Article 24(1)",
+    title="Stop in the visible space",
+    gloss="Adapt speed to road, weather and traffic, so that the vehicle can be stopped in the "
+    "free and visible space ahead.",
+    criterion=StoppingSightDistance(safe_distance_rule="L3"),
+    grade=Grade.SERIOUS,
+    required_by=DEFAULT_AND_STRICTER & ALL_BUT_STRICT,
+    limit_phrase="the way to a stop within sight of lit vehicles",
+    text_source=TextSource.READ,
+    consulted_source="24(1) reprinted by codigo.pt; its beginning in the decree (page 63)",
+)
+
+L14s = Rule(
+    id="pt.ce.24-1.unlit@2013",
+    code="L14s",
+    article="Article 24(1), strictly",
+    title="Stop in the visible space, for the unlit",
+    gloss=L14.gloss,
+    criterion=StoppingSightDistance(safe_distance_rule="L3", is_for_unlit_obstacles=True),
+    grade=Grade.SERIOUS,
+    required_by=STRICT_ONLY,
+    limit_phrase="the way to a stop within sight of unlit obstacles",
+    text_source=TextSource.READ,
+    consulted_source="as L14",
+)
+
+_MIN_SIGHT = quantity(
+    50.0, "m", "pt-highway-code-2013", why="Article 19: visibility is insufficient below"
+)
+
+L15 = Rule(
+    id="pt.ce.41-1-f@2013",
+    code="L15",
+    article="Articles 41(1)(f) and 19",
+    title="Sufficient visibility",
+    gloss="Do not overtake where visibility is insufficient, that is, where the carriageway cannot "
+    f"be seen over {_MIN_SIGHT}; with oncoming traffic, where it is not clear over the length that "
+    "is needed.",
+    criterion=MinimumSightDistance(min_sight=_MIN_SIGHT),
+    grade=Grade.BY_ROAD,
+    required_by=ALL_BUT_STRICT,
+    limit_phrase="the least visibility for overtaking",
+    text_source=TextSource.SECONDARY,
+    consulted_source="41(1)(f) quoted by postal.pt; the 50 m of 19 read in the decree (page 62)",
+)
+
+L15s = Rule(
+    id="pt.ce.41-1-f.unlit@2013",
+    code="L15s",
+    article="Articles 41(1)(f) and 19, strictly",
+    title="Sufficient visibility, for the unlit",
+    gloss=L15.gloss,
+    criterion=MinimumSightDistance(min_sight=_MIN_SIGHT, is_for_unlit_obstacles=True),
+    grade=Grade.BY_ROAD,
+    required_by=STRICT_ONLY,
+    limit_phrase="the least sight of unlit obstacles for overtaking",
+    text_source=TextSource.SECONDARY,
+    consulted_source="as L15",
 )
 
 L16 = Rule(

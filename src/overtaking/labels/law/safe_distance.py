@@ -28,9 +28,11 @@ from overtaking.world.surrogate_safety import assumed_decel, safe_distance
 GapMargin = Callable[[F32, F32, F32, F32], F32]
 """Margin from gap, speed of the ego, closing speed and sure deceleration."""
 
-REACTION_AND_DECEL = (
-    f"t = {REACTION_TIME}, b = min({MAX_DECEL}, {bare('friction.table.usable_share')} mu g)"
-)
+GRIP_DECEL = f"{bare('friction.table.usable_share')} mu g"
+"""`decel_with_all_grip` as a formula."""
+
+REACTION_AND_DECEL = f"t = {REACTION_TIME}, b = min({MAX_DECEL}, {GRIP_DECEL})"
+"""Reaction time and deceleration of the safe distance, with `decel_for_safe_distance`."""
 
 
 def decel_for_safe_distance(friction: F32) -> F32:
@@ -51,7 +53,7 @@ def decel_with_all_grip(friction: F32) -> F32:
 
 
 def stopping_distance_for_sight(speed: F32, friction: F32) -> F32:
-    """Distance in which the ego stops, as L14 reckons it [m]."""
+    """Distance in which the ego stops for an obstacle that comes into sight [m]."""
     return stopping_distance(
         speed, as_f32(STOPPING_REACTION_TIME.f32), decel_with_all_grip(friction)
     )

@@ -14,6 +14,7 @@ from tests.support.overtakes import (
     BACK,
     BESIDE,
     alone,
+    along_course,
     crossing,
     limited,
     meeting,
@@ -30,7 +31,7 @@ from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.model.road_course import ZoneKind
+from overtaking.model.road_course import RoadCourse, ZoneKind
 from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -95,6 +96,11 @@ def returning(oncoming_speed: float) -> Case:
     return case(*tracks, road=two_way_road(), events=BACK)
 
 
+def sight_of_300_m() -> Case:
+    """An overtake on a two-way road that shows 300 m everywhere."""
+    return along_course(RoadCourse(sight=((0.0, 300.0),)), events=BACK)
+
+
 SP, SV = 0.1, 0.2
 ERRORS = MeasurementErrors(position_std=SP, speed_std=SV)
 DECEL = 0.9 * 0.7775 * 9.81  # Friction of the dry motorway is 0.7775 at 30 m/s.
@@ -146,6 +152,11 @@ BY_HAND = [
         math.hypot(math.sqrt(2.0) * SP, 3.0 * SV),
     ),
     ("L28", lambda: behind(kind="T", speed=10.0, road=two_way_road()), math.sqrt(2.0) * SP),
+    # At 30 m/s; the braking distance is that of `GAP_ERROR`.
+    ("L14", lambda: behind(), (1.0 + 30.0 / DECEL) * SV),
+    # From the line crossing to the return it takes 50 frames of 0.05 s; 1 s is added.
+    ("L15", sight_of_300_m, (2.5 + 1.0) * SV),
+    ("O16", sight_of_300_m, (2.5 + 1.0) * SV),
     # Lanes are 3.75 m wide. The ego is a fifth of a lane left of the middle of its lane.
     ("L1", lambda: passing(1.2), 0.5 * SP / (1.875 - 0.2 * 3.75)),
     ("L2", overtake, SP),

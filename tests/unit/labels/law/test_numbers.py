@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.support.cases import Belief, Track, case, ramp, two_way_road
@@ -22,8 +20,6 @@ from tests.support.overtakes import (
     passing,
 )
 
-from overtaking.knowledge.toml_reader import all_quantities
-from overtaking.labels import law
 from overtaking.labels.law.case import judged_span, last_driven_frame, manoeuvre
 from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
@@ -34,7 +30,6 @@ from overtaking.model.trajectories import ManoeuvreKind
 from overtaking.model.verdicts import Severity, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
-RULE_FILES = sorted(Path(law.__file__).parent.rglob("*.py"))
 GRAVITY, DRY = 9.81, 0.9 * 9.81
 
 
@@ -308,14 +303,6 @@ def test_a_return_is_believed_safe_or_not():
     events = CROSSED | {"overlap_begin": 110, "overlap_end": 120, "return_end": 150}
     one = crossing(target={"s": -60.0}, events=events, beliefs=(said,))
     assert judge_rule(RULES["L8"], one).belief[0] == verdicts.Belief.MISTAKEN
-
-
-def test_every_number_of_the_law_is_used_in_a_rule_or_said_to_be_for_comparison():
-    entries = all_quantities("law.toml")
-    text = "".join(path.read_text("utf-8") for path in RULE_FILES)
-    for name in entries:
-        if not name.startswith("rss."):
-            assert f'"law.{name}"' in text, name
 
 
 def test_the_gap_of_four_seconds_before_a_fast_one_is_exact():

@@ -151,6 +151,6 @@ def test_borders_contain_numbers_only_as_placeholders(law):
 
 
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
-    assert amount("law.sight.least", times=2.0) == "100 m"
-    assert bare("law.sight.least") == "50"
-    assert fill_placeholders("the {law.sight.least} to {nobody}") == "the 50 m to {nobody}"
+    assert amount("roads.sight.min_visible", times=2.0) == "100 m"
+    assert bare("roads.sight.min_visible") == "50"
+    assert fill_placeholders("{friction.table.usable_share} of {all}") == "0.9 1 of {all}"

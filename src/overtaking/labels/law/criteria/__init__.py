@@ -8,6 +8,7 @@ shared functions and numbers are in `law.case`, `law.margins`, `law.measurement_
 - `following`: distance to the vehicle ahead;
 - `lamps_and_indicators`: use of indicators, beam and fog lamps;
 - `returning`: the return to the original lane, and the use of the right lane;
+- `sight`: stopping within the sight distance, and enough sight to overtake;
 - `speed`: speed limits, lowest speed on motorways, speed in fog;
 - `starting`: begin of an overtake, and the vehicles that it must not endanger;
 - `lines_and_lanes`: continuous lines, width of the lane on the left, lanes for trucks;

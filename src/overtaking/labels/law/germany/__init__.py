@@ -29,6 +29,7 @@ from overtaking.labels.law.criteria.returning import (
     RightLaneUse,
     SafeReturn,
 )
+from overtaking.labels.law.criteria.sight import PassingSightDistance, StoppingSightDistance
 from overtaking.labels.law.criteria.speed import SpeedInFog, SpeedLimit
 from overtaking.labels.law.criteria.starting import (
     CalmFollower,
@@ -37,10 +38,9 @@ from overtaking.labels.law.criteria.starting import (
     TargetInLane,
 )
 from overtaking.labels.law.criteria.zones import NoOvertakingAtCrossings, NoOvertakingSigns
-from overtaking.labels.law.germany.driving import V1, V1s
-from overtaking.labels.law.germany.opposite import O16
 from overtaking.labels.law.numbers import quantity
 from overtaking.labels.law.rule import (
+    ALL_BUT_STRICT,
     DEFAULT_AND_STRICTER,
     EVERY_POLICY,
     NO_POLICY,
@@ -98,6 +98,36 @@ F2 = Rule(
     limit_phrase="the room in the lane of the return",
     text_source=TextSource.SECONDARY,
     consulted_source="7(5) quoted in part by rodorf.de",
+)
+
+V1 = Rule(
+    id="de.stvo.3-1-4@2013",
+    code="V1",
+    article="§ 3(1) sentence 4 StVO",
+    title="Stop in the visible space",
+    gloss="Drive only so fast that one can stop within the way that one overlooks.",
+    criterion=StoppingSightDistance(safe_distance_rule="A1"),
+    grade=Grade.SERIOUS,
+    required_by=ALL_BUT_STRICT,
+    source="de-stvo-2013",
+    limit_phrase="the way to a stop within sight of lit vehicles",
+    text_source=TextSource.READ,
+    consulted_source="3(1) at fahrschule.de",
+)
+
+V1s = Rule(
+    id="de.stvo.3-1-4.unlit@2013",
+    code="V1s",
+    article="§ 3(1) sentence 4 StVO, strictly",
+    title="Stop in the visible space, for the unlit",
+    gloss=V1.gloss,
+    criterion=StoppingSightDistance(safe_distance_rule="A1", is_for_unlit_obstacles=True),
+    grade=Grade.SERIOUS,
+    required_by=STRICT_ONLY,
+    source="de-stvo-2013",
+    limit_phrase="the way to a stop within sight of unlit obstacles",
+    text_source=TextSource.READ,
+    consulted_source="as V1",
 )
 
 _TOWN_LIMIT = quantity(50.0, "km/h", "de-stvo-2013")
@@ -511,6 +541,22 @@ O15 = Rule(
     required_by=STRICT_ONLY,
     source="de-stvo-2013",
     limit_phrase="the braking that may be forced on oncoming traffic",
+    text_source=TextSource.READ,
+    consulted_source="5(2) at dejure.org",
+    fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
+)
+
+O16 = Rule(
+    id="de.stvo.5-2-1.sight@2013",
+    code="O16",
+    article="§ 5(2) sentence 1 StVO",
+    title="Sight of the road ahead",
+    gloss=O14.gloss,
+    criterion=PassingSightDistance(),
+    grade=Grade.SERIOUS,
+    required_by=DEFAULT_AND_STRICTER,
+    source="de-stvo-2013",
+    limit_phrase="the sight of the road that the overtake takes",
     text_source=TextSource.READ,
     consulted_source="5(2) at dejure.org",
     fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
