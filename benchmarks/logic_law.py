@@ -28,7 +28,7 @@ from tests.support.logic_law import CODES, law_reasoner, program_verdicts
 
 import overtaking as ot
 from overtaking.analysis.logic.reasoner import Reasoner
-from overtaking.analysis.logic.recorded_facts import SimulationGroup, read_groups
+from overtaking.analysis.logic.simulation_groups import SimulationGroup, read_groups
 from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.labels.law.judging import LAWS, judge_pack
 from overtaking.model.verdicts import Verdict

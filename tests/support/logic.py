@@ -10,10 +10,10 @@ from overtaking.analysis.logic.fact_files import (
     DEFAULT_FRAME_STEP,
     all_facts,
     fact_lines,
-    road_facts,
-    simulation_facts,
+    measure_road_facts,
+    measure_simulation_facts,
 )
-from overtaking.analysis.logic.recorded_facts import SimulationGroup
+from overtaking.analysis.logic.simulation_groups import SimulationGroup
 
 if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
@@ -30,8 +30,8 @@ def group_of(case: Case) -> SimulationGroup:
 def facts_text(case: Case, *, frame_step: int = DEFAULT_FRAME_STEP) -> str:
     """All facts of a case, as text."""
     group = group_of(case)
-    columns = road_facts(group, ALL_FACTS)
-    columns |= simulation_facts(group, ALL_FACTS, frame_step=frame_step)
+    columns = measure_road_facts(group, ALL_FACTS)
+    columns |= measure_simulation_facts(group, ALL_FACTS, frame_step=frame_step)
     return fact_lines(columns).decode()
 
 

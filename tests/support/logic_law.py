@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.analysis.logic.programs import NeededRules
-    from overtaking.analysis.logic.recorded_facts import SimulationGroup
+    from overtaking.analysis.logic.simulation_groups import SimulationGroup
 
 GERMAN_PROGRAM = Path(__file__).parents[1] / "reference" / "law" / "germany.lp"
 

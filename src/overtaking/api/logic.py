@@ -104,7 +104,7 @@ def prove(dataset: str | Path | Dataset, simulation_id: int) -> "tuple[Proof, ..
         MissingExtraError: The extra `logic` is not installed.
     """
     from overtaking.analysis.logic.proof import prove_breaches
-    from overtaking.analysis.logic.recorded_facts import read_groups
+    from overtaking.analysis.logic.simulation_groups import read_groups
     from overtaking.data.choice import chosen as select_simulations
 
     source = load_dataset(dataset)

@@ -15,14 +15,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from overtaking.analysis.logic.fact_declaration import measure_facts
+from overtaking.analysis.logic.fact_source import FactSource
 from overtaking.analysis.logic.law_facts import LAW_FACTS
-from overtaking.analysis.logic.recorded_facts import (
-    ROAD_FACTS,
-    SIMULATION_FACTS,
-    FactSource,
-    measure_facts,
-    read_groups,
-)
+from overtaking.analysis.logic.road_facts import ROAD_FACTS
+from overtaking.analysis.logic.simulation_facts import EVENT_FACTS, SIMULATION_FACTS
+from overtaking.analysis.logic.simulation_groups import read_groups
+from overtaking.analysis.logic.vehicle_facts import MOTION_FACTS, VEHICLE_FACTS
 from overtaking.analysis.logic.vocabulary import INT_BITS, ROLE
 from overtaking.core.errors import SchemaError, check_in_range
 from overtaking.core.files import atomic_folder, write_new_file
@@ -32,13 +31,17 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.analysis.logic.recorded_facts import Fact, FactColumns, SimulationGroup
+    from overtaking.analysis.logic.fact_declaration import Fact, FactColumns
+    from overtaking.analysis.logic.simulation_groups import SimulationGroup
     from overtaking.analysis.logic.vocabulary import Predicate
     from overtaking.core.arrays import I64
     from overtaking.core.progress import ProgressCallback
     from overtaking.data.load import Dataset
 
-FACTS: dict[str, Fact] = {**ROAD_FACTS, **SIMULATION_FACTS, **LAW_FACTS}
+_RECORDED_FACTS = SIMULATION_FACTS | VEHICLE_FACTS | EVENT_FACTS | MOTION_FACTS
+"""Facts of each simulation that queries and programs of users read."""
+
+FACTS: dict[str, Fact] = ROAD_FACTS | _RECORDED_FACTS | LAW_FACTS
 """Every predicate of facts by name, in the order in which files list facts."""
 
 ArgumentPattern = tuple[str | None, ...]
@@ -104,13 +107,13 @@ class RequestedFacts:
 
 def all_facts(*, with_law: bool) -> RequestedFacts:
     """Every fact; those that only the law reads on request."""
-    facts = FACTS if with_law else {**ROAD_FACTS, **SIMULATION_FACTS}
+    facts = FACTS if with_law else ROAD_FACTS | _RECORDED_FACTS
     return RequestedFacts(
         patterns={name: frozenset([(None,) * len(fact.arguments)]) for name, fact in facts.items()}
     )
 
 
-def road_facts(group: SimulationGroup, requested: RequestedFacts) -> dict[str, FactColumns]:
+def measure_road_facts(group: SimulationGroup, requested: RequestedFacts) -> dict[str, FactColumns]:
     """The facts that every simulation of a data set shares.
 
     Args:
@@ -123,7 +126,7 @@ def road_facts(group: SimulationGroup, requested: RequestedFacts) -> dict[str, F
     return _measure_requested(ROAD_FACTS, group, requested, DEFAULT_FRAME_STEP)
 
 
-def simulation_facts(
+def measure_simulation_facts(
     group: SimulationGroup, requested: RequestedFacts, *, frame_step: int = DEFAULT_FRAME_STEP
 ) -> dict[str, FactColumns]:
     """The facts of a group of simulations, without the facts of the road.
@@ -134,9 +137,9 @@ def simulation_facts(
         frame_step: As in `FactSource`.
 
     Returns:
-        As `road_facts`.
+        As `measure_road_facts`.
     """
-    return _measure_requested(SIMULATION_FACTS | LAW_FACTS, group, requested, frame_step)
+    return _measure_requested(_RECORDED_FACTS | LAW_FACTS, group, requested, frame_step)
 
 
 def _measure_requested(
@@ -172,8 +175,8 @@ def pooled_facts(group: SimulationGroup, requested: RequestedFacts, frame_step: 
     Raises:
         SchemaError: A value is outside the range of its type.
     """
-    columns = road_facts(group, requested)
-    columns |= simulation_facts(group, requested, frame_step=frame_step)
+    columns = measure_road_facts(group, requested)
+    columns |= measure_simulation_facts(group, requested, frame_step=frame_step)
     lines: list[str] = []
     for name, arguments in columns.items():
         facts = _join_arguments(FACTS[name], arguments, "", "").to_pylist()
@@ -284,8 +287,8 @@ def write_facts(
             with path.open("xb") as file:
                 file.write(header)
                 for index, group in enumerate(groups_of_file):
-                    columns = {} if index else road_facts(group, requested)
-                    columns |= simulation_facts(group, requested, frame_step=frame_step)
+                    columns = {} if index else measure_road_facts(group, requested)
+                    columns |= measure_simulation_facts(group, requested, frame_step=frame_step)
                     file.write(fact_lines(columns))
                     num_facts += count_facts(columns)
                     if progress is not None:

@@ -3,9 +3,8 @@
 The program decides on breaches; no fact here is a verdict. Approaching vehicles are oncoming ones
 that are still ahead of the ego (`FactSource.approaching`).
 
-As in `recorded_facts`, a fact is declared at the function that measures it. The keywords of the
-decorator name the arguments of the predicate: the function returns one column for each, in this
-order.
+The keywords of the decorator `fact` name the arguments of the predicate; the function below it
+returns one column for each, in this order.
 """
 
 from __future__ import annotations
@@ -14,12 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.analysis.logic.recorded_facts import (
-    Fact,
-    concatenate_facts,
-    fact,
-    no_facts,
-)
+from overtaking.analysis.logic.fact_declaration import Fact, concatenate_facts, fact, no_facts
 from overtaking.analysis.logic.vocabulary import (
     BRAKING,
     FRAME,
@@ -42,7 +36,8 @@ from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world.surrogate_safety import drac
 
 if TYPE_CHECKING:
-    from overtaking.analysis.logic.recorded_facts import FactColumns, FactSource
+    from overtaking.analysis.logic.fact_declaration import FactColumns
+    from overtaking.analysis.logic.fact_source import FactSource
     from overtaking.core.arrays import IndexArray
 
 LAW_FACTS: dict[str, Fact] = {}

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from overtaking.analysis.logic.programs import ProgramRule
-    from overtaking.analysis.logic.recorded_facts import SimulationGroup
+    from overtaking.analysis.logic.simulation_groups import SimulationGroup
 
 _INSTANCE_PREDICATE = "because__"
 """Its arguments: index of the rule, conclusion, atoms of the body, values of the variables."""

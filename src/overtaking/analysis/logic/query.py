@@ -39,7 +39,7 @@ from overtaking.analysis.logic.reasoner import (
     ProgramError,
     Reasoner,
 )
-from overtaking.analysis.logic.recorded_facts import read_groups
+from overtaking.analysis.logic.simulation_groups import read_groups
 from overtaking.analysis.logic.vocabulary import MAX_INT, ArgumentType
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, check_in_range

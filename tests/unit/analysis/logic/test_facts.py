@@ -21,7 +21,7 @@ from overtaking.analysis.logic.fact_files import (
     all_facts,
     fact_lines,
     file_header,
-    simulation_facts,
+    measure_simulation_facts,
 )
 from overtaking.analysis.logic.programs import THEORY_PREDICATES, declared_predicates
 from overtaking.analysis.logic.vocabulary import (
@@ -112,10 +112,10 @@ def test_only_requested_facts_are_measured():
     group = group_of(over_and_back())
     pattern = (None, "leader", None, None, None, None)
     requested = RequestedFacts(patterns={"spacing": frozenset([pattern])})
-    facts = simulation_facts(group, requested)
+    facts = measure_simulation_facts(group, requested)
     assert set(facts) == {"spacing"}
     assert set(facts["spacing"][1].tolist()) == {0}
-    assert len(facts["spacing"][0]) < len(simulation_facts(group, ALL_FACTS)["spacing"][0])
+    assert len(facts["spacing"][0]) < len(measure_simulation_facts(group, ALL_FACTS)["spacing"][0])
 
 
 def test_every_predicate_is_declared_above_the_facts_and_no_measurement_of_the_law_is_a_verdict():

@@ -14,7 +14,7 @@ from tests.support.logic_law import law_reasoner, program_verdicts
 from tests.support.overtakes import alone, along_course, limited
 
 from overtaking import label, sample, simulate
-from overtaking.analysis.logic.fact_files import road_facts
+from overtaking.analysis.logic.fact_files import measure_road_facts
 from overtaking.analysis.logic.vocabulary import RULE_CODES
 from overtaking.data.tables.encode import encode
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
@@ -132,7 +132,7 @@ def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind
 def test_the_fact_of_a_lower_limit_holds_at_exactly_the_positions_of_the_limit(ends: list[float]):
     start, stop = sorted(ends)
     road = limited((start, stop, 60.0))
-    facts = road_facts(group_of(fast(road)), ALL_FACTS)
+    facts = measure_road_facts(group_of(fast(road)), ALL_FACTS)
     first, beyond, limit = (int(column[0]) for column in facts["lower_limit"])
     assert limit == 16_667
     near = np.array([first - 1, first, beyond - 1, beyond], np.int32)
