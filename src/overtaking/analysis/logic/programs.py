@@ -206,10 +206,23 @@ atexit.register(rules_for_queries.cache_clear)
 
 
 def parse_rules(program: str) -> tuple[ProgramRule, ...]:
-    """The rules of a program without errors."""
+    """The rules of a program without errors, with values in place of its own constants.
+
+    Rules without names of constants can be bounded, matched and run apart from their program.
+    """
     ast, lines = import_clingo().ast, program.splitlines()
-    trees: list[Any] = []
-    ast.parse_string(program, trees.append)
+    statements: list[Any] = []
+    ast.parse_string(program, statements.append)
+    values = {
+        statement.name: statement.value
+        for statement in statements
+        if node_kind(statement) == "Definition"
+    }
+    trees = [
+        _with_constants_replaced(statement, values)
+        for statement in statements
+        if node_kind(statement) == "Rule"
+    ]
     return tuple(
         ProgramRule(
             tree=tree,
@@ -219,8 +232,17 @@ def parse_rules(program: str) -> tuple[ProgramRule, ...]:
             body=tuple(_atoms_in(tree.body)),
         )
         for tree in trees
-        if tree.ast_type == ast.ASTType.Rule
     )
+
+
+def _with_constants_replaced(tree: Any, values: Mapping[str, Any]) -> Any:
+    """The same tree with the value of each constant that `#const` defines."""
+
+    class Replacement(import_clingo().ast.Transformer):
+        def visit_SymbolicTerm(self, node: Any) -> Any:
+            return values.get(str(node.symbol), node)
+
+    return Replacement().visit(tree)
 
 
 def _gloss_above(lines: list[str], line_number: int) -> str:

@@ -23,9 +23,9 @@ from overtaking.analysis.logic.query import parse_query
 from overtaking.analysis.logic.vocabulary import MAX_INT
 from overtaking.core.errors import ConfigError
 
-PROGRAMS = {
-    path.name: path for path in (*map(PROGRAM_FOLDER.joinpath, PROGRAM_FILES), GERMAN_PROGRAM)
-}
+PROGRAMS = {file: (PROGRAM_FOLDER / file).read_text(encoding="utf-8") for file in PROGRAM_FILES}
+# The German program uses numbers and conclusions of the Portuguese one.
+PROGRAMS["germany.lp"] = PROGRAMS["law.lp"] + GERMAN_PROGRAM.read_text(encoding="utf-8")
 GERMAN_TYPES = {
     predicate.signature: predicate.types
     for predicate in declared_predicates(GERMAN_PROGRAM.read_text(encoding="utf-8"))
@@ -34,7 +34,7 @@ TYPES = {**argument_types(), **GERMAN_TYPES}
 
 
 def rules_of(file: str):
-    return parse_rules(PROGRAMS[file].read_text(encoding="utf-8"))
+    return parse_rules(PROGRAMS[file])
 
 
 def overflows_of(text: str) -> list[str]:

@@ -33,7 +33,7 @@ opposite(S, A, B) :-
 opposite(S, A, B) :-
     drives_against(S, B), vehicle(S, A, _, _, _), \+ drives_against(S, A).
 
-% oncoming(S,A,B,F): A comes towards B, which drives along the road.
+% oncoming(S,A,B,F): A drives towards B, which drives along the road.
 oncoming(S, A, B, F) :-
     drives_against(S, A), opposite(S, A, B),
     position(S, A, F, X), position(S, B, F, Y), X > Y.
@@ -60,11 +60,14 @@ closing(S, A, B, F) :-
     behind(S, A, B, F),
     speed(S, A, F, V), speed(S, B, F, W), V > W.
 
+% As for the events: a vehicle follows up to this time gap.
+following_time_gap_s(3).
+
 % follows(S,A,B,F): B is next ahead of A, with a gap of less than 3 s.
 follows(S, A, B, F) :-
     behind(S, A, B, F), \+ between(S, A, B, F),
     apart(S, B, A, F, D, T),
-    speed(S, A, F, V), D-T < 6*V.
+    speed(S, A, F, V), following_time_gap_s(G), D-T < 2*G*V.
 
 % changes_lane(S,V,K,L,F): V changes from lane K to lane L.
 changes_lane(S, V, K, L, F) :-
@@ -77,14 +80,14 @@ leaves_behind(S, A, B, K, F) :-
     in_lane(S, B, F, K),
     position(S, A, F, X), position(S, B, F, Y), X < Y.
 
-% hidden(S,A,B,F): a vehicle ahead of A, which pulls out, is nearer to it than B.
-hidden(S, A, B, F) :-
+% not_next_ahead(S,A,B,F): A leaves another vehicle behind that is nearer to it than B.
+not_next_ahead(S, A, B, F) :-
     leaves_behind(S, A, B, K, F), leaves_behind(S, A, C, K, F), B =\= C,
     position(S, B, F, Y), position(S, C, F, Z), Z < Y.
 
 % pulls_out(S,A,B,F): A changes to the left behind B, the next vehicle ahead.
 pulls_out(S, A, B, F) :-
-    leaves_behind(S, A, B, _, F), \+ hidden(S, A, B, F).
+    leaves_behind(S, A, B, _, F), \+ not_next_ahead(S, A, B, F).
 
 % passes(S,A,B,G): the whole of A is ahead of B, and was not before.
 passes(S, A, B, G) :-
@@ -99,15 +102,15 @@ returns(S, A, B, F) :-
     in_lane(S, B, F, L),
     position(S, A, F, X), position(S, B, F, Y), X > Y.
 
-% came_back(S,A,F,H): A was back in the lane that it left in F before it was in H.
-came_back(S, A, F, H) :-
+% came_back_before(S,A,F,H): before frame H, A was back in the lane that it left in frame F.
+came_back_before(S, A, F, H) :-
     changes_lane(S, A, K, _, F), changes_lane(S, A, _, K, G),
     changes_lane(S, A, _, K, H), F < G, G < H.
 
 % overtakes(S,A,B,H): A is back in its lane, having left it behind B and passed B on the left.
 overtakes(S, A, B, H) :-
     leaves_behind(S, A, B, K, F),
-    changes_lane(S, A, L, K, H), L > K, F < H, \+ came_back(S, A, F, H),
+    changes_lane(S, A, L, K, H), L > K, F < H, \+ came_back_before(S, A, F, H),
     passes(S, A, B, G), F < G, G =< H,
     left_of(S, A, B, G).
 
