@@ -23,28 +23,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import Mask
-    from overtaking.labels.labelling import LabelledTrajectories
+    from overtaking.labels.labelling import JudgedBatch, LabelledTrajectories
     from overtaking.labels.law.judging import Policy
     from overtaking.labels.law.rule import Pack
     from overtaking.model.verdicts import Case
-
-
-@dataclass(frozen=True, eq=False)
-class JudgedBatch:
-    """Some simulations of a data set with their labels by one law or several.
-
-    Attributes:
-        simulation_ids: Their numbers in the data set, shape (simulation,).
-        labelled: Their labels by each law; `labels.classes` has a column for each policy.
-    """
-
-    simulation_ids: NDArray[np.integer]
-    labelled: tuple[LabelledTrajectories, ...]
-
-    @cached_property
-    def case(self) -> Case:
-        """The simulations as the rules see them; the labels of any law give the same case."""
-        return self.labelled[0].case()
 
 
 @dataclass(frozen=True, slots=True)

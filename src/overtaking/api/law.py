@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.progress import ProgressCallback
-from overtaking.labels.labelling import LabelledTrajectories, label
+from overtaking.labels.labelling import JudgedBatch, LabelledTrajectories, label
 from overtaking.labels.law.judging import (
     LAWS,
     STORED_POLICIES,
@@ -64,7 +64,7 @@ from overtaking.labels.law.rule import Pack
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
-    from overtaking.analysis.law_statistics import JudgedBatch, ToleranceCurve
+    from overtaking.analysis.law_statistics import ToleranceCurve
     from overtaking.data.load import Dataset
 
     DatasetSource = Dataset | str | Path
@@ -252,7 +252,7 @@ def _judge_batches(
     policies: Sequence[Sequence[Policy]],
     errors: MeasurementErrors | None,
     progress: ProgressCallback | None,
-) -> "Iterator[JudgedBatch]":
+) -> Iterator[JudgedBatch]:
     """Label a data set by each law, one batch of simulations after the other.
 
     Args:
@@ -265,8 +265,6 @@ def _judge_batches(
     Yields:
         The simulations with their labels by each pack.
     """
-    from overtaking.analysis.law_statistics import JudgedBatch
-
     num_done = 0
     for simulation_ids, trajectories in dataset.batches():
         labelled = tuple(
@@ -367,19 +365,12 @@ def judge(
         DatasetError: The data set is not complete, or damaged.
     """
     from overtaking.api.datasets import load_dataset
-    from overtaking.data.verdicts import written as write_while_iterating
+    from overtaking.data.verdicts import write_while_iterating
 
     source, pack = load_dataset(dataset), load_pack(law)
     law_policies = policies_for(pack, policies)
 
-    # An inner generator: if `judge` itself were one, its arguments would be checked only when the
-    # caller takes the first batch.
-    def batches() -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
-        num_done = 0
-        for numbers, trajectories in source.batches():
-            yield numbers, label(trajectories, pack=pack, policies=law_policies, errors=errors)
-            num_done += len(numbers)
-            if progress is not None:
-                progress(num_done, len(source))
-
-    return batches() if out is None else write_while_iterating(batches(), pack.name, Path(out))
+    # `judge` is no generator itself: a generator checks its arguments only at the first batch.
+    judged = _judge_batches(source, [pack], [law_policies], errors, progress)
+    batches = ((batch.simulation_ids, batch.labelled[0]) for batch in judged)
+    return batches if out is None else write_while_iterating(batches, pack.name, Path(out))

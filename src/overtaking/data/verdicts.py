@@ -31,8 +31,10 @@ _SCHEMA = pa.schema(
 """`illegal` and `undecidable` are the codes of all rules with that verdict, under any policy."""
 
 
-def written(batches: Iterable[Judged], law: str, out: Path) -> Iterator[Judged]:
-    """Write verdicts as they pass by; the file appears whole when the last one has passed.
+def write_while_iterating(batches: Iterable[Judged], law: str, out: Path) -> Iterator[Judged]:
+    """Write the verdicts of each batch that the caller takes.
+
+    The file appears, complete, when the caller has taken the last batch.
 
     Args:
         batches: Numbers of simulations with their labels.

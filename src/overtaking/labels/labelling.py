@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
 
-from overtaking.core.arrays import U8
+from overtaking.core.arrays import I64, U8
 from overtaking.labels.attempt_features import attempt_features
 from overtaking.labels.event_detection import (
     case_from_trajectories,
@@ -89,6 +90,24 @@ class LabelledTrajectories(IdentityBatch):
             events=self.events,
             target=target,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedBatch:
+    """Some simulations of a data set with their labels by one law or several.
+
+    Attributes:
+        simulation_ids: Their numbers in the data set, shape (simulation,).
+        labelled: Their labels by each law; `labels.classes` has a column for each policy.
+    """
+
+    simulation_ids: I64
+    labelled: tuple[LabelledTrajectories, ...]
+
+    @cached_property
+    def case(self) -> Case:
+        """The simulations as the rules see them; the labels of any law give the same case."""
+        return self.labelled[0].case()
 
 
 def label(

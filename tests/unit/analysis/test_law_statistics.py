@@ -11,13 +11,12 @@ import pytest
 import overtaking as ot
 from overtaking.analysis.law_statistics import (
     TOLERANCE_SCALES,
-    JudgedBatch,
     compare_laws,
     tolerance_curve,
 )
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.labels.labelling import label
+from overtaking.labels.labelling import JudgedBatch, label
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
