@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from operator import attrgetter
 
 import pytest
 from tests.support.logic_law import GERMAN_PROGRAM
@@ -14,7 +15,6 @@ from overtaking.labels.law.numbers import (
     ABRUPT_BRAKING,
     GAP_REGAIN_TIME,
     LINE_TOLERANCE,
-    ONCOMING_TIME,
     RETURN_FREE_TIME,
     RETURN_TIME_GAP,
     WINDOW_AFTER,
@@ -30,7 +30,10 @@ TEXTS = {
 CRITERIA = {rule.code: rule.criterion for law in LAWS.values() for rule in law.rules}
 
 NUMBERS = {
-    "theory": {"ego": EGO_SLOT, "following_time_gap_s": constant("event_detection.phases.follow_time_gap")},
+    "theory": {
+        "ego": EGO_SLOT,
+        "following_time_gap_s": constant("event_detection.phases.follow_time_gap"),
+    },
     "pt": {
         "window_before_ms": WINDOW_BEFORE,
         "window_after_ms": WINDOW_AFTER,
@@ -45,19 +48,19 @@ NUMBERS = {
         "return_time_gap_s": RETURN_TIME_GAP,
         "return_free_time_s": RETURN_FREE_TIME,
         "max_return_delay_ms": ("L9", "max_delay"),
-        "min_speed_km_per_h": constant("law.minimum.speed"),
-        "congestion_min_vehicles": constant("law.minimum.congestion_vehicles"),
-        "congestion_speed_mm_per_s": constant("law.minimum.congestion_speed"),
-        "congestion_time_gap_s": constant("law.minimum.queue_time_gap"),
+        "min_speed_km_per_h": ("L13", "min_speed"),
+        "congestion_min_vehicles": ("L13", "congestion_min_vehicles"),
+        "congestion_speed_mm_per_s": ("L13", "congestion_speed"),
+        "congestion_time_gap_s": ("L13", "queue_time_gap"),
         "min_border_distance_mm": ("L16", "min_border_distance"),
         "approach_length_mm": ("L17", "approach_length"),
         "indication_before_ms": ("L18", "time_before"),
         "indication_after_ms": ("L18", "time_after"),
         "truck_min_lanes": ("L20", "min_lanes"),
         "truck_open_lanes": ("L20", "num_open_lanes"),
-        "oncoming_time_s": ONCOMING_TIME,
-        "encroachment_time_s": constant("law.oncoming.encroachment"),
-        "reaction_reach_s": constant("law.oncoming.reach_time"),
+        "oncoming_time_s": ("L24", "min_time"),
+        "encroachment_time_s": ("L24", "min_pet"),
+        "reaction_reach_s": ("L26", "max_meeting_time"),
         "slow_speed_km_per_h": ("L28", "max_speed"),
         "slow_vehicle_gap_mm": ("L28", "min_gap"),
     },
@@ -94,12 +97,12 @@ def test_every_constant_of_a_program_is_the_number_of_the_package(program: str):
 
 
 @pytest.mark.parametrize(
-    ("law", "predicate", "file"),
-    [("pt", "general_limit", "law"), ("de", "german_general_limit", "law_de")],
+    ("law", "predicate", "code"),
+    [("pt", "general_limit", "L12"), ("de", "german_general_limit", "V2")],
 )
-def test_the_general_limits_of_a_program_are_those_of_its_rule(law: str, predicate: str, file: str):
+def test_the_general_limits_of_a_program_are_those_of_its_rule(law: str, predicate: str, code: str):
     limits = re.findall(rf"\b{predicate}\((\w+),(\w+),(\d+)\)", TEXTS[law])
     assert len(limits) == 9  # Three kinds of road, three classes of vehicle.
     for road, vehicle, limit in limits:
-        expected = 3.6 * float(constant(f"{file}.limits.{road}.{vehicle}"))
-        assert int(limit) == pytest.approx(expected, rel=1e-6), (road, vehicle)
+        number = attrgetter(f"general_limits.{road}.{vehicle}")(CRITERIA[code])
+        assert int(limit) == pytest.approx(3.6 * float(number), rel=1e-6), (road, vehicle)
