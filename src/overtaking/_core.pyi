@@ -218,9 +218,9 @@ class ExternallyMovedSimulation:
 
         Args:
             inputs: Inputs of one simulation.
-            tick: Time between two decisions [s]; one call of `steer` turns the wheels for as long.
-            frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`,
-                because frames are written in tiles of as many, also for a single simulation.
+            tick: Time between two decisions [s], in which one call of `steer` turns the wheels.
+            frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`: the
+                recorder writes `SIMD_LANES` frames at once, also for a single simulation.
             outputs: Flat arrays by name, as in `simulate`. Each call writes a part of them.
             level: SIMD level; None for the best of this CPU.
 
@@ -236,11 +236,12 @@ class ExternallyMovedSimulation:
 
         Args:
             motion: Motion after the last tick, (field, slot), fields as `FIELD_NAMES["motion"]`.
-            step: Number of the step of 10 ms.
+            step: Number of the step; steps last 10 ms.
 
         Returns:
             Requests of the drivers, (field, slot), fields as `FIELD_NAMES["driver_output"]`; lamps
-            in the last recorded frame, (slot,), as bits of `Lights`; the last step.
+            in the last recorded frame, (slot,), as bits of `Lights`; the last step of the
+            simulation.
 
         Raises:
             ValueError: The motion has another length.
@@ -267,8 +268,8 @@ class ExternallyMovedSimulation:
             contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
                 closing speed [m/s]. A contact is recorded for its first slot only; the other
                 vehicle needs an entry of its own.
-            step: Number of the step of 10 ms from which the time after an accident of the ego
-                counts; may be before the first decision.
+            step: Step of the contacts; may be negative, before the first decision. An accident of
+                the ego ends the simulation soon after it.
 
         Raises:
             ValueError: A slot does not exist.
@@ -283,7 +284,7 @@ class ExternallyMovedSimulation:
             motion: As in `decide`.
             ego_stage: Code of the ego's `Stage`.
             ego_indicator: 1 towards the overtaking side, -1 towards the kerb side, 0 off.
-            step: Number of the step of 10 ms.
+            step: Number of the step; steps last 10 ms.
 
         Raises:
             ValueError: The motion has another length.
@@ -348,11 +349,11 @@ class PedalDriving:
         """Keep the parameters of the vehicles and of the road under them.
 
         Args:
-            inputs: Inputs of one simulation, of which `steps_per_frame` is not read.
+            inputs: Inputs of one simulation; `steps_per_frame` is ignored.
             level: SIMD level; None for the best of this CPU.
 
         Raises:
-            ValueError: There is not one simulation.
+            ValueError: There is not one simulation, or the SIMD level is unknown or not available.
         """
 
     def drive(
@@ -367,12 +368,13 @@ class PedalDriving:
 
         Args:
             table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-            controls: Throttle, brake and requested angle of the front wheels [rad], (3, vehicle).
+            controls: Throttle and brake, 0 to 1, and requested angle of the front wheels [rad],
+                (3, vehicle).
             wheel_rate: Rate at which the front wheels turn [rad/s].
             num_steps: Number of steps, each as long as the constant `step`.
 
         Raises:
-            ValueError: An array has another length, or the SIMD level is unknown or not available.
+            ValueError: An array has another length.
         """
 
     def resolve_contacts(
@@ -394,19 +396,18 @@ class PedalDriving:
             First other body that each body touched, -1 without a contact.
 
         Raises:
-            ValueError: An array has another length, a pair names a body that does not exist, or the
-                SIMD level is unknown or not available.
+            ValueError: An array has another length, or a pair names a body that does not exist.
         """
 
-    def update_weather(self, /, table: NDArray[np.float32], decision: int) -> None:
+    def update_weather(self, /, table: NDArray[np.float32], decision_index: int) -> None:
         """Write gusts, friction and wind of a decision into a table of vehicles.
 
         Args:
             table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-            decision: Number of the decision, 20 a second.
+            decision_index: Index of the decision, 20 a second, which the random numbers depend on.
 
         Raises:
-            ValueError: An array has another length, or the SIMD level is unknown or not available.
+            ValueError: An array has another length.
         """
 
 @final

@@ -1,8 +1,10 @@
 //! Drivers of the model in one simulation whose vehicles another simulator moves, such as CARLA.
 //!
-//! All lanes of a vector hold the same simulation, and results are read from the first lane. A *tick* is the time
-//! between two decisions.
+//! The other simulator says where the vehicles are; the drivers of the model perceive, decide and steer. All lanes of a
+//! vector hold the same simulation, and results are read from the first lane. A *tick* is the time between two
+//! decisions.
 
+use std::array;
 use std::mem::swap;
 use std::sync::Arc;
 
@@ -25,7 +27,7 @@ use crate::state::{EGO_SLOT, new_history};
 use crate::steering::steer;
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Fields of the motion of vehicles, in the order of the rows of a table, (field, slot).
+/// Fields of `Motion` that the other simulator sets, in the order of the rows of a motion table, (field, slot).
 pub const MOTION_FIELDS: &[&str] = &[
     "s",
     "d",
@@ -48,46 +50,49 @@ pub const DRIVER_OUTPUT_FIELDS: &[&str] = &[
 
 /// Requests of the drivers to their vehicles after a decision.
 pub struct DriverOutput {
-    /// Rows `DRIVER_OUTPUT_FIELDS`, (field, slot).
+    /// Rows as `DRIVER_OUTPUT_FIELDS`, (field, slot).
     pub table: Vec<f32>,
-    /// Lamps of each vehicle in the last recorded frame, a sum of bits of `lights`.
+    /// Lamps of each vehicle in the last recorded frame as bits of `lights`, (slot).
     pub lights: Vec<u8>,
-    /// Last step of the simulation.
+    /// Last step of the simulation, which an accident of the ego brings forward.
     pub end_step: f32,
 }
 
-/// The contact of a vehicle with another one.
+/// The contact of a vehicle with another one. The other vehicle has a `VehicleContact` of its own.
 #[derive(Clone, Copy)]
 pub struct VehicleContact {
     /// Slot of the vehicle.
     pub slot: usize,
     /// Slot of the other vehicle.
     pub other_slot: usize,
-    /// Time of the contact [s].
+    /// Time of the contact since the start of the simulation [s].
     pub time: f32,
     /// Size of the impulse [N s].
     pub impulse: f32,
-    /// Closing speed [m/s].
+    /// Closing speed before the contact [m/s].
     pub closing_speed: f32,
 }
 
 /// One simulation whose vehicles another simulator moves.
 ///
-/// Calls that record get the output arrays of the simulation, always the same ones. Motion has the rows
-/// `MOTION_FIELDS`.
+/// Steps are numbered from 0 and last 10 ms. `motion` is a table, (field, slot), with rows as `MOTION_FIELDS`; `output`
+/// is the memory of the recording, the same in every call.
 pub trait ExternallyMoved: Send + Sync {
     /// Record the first contact of each vehicle, which becomes a wreck. `step` may be before the first decision.
     fn note_contacts(&mut self, contacts: &[VehicleContact], step: i32);
 
-    /// Let all drivers decide on this motion, and record a frame if one is due.
+    /// Let all drivers perceive this motion and decide, and record a frame if one is due at this step.
     fn decide(&mut self, motion: &[f32], step: u32, output: Output<'_>) -> DriverOutput;
 
-    /// Turn the front wheels for one tick; returns the angle or lean of each vehicle, (slot).
+    /// Turn the front wheels for one tick.
     ///
-    /// `wind_trim` is the part of the angle or lean that holds against crosswind, (slot).
+    /// `wind_trim` is the part of the wheel angle that holds against crosswind, (slot). Returns the wheel angles,
+    /// (slot). Both are in rad, and for two-wheelers, which lean, lateral accelerations [m/s^2].
     fn steer(&mut self, wind_trim: &[f32]) -> Vec<f32>;
 
-    /// Record a frame of motion for which other drivers have decided. `indicator` is 1 for left and -1 for right.
+    /// Record a frame, if one is due at this step, for which the drivers of the other simulator have decided.
+    ///
+    /// `ego_stage` is a code of `stage`; `ego_indicator` is 1 to the left, -1 to the right, 0 off.
     fn record(
         &mut self,
         motion: &[f32],
@@ -110,9 +115,10 @@ pub trait ExternallyMoved: Send + Sync {
     fn finish(&mut self, output: Output<'_>);
 }
 
-/// Prepare the simulation of a batch of one, with wheels that turn for one tick [s] at a time.
+/// Prepare a simulation of our drivers from a batch of one simulation.
 ///
-/// The function is generic for the reason that `simulate` states.
+/// `tick` is the time between two decisions [s], in which one call of `steer` turns the wheels. The function is generic
+/// for the reason that `simulate` states.
 ///
 /// # Errors
 /// There are more than `MAX_VEHICLES` slots.
@@ -139,24 +145,28 @@ struct ExternalMotion<S: Simd, const N: usize> {
     block: Box<Block<'static, S, N>>,
     context: DecisionContext<S, N>,
     tile: FrameTile<N>,
-    recorded: RecorderProgress,
+    /// Progress of the recorder after the last frame: a recorder borrows `output`, so it lives for one call only.
+    recorder_progress: RecorderProgress,
     num_slots: usize,
     steps_per_frame: u32,
-    /// Constants while the wheels turn.
+    /// Constants that hold while the wheels turn; see `begin`.
     steering_constants: Arc<ModelConstants>,
+    /// A step as long as a tick.
     tick: StepLength,
+    /// Lamps in the last recorded frame.
     lights: [u8; N],
 }
 
 impl<S: Simd, const N: usize> ExternalMotion<S, N> {
-    /// Place the simulation before its first decision.
+    /// Begin before the first decision.
     fn begin(
         simd: S,
         inputs: &Inputs<'_>,
         tick: f32,
         output: Output<'_>,
     ) -> Box<dyn ExternallyMoved> {
-        // Two-wheelers of the other simulator lean within a tick: half a tick late on average.
+        // Two-wheelers of the other simulator lean within a tick, on average half a tick late. This replaces the lag of
+        // the model.
         let steering_constants = ModelConstants {
             two_wheeler_lag: 0.5 * tick,
             ..*inputs.constants
@@ -165,7 +175,7 @@ impl<S: Simd, const N: usize> ExternalMotion<S, N> {
             block: Block::new(simd, inputs, &[0], None, new_history()),
             context: DecisionContext::new(simd),
             tile: FrameTile::default(),
-            recorded: Recorder::<N>::new(vec![output]).progress(),
+            recorder_progress: Recorder::<N>::new(vec![output]).progress(),
             num_slots: inputs.num_slots,
             steps_per_frame: inputs.steps_per_frame,
             tick: StepLength::new(&steering_constants, tick),
@@ -181,14 +191,20 @@ impl<S: Simd, const N: usize> ExternalMotion<S, N> {
             if params.vehicles[slot].valid[0] == 0.0 {
                 continue;
             }
-            let number = |row: usize| splat(params.simd, motion[row * self.num_slots + slot]);
-            let moved = &mut state.motion;
-            (moved.s[slot], moved.d[slot]) = (number(0), number(1));
-            moved.heading[slot] = number(2);
-            (moved.sin_heading[slot], moved.cos_heading[slot]) = sincos(number(2));
-            (moved.vx[slot], moved.vy[slot]) = (number(3), number(4));
-            moved.yaw_rate[slot] = number(5);
-            (moved.accel_lon[slot], moved.accel_lat[slot]) = (number(6), number(7));
+            // In the order of `MOTION_FIELDS`.
+            let [s, d, heading, vx, vy, yaw_rate, accel_lon, accel_lat] =
+                array::from_fn(|row| splat(params.simd, motion[row * self.num_slots + slot]));
+            let vehicle_motion = &mut state.motion;
+            (vehicle_motion.s[slot], vehicle_motion.d[slot]) = (s, d);
+            vehicle_motion.heading[slot] = heading;
+            (
+                vehicle_motion.sin_heading[slot],
+                vehicle_motion.cos_heading[slot],
+            ) = sincos(heading);
+            (vehicle_motion.vx[slot], vehicle_motion.vy[slot]) = (vx, vy);
+            vehicle_motion.yaw_rate[slot] = yaw_rate;
+            vehicle_motion.accel_lon[slot] = accel_lon;
+            vehicle_motion.accel_lat[slot] = accel_lat;
         }
     }
 
@@ -210,9 +226,9 @@ impl<S: Simd, const N: usize> ExternalMotion<S, N> {
         });
     }
 
-    /// The first lane of the number of each slot.
-    fn row(&self, number: impl Fn(usize) -> F32<S>) -> impl Iterator<Item = f32> {
-        (0..self.num_slots).map(move |slot| number(slot)[0])
+    /// A row of a table: `value_of(slot)` in the first lane, for each slot.
+    fn row(&self, value_of: impl Fn(usize) -> F32<S>) -> impl Iterator<Item = f32> {
+        (0..self.num_slots).map(move |slot| value_of(slot)[0])
     }
 }
 
@@ -222,14 +238,15 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
         let simd = params.simd;
         let was_sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);
         for contact in contacts {
-            let (slot, first) = (contact.slot, &mut state.first_contact);
-            if first.partner[slot][0] >= 0.0 {
+            let (slot, first_contact) = (contact.slot, &mut state.first_contact);
+            let has_earlier_contact = first_contact.partner[slot][0] >= 0.0;
+            if has_earlier_contact {
                 continue;
             }
-            first.partner[slot] = splat(simd, contact.other_slot as f32);
-            first.time[slot] = splat(simd, contact.time);
-            first.impulse[slot] = splat(simd, contact.impulse);
-            first.closing_speed[slot] = splat(simd, contact.closing_speed);
+            first_contact.partner[slot] = splat(simd, contact.other_slot as f32);
+            first_contact.time[slot] = splat(simd, contact.time);
+            first_contact.impulse[slot] = splat(simd, contact.impulse);
+            first_contact.closing_speed[slot] = splat(simd, contact.closing_speed);
             state.motion.is_wreck[slot] = splat(simd, 1.0);
         }
         let has_crashed = was_sound & state.motion.is_wreck[EGO_SLOT].simd_gt(0.0);
@@ -238,7 +255,7 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
 
     fn decide(&mut self, motion: &[f32], step: u32, output: Output<'_>) -> DriverOutput {
         self.set_motion(motion);
-        let mut recorder = Recorder::resume(output, self.recorded);
+        let mut recorder = Recorder::resume(output, self.recorder_progress);
         let Block {
             params,
             state,
@@ -255,7 +272,7 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
             None,
         );
         self.record_due_frame(&mut recorder, step);
-        self.recorded = recorder.progress();
+        self.recorder_progress = recorder.progress();
         let Block { params, state, .. } = &*self.block;
         let table = self
             .row(|slot| state.controls.requested_accel[slot])
@@ -275,17 +292,18 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
         let Block { params, state, .. } = &mut *self.block;
         let (simd, tick) = (params.simd, &self.tick);
         swap(&mut params.constants, &mut self.steering_constants);
-        let params_of_tick = &*params;
+        let steering_params = &*params;
         with_cpu_features!(simd, {
-            for slot in 0..params_of_tick.num_slots_in_use {
+            for slot in 0..steering_params.num_slots_in_use {
                 state.controls.wind_trim[slot] = splat(simd, wind_trim[slot]);
-                if params_of_tick.road.varies_along_road() {
-                    steer::<S, N, true>(state, params_of_tick, slot, tick);
+                if steering_params.road.varies_along_road() {
+                    steer::<S, N, true>(state, steering_params, slot, tick);
                 } else {
-                    steer::<S, N, false>(state, params_of_tick, slot, tick);
+                    steer::<S, N, false>(state, steering_params, slot, tick);
                 }
             }
         });
+        // Decisions use the constants of the model again.
         swap(&mut params.constants, &mut self.steering_constants);
         let state = &self.block.state;
         self.row(|slot| state.controls.wheel_angle[slot]).collect()
@@ -303,9 +321,9 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
         let Block { params, state, .. } = &mut *self.block;
         state.overtake.stage[EGO_SLOT] = splat(params.simd, ego_stage);
         state.controls.indicator[EGO_SLOT] = splat(params.simd, ego_indicator);
-        let mut recorder = Recorder::resume(output, self.recorded);
+        let mut recorder = Recorder::resume(output, self.recorder_progress);
         self.record_due_frame(&mut recorder, step);
-        self.recorded = recorder.progress();
+        self.recorder_progress = recorder.progress();
     }
 
     fn end_at(&mut self, step: u32) {
@@ -323,7 +341,7 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
 
     fn finish(&mut self, output: Output<'_>) {
         let Block { params, state, .. } = &*self.block;
-        let mut recorder = Recorder::resume(output, self.recorded);
+        let mut recorder = Recorder::resume(output, self.recorder_progress);
         let tile = &self.tile;
         with_cpu_features!(params.simd, {
             recorder.write_tile(params, tile);

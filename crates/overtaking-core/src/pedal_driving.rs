@@ -1,11 +1,13 @@
 //! Vehicles that a program drives by pedals and wheel angles; see `overtaking.sim.reference.pedal_driving`.
 //!
-//! There is one simulation, which all lanes of a vector hold, but for the wind: see `update_weather`.
+//! There is one simulation, and every lane of a vector holds it. Only `update_weather` has different numbers in the
+//! lanes: the wind in the axes of different vehicles.
 
+use std::array;
 use std::sync::Arc;
 
-use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd};
 
 use crate::collisions::{SweptStep, VehiclePair, resolve_pair};
 use crate::decision_context::RoadPositions;
@@ -17,27 +19,31 @@ use crate::names::SimulationParams;
 use crate::params::{DerivedConstants, Params};
 use crate::road_conditions;
 use crate::run::block::load;
-use crate::run::engine::{Inputs, require_level};
+use crate::run::engine::Inputs;
 use crate::state::{NO_SLOT, State, new_history};
 use crate::vehicle_dynamics;
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Declare the fields that a tick changes, and how they pass between a table with a row for each and the state.
+/// Declare the fields that a tick changes, and the functions that copy them between the state and a table with one row
+/// per field.
 macro_rules! table_fields {
     ($($group:ident.$field:ident),* $(,)?) => {
         /// Fields that a tick changes, in the order of the rows of a table.
         pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
 
+        /// Write the table, (field, vehicle), to every lane of the state.
         #[inline(always)]
         fn read_table<S: Simd, const N: usize>(state: &mut State<S, N>, table: &[f32], simd: S) {
             let mut rows = table.chunks_exact(table.len() / TABLE_FIELDS.len());
-            $(for (mine, value) in state.$group.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
-                *mine = splat(simd, *value);
+            $(for (field, value) in state.$group.$field.iter_mut().zip(rows.next().unwrap_or_default()) {
+                *field = splat(simd, *value);
             })*
         }
 
-        /// Write the state to the table: the numbers of each vehicle from the lane that `lane_of` names, `None` to
-        /// leave the vehicle as it is.
+        /// Write one lane of the state to each column of the table.
+        ///
+        /// `lane_of` maps the slot of a vehicle to the lane with its numbers; the columns of vehicles without a lane
+        /// stay unchanged.
         #[inline(always)]
         fn write_table<S: Simd, const N: usize>(
             state: &State<S, N>,
@@ -45,9 +51,9 @@ macro_rules! table_fields {
             lane_of: impl Fn(usize) -> Option<usize>,
         ) {
             let mut rows = table.chunks_exact_mut(table.len() / TABLE_FIELDS.len());
-            $(for (i, value) in rows.next().unwrap_or_default().iter_mut().enumerate() {
-                if let Some(lane) = lane_of(i) {
-                    *value = state.$group.$field[i][lane];
+            $(for (slot, value) in rows.next().unwrap_or_default().iter_mut().enumerate() {
+                if let Some(lane) = lane_of(slot) {
+                    *value = state.$group.$field[slot][lane];
                 }
             })*
         }
@@ -75,43 +81,51 @@ pub const BODY_FIELDS: &[&str] = &[
     "inverse_inertia",
 ];
 
-/// Pedals and steering, a number for each vehicle.
+/// Pedals and steering of all vehicles, which hold for all steps of a call.
 #[derive(Clone, Copy)]
 pub struct PedalControls<'a> {
-    /// Share of the engine force that is available at the present speed.
+    /// Share of the engine force that is available at the present speed, 0 to 1, (vehicle).
     pub throttle: &'a [f32],
-    /// Share of the full braking force.
+    /// Share of the full braking force, 0 to 1, (vehicle).
     pub brake: &'a [f32],
-    /// Requested angle of the front wheels [rad].
+    /// Requested angle of the front wheels [rad], (vehicle).
     pub wheel_angle: &'a [f32],
     /// Rate at which the wheels turn [rad/s].
     pub wheel_rate: f32,
 }
 
-/// A part of a tick.
+/// A part of a tick, the time between two decisions.
 #[derive(Clone, Copy)]
 pub enum TickPart<'a> {
-    /// Gusts, friction and wind of the decision with this number.
-    Weather(u32),
-    /// Motion for this number of steps.
-    Motion(PedalControls<'a>, u32),
+    /// Draw gusts, and compute friction and wind until the next decision.
+    Weather {
+        /// Index of the decision, which the random numbers depend on.
+        decision_index: u32,
+    },
+    /// Move all vehicles.
+    Motion {
+        /// Pedals and steering during these steps.
+        controls: PedalControls<'a>,
+        /// Number of steps, each as long as the constant `step`.
+        num_steps: u32,
+    },
 }
 
-/// Slots for few vehicles. More vehicles get `MAX_VEHICLES` slots: a third size would take long to compile.
-const FEW: usize = SLOT_CAPACITIES[0];
+/// Slots that few vehicles get. More vehicles get `MAX_VEHICLES` slots: a third size would take long to compile.
+const FEW_SLOTS: usize = SLOT_CAPACITIES[0];
 
 /// Compute a part of a tick for the vehicles of a table, (field, vehicle), whose rows are `TABLE_FIELDS`.
 ///
 /// # Errors
-/// There are too many vehicles, arrays have another length, or this CPU lacks the SIMD level.
+/// There are more than `MAX_VEHICLES` vehicles, or arrays have another length.
 pub fn compute_part_of_tick(
+    level: Level,
     inputs: &Inputs<'_>,
     part: TickPart<'_>,
-    forced: Option<&str>,
     table: &mut [f32],
 ) -> Result<(), String> {
-    let level = require_level(forced)?;
-    if table.len() != inputs.num_slots * TABLE_FIELDS.len() || !controls_fit(part, inputs.num_slots)
+    if table.len() != inputs.num_slots * TABLE_FIELDS.len()
+        || !has_controls_for(part, inputs.num_slots)
     {
         return Err(format!("expected numbers of {} vehicles", inputs.num_slots));
     }
@@ -121,12 +135,12 @@ pub fn compute_part_of_tick(
             inputs.num_slots
         ));
     }
-    if inputs.num_slots <= FEW {
-        dispatch!(level, |simd| with_params::<_, FEW>(
+    if inputs.num_slots <= FEW_SLOTS {
+        dispatch!(level, |simd| compute_part::<_, FEW_SLOTS>(
             simd, inputs, part, table
         ));
     } else {
-        dispatch!(level, |simd| with_params::<_, MAX_VEHICLES>(
+        dispatch!(level, |simd| compute_part::<_, MAX_VEHICLES>(
             simd, inputs, part, table
         ));
     }
@@ -135,20 +149,19 @@ pub fn compute_part_of_tick(
 
 /// Exchange momentum between the bodies of each pair that touched during the last step.
 ///
-/// `bodies` has shape (field, body), rows as `BODY_FIELDS`; it holds the motion after the step, and is changed.
-/// `old_positions` are `s` and `d` before the step, (2, body). Pairs are resolved in their order. Returns for each body
-/// the first other body that it touched.
+/// `bodies` has shape (field, body), rows as `BODY_FIELDS`. It holds the motion after the step and is changed in place.
+/// `old_positions` are `s` and `d` before the step [m], (2, body). Pairs are resolved in their order. Returns for each
+/// body the first other body that it touched.
 ///
 /// # Errors
-/// Arrays have another length, a pair names a body that does not exist, or this CPU lacks the SIMD level.
+/// Arrays have another length, or a pair names a body that does not exist.
 pub fn resolve_contacts(
+    level: Level,
     inputs: &Inputs<'_>,
     bodies: &mut [f32],
     old_positions: &[f32],
     pairs: &[[usize; 2]],
-    forced: Option<&str>,
 ) -> Result<Vec<Option<usize>>, String> {
-    let level = require_level(forced)?;
     let num_bodies = bodies.len() / BODY_FIELDS.len();
     let is_known = |body: &usize| *body < num_bodies;
     if bodies.len() != num_bodies * BODY_FIELDS.len()
@@ -170,16 +183,20 @@ pub fn resolve_contacts(
     Ok(first_contacts.into_iter().map(partner).collect())
 }
 
-fn controls_fit(part: TickPart<'_>, num_vehicles: usize) -> bool {
+/// Whether a part of a tick has pedals and steering for each vehicle, if it needs any.
+fn has_controls_for(part: TickPart<'_>, num_vehicles: usize) -> bool {
     match part {
-        TickPart::Weather(_) => true,
-        TickPart::Motion(controls, _) => [controls.throttle, controls.brake, controls.wheel_angle]
-            .iter()
-            .all(|values| values.len() == num_vehicles),
+        TickPart::Weather { .. } => true,
+        TickPart::Motion { controls, .. } => {
+            [controls.throttle, controls.brake, controls.wheel_angle]
+                .iter()
+                .all(|values| values.len() == num_vehicles)
+        }
     }
 }
 
-fn with_params<S: Simd, const N: usize>(
+/// Compute a part of a tick with `N` vehicle slots.
+fn compute_part<S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'_>,
     part: TickPart<'_>,
@@ -187,8 +204,11 @@ fn with_params<S: Simd, const N: usize>(
 ) {
     let params = params_in_all_lanes::<S, N>(simd, inputs);
     match part {
-        TickPart::Weather(decision) => update_weather(params, decision, table),
-        TickPart::Motion(controls, steps) => drive(&params, controls, steps, table),
+        TickPart::Weather { decision_index } => update_weather(params, decision_index, table),
+        TickPart::Motion {
+            controls,
+            num_steps,
+        } => drive(&params, controls, num_steps, table),
     }
 }
 
@@ -225,12 +245,12 @@ struct Contact {
     time: f32,
 }
 
-/// Slot that stands for a partner in an earlier pair: the two bodies of a pair have slots 0 and 1.
+/// Partner of a body that has touched another body in an earlier pair: any slot but 0 and 1, the slots of a pair.
 const SLOT_OF_ANOTHER_PAIR: f32 = 2.0;
 
 /// Resolve the contacts of pairs, one pair after the other in the first two slots.
 ///
-/// A body has as many partners as it touches, and their number is not limited by the slots.
+/// In this way there may be any number of bodies, and of bodies that touch one of them.
 fn resolve_pairs<S: Simd>(
     simd: S,
     inputs: &Inputs<'_>,
@@ -240,34 +260,48 @@ fn resolve_pairs<S: Simd>(
     first_contacts: &mut [Option<Contact>],
 ) {
     let num_bodies = first_contacts.len();
-    let mut params = params_in_all_lanes::<S, FEW>(simd, inputs);
+    let mut params = params_in_all_lanes::<S, FEW_SLOTS>(simd, inputs);
     let mut state = State::at_start(&params, new_history());
     let zero = splat(simd, 0.0);
-    // These vehicles have no last step.
+    // Contacts are resolved in running simulations only, and this one has no end.
     state.end_step = splat(simd, f32::MAX);
-    let mut old_s = [zero; FEW];
-    let mut old_d = [zero; FEW];
+    let mut old_s = [zero; FEW_SLOTS];
+    let mut old_d = [zero; FEW_SLOTS];
     for pair in pairs {
         for (slot, body) in pair.iter().copied().enumerate() {
-            let number = |row: usize| splat(simd, bodies[row * num_bodies + body]);
+            // In the order of `BODY_FIELDS`.
+            let [
+                s,
+                d,
+                heading,
+                vx,
+                vy,
+                yaw_rate,
+                half_length,
+                half_width,
+                inverse_mass,
+                inverse_inertia,
+            ] = array::from_fn(|row| splat(simd, bodies[row * num_bodies + body]));
             let motion = &mut state.motion;
-            (motion.s[slot], motion.d[slot]) = (number(0), number(1));
-            motion.heading[slot] = number(2);
-            (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(number(2));
-            (motion.vx[slot], motion.vy[slot]) = (number(3), number(4));
-            motion.yaw_rate[slot] = number(5);
+            (motion.s[slot], motion.d[slot]) = (s, d);
+            motion.heading[slot] = heading;
+            (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(heading);
+            (motion.vx[slot], motion.vy[slot]) = (vx, vy);
+            motion.yaw_rate[slot] = yaw_rate;
             let vehicle = &mut params.vehicles[slot];
-            (vehicle.half_length, vehicle.half_width) = (number(6), number(7));
-            (vehicle.inverse_mass, vehicle.inverse_inertia) = (number(8), number(9));
-            // All positions are in one frame, whatever the directions of the road.
+            (vehicle.half_length, vehicle.half_width) = (half_length, half_width);
+            (vehicle.inverse_mass, vehicle.inverse_inertia) = (inverse_mass, inverse_inertia);
+            // All bodies have their positions in one frame, also on a road with oncoming traffic.
             vehicle.travel_sign = splat(simd, 1.0);
             old_s[slot] = splat(simd, old_positions[body]);
             old_d[slot] = splat(simd, old_positions[num_bodies + body]);
-            let earlier = first_contacts[body];
-            let partner = earlier.map_or(NO_SLOT, |_| SLOT_OF_ANOTHER_PAIR);
+            // A contact in this pair replaces the first contact only if it was earlier in the step.
+            let (partner, time) = match first_contacts[body] {
+                Some(contact) => (SLOT_OF_ANOTHER_PAIR, contact.time),
+                None => (NO_SLOT, 0.0),
+            };
             state.first_contact.partner[slot] = splat(simd, partner);
-            state.first_contact.time[slot] =
-                splat(simd, earlier.map_or(0.0, |contact| contact.time));
+            state.first_contact.time[slot] = splat(simd, time);
         }
         simd.vectorize(
             #[inline(always)]
@@ -275,6 +309,7 @@ fn resolve_pairs<S: Simd>(
                 let pair = VehiclePair {
                     first: 0,
                     second: 1,
+                    // True in every lane.
                     is_near: zero.simd_eq(0.0),
                 };
                 let swept = SweptStep {
@@ -309,30 +344,37 @@ fn resolve_pairs<S: Simd>(
     }
 }
 
-/// Gusts, friction and wind of a decision.
+/// Draw gusts, and compute friction and wind of all vehicles until the next decision.
 ///
-/// Vehicles head anywhere, so the wind has other axes for each. Each lane has the wind in the axes of one vehicle,
-/// and the numbers of that vehicle are taken from this lane.
+/// Vehicles head anywhere, and the formulas of the wind hold in the axes of one vehicle. So sixteen vehicles at a time
+/// get a lane each: a lane has the wind in the axes of its vehicle, and only the numbers of that vehicle are read from
+/// it.
 fn update_weather<S: Simd, const N: usize>(
     mut params: Params<S, N>,
-    decision: u32,
+    decision_index: u32,
     table: &mut [f32],
 ) {
     let old_table = table.to_vec();
-    let steady = params.simulations;
+    let ground_frame_weather = params.simulations;
     let mut history = new_history();
-    for first in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
+    for first_slot in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
         history = params.simd.vectorize(
             #[inline(always)]
             || {
                 let mut state = State::at_start(&params, history);
                 read_table(&mut state, &old_table, params.simd);
-                wind_in_vehicle_axes(&mut params.simulations, &steady, &state, first);
-                road_conditions::update_random_processes(&mut state, &params, decision);
+                set_wind_in_vehicle_axes(
+                    &mut params.simulations,
+                    &ground_frame_weather,
+                    &state,
+                    first_slot,
+                );
+                road_conditions::update_random_processes(&mut state, &params, decision_index);
                 road_conditions::update_friction(&mut state, &params);
                 road_conditions::update_wind(&mut state, &params);
-                write_table(&state, table, |i| {
-                    i.checked_sub(first).filter(|lane| *lane < SIMD_LANES)
+                write_table(&state, table, |slot| {
+                    slot.checked_sub(first_slot)
+                        .filter(|lane| *lane < SIMD_LANES)
                 });
                 state.attention.history
             },
@@ -340,31 +382,34 @@ fn update_weather<S: Simd, const N: usize>(
     }
 }
 
-/// The wind in the axes of the vehicles from `first` on, one in each lane.
+/// Set the wind in lane `k` of `weather` to the wind in the axes of the vehicle in slot `first_slot + k`.
 #[inline(always)]
-fn wind_in_vehicle_axes<S: Simd, const N: usize>(
-    turned: &mut SimulationParams<S>,
-    steady: &SimulationParams<S>,
+fn set_wind_in_vehicle_axes<S: Simd, const N: usize>(
+    weather: &mut SimulationParams<S>,
+    ground_frame_weather: &SimulationParams<S>,
     state: &State<S, N>,
-    first: usize,
+    first_slot: usize,
 ) {
-    for (lane, psi) in state.motion.heading[first..]
+    for (lane, heading) in state.motion.heading[first_slot..]
         .iter()
         .take(SIMD_LANES)
         .enumerate()
     {
-        let (sine, cosine) = sincos(*psi);
-        let along = steady.wind_along * cosine + steady.wind_across * sine;
-        let across = steady.wind_across * cosine - steady.wind_along * sine;
-        turned.wind_along.as_mut_slice()[lane] = along[lane];
-        turned.wind_across.as_mut_slice()[lane] = across[lane];
+        let (sine, cosine) = sincos(*heading);
+        let (along, across) = (
+            ground_frame_weather.wind_along,
+            ground_frame_weather.wind_across,
+        );
+        weather.wind_along.as_mut_slice()[lane] = (along * cosine + across * sine)[lane];
+        weather.wind_across.as_mut_slice()[lane] = (across * cosine - along * sine)[lane];
     }
 }
 
+/// Move every vehicle by some steps, without detection of contacts.
 fn drive<S: Simd, const N: usize>(
     params: &Params<S, N>,
     controls: PedalControls<'_>,
-    steps: u32,
+    num_steps: u32,
     table: &mut [f32],
 ) {
     params.simd.vectorize(
@@ -372,24 +417,31 @@ fn drive<S: Simd, const N: usize>(
         || {
             let mut state = State::at_start(params, new_history());
             read_table(&mut state, table, params.simd);
-            for i in 0..params.num_slots_in_use {
-                (state.motion.sin_heading[i], state.motion.cos_heading[i]) =
-                    sincos(state.motion.heading[i]);
+            for slot in 0..params.num_slots_in_use {
+                let motion = &mut state.motion;
+                (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(motion.heading[slot]);
             }
-            for _ in 0..steps {
-                for i in 0..params.num_slots_in_use {
-                    let stride = &params.derived.fine;
-                    let speed = at_least(
-                        state.motion.vx[i] + stride.half * state.motion.accel_lon[i],
-                        0.0,
-                    );
-                    apply_throttle_and_brake(&mut state, params, i, controls, speed);
-                    let angle = turn_wheels(&mut state, params, i, controls, speed);
+            for _ in 0..num_steps {
+                for slot in 0..params.num_slots_in_use {
+                    let step_length = &params.derived.fine;
+                    let (vx, accel) = (state.motion.vx[slot], state.motion.accel_lon[slot]);
+                    // Speed in the middle of the step.
+                    let speed = at_least(vx + step_length.half * accel, 0.0);
+                    apply_throttle_and_brake(&mut state, params, slot, controls, speed);
+                    let mid_angle = turn_wheels(&mut state, params, slot, controls, speed);
                     let motion = vehicle_dynamics::compute_step::<S, N, false>(
-                        &mut state, params, i, angle, stride,
+                        &mut state,
+                        params,
+                        slot,
+                        mid_angle,
+                        step_length,
                     );
                     vehicle_dynamics::update_position::<S, N, false>(
-                        &mut state, params, i, motion, stride,
+                        &mut state,
+                        params,
+                        slot,
+                        motion,
+                        step_length,
                     );
                 }
             }
@@ -398,7 +450,10 @@ fn drive<S: Simd, const N: usize>(
     );
 }
 
-/// Set the acceleration that the pedals ask for at a speed.
+/// Set the acceleration that the pedals request of `vehicle_dynamics` at a speed.
+///
+/// The dynamics add the resistance and apply the limits of engine, brakes and friction. Without a foot on a pedal the
+/// vehicle thus coasts.
 #[inline(always)]
 fn apply_throttle_and_brake<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -408,21 +463,21 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
     speed: F32<S>,
 ) {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let air = speed - state.friction_and_wind.tail_wind[slot];
-    let resistance = vehicle.drag * air * air.abs() + vehicle.rolling;
-    let engine = min(
+    let air_speed = speed - state.friction_and_wind.tail_wind[slot];
+    let resistance = vehicle.drag * air_speed * air_speed.abs() + vehicle.rolling;
+    let engine_force = min(
         vehicle.launch_force,
         vehicle.power / at_least(speed, constants.slip_speed),
     );
-    let force = controls.throttle[slot] * engine
+    let force = controls.throttle[slot] * engine_force
         - controls.brake[slot] * vehicle.max_brake_force
         - resistance;
     state.controls.requested_accel[slot] = force * vehicle.inverse_mass;
 }
 
-/// Turn the front wheels, or lean into the curve that they stand for.
+/// Turn the front wheels towards an angle; a two-wheeler leans into the curve of that angle.
 ///
-/// Returns the angle, or the lean, in the middle of the step.
+/// Returns the wheel angle [rad], or the lateral acceleration of a two-wheeler [m/s^2], in the middle of the step.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -432,22 +487,18 @@ fn turn_wheels<S: Simd, const N: usize>(
     speed: F32<S>,
 ) -> F32<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let angle: F32<S> = splat(params.simd, controls.wheel_angle[slot]);
+    let friction = &state.friction_and_wind;
+    let start_angle = state.controls.wheel_angle[slot];
+    let requested_angle: F32<S> = splat(params.simd, controls.wheel_angle[slot]);
     let max_turn = controls.wheel_rate * constants.step;
-    let turn = clamp_to(
-        angle - state.controls.wheel_angle[slot],
-        -max_turn,
-        max_turn,
-    );
-    let (sine, cosine) = sincos(angle);
-    let curve = speed * speed * sine / (cosine * vehicle.wheelbase);
-    let grip = constants.gravity
-        * 0.5
-        * (state.friction_and_wind.mu_left[slot] + state.friction_and_wind.mu_right[slot]);
-    let lean = (clamp(curve, -grip, grip) - state.controls.wheel_angle[slot])
-        * params.derived.fine.leaning;
-    let moved = select(vehicle.two_wheeler.simd_gt(0.0), lean, turn);
-    let old_angle = state.controls.wheel_angle[slot];
-    state.controls.wheel_angle[slot] = old_angle + moved;
-    old_angle + 0.5 * moved
+    let turn = clamp_to(requested_angle - start_angle, -max_turn, max_turn);
+    // v^2 tan(angle) / wheelbase, the lateral acceleration on that curve.
+    let (sine, cosine) = sincos(requested_angle);
+    let accel_lat = speed * speed * sine / (cosine * vehicle.wheelbase);
+    let max_accel = constants.gravity * 0.5 * (friction.mu_left[slot] + friction.mu_right[slot]);
+    let lean_error = clamp(accel_lat, -max_accel, max_accel) - start_angle;
+    let lean_change = lean_error * params.derived.fine.leaning;
+    let change = select(vehicle.two_wheeler.simd_gt(0.0), lean_change, turn);
+    state.controls.wheel_angle[slot] = start_angle + change;
+    start_angle + 0.5 * change
 }

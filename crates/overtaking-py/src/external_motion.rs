@@ -35,9 +35,9 @@ impl ExternallyMovedSimulation {
     ///
     /// Args:
     ///     inputs: Inputs of one simulation.
-    ///     tick: Time between two decisions [s]; one call of `steer` turns the wheels for as long.
-    ///     frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`,
-    ///         because frames are written in tiles of as many, also for a single simulation.
+    ///     tick: Time between two decisions [s], in which one call of `steer` turns the wheels.
+    ///     frames: Number of frames that fit into the outputs, a multiple of `SIMD_LANES`: the
+    ///         recorder writes `SIMD_LANES` frames at once, also for a single simulation.
     ///     outputs: Flat arrays by name, as in `simulate`. Each call writes a part of them.
     ///     level: SIMD level; None for the best of this CPU.
     ///
@@ -85,8 +85,8 @@ impl ExternallyMovedSimulation {
     ///     contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
     ///         closing speed [m/s]. A contact is recorded for its first slot only; the other
     ///         vehicle needs an entry of its own.
-    ///     step: Number of the step of 10 ms from which the time after an accident of the ego
-    ///         counts; may be before the first decision.
+    ///     step: Step of the contacts; may be negative, before the first decision. An accident of
+    ///         the ego ends the simulation soon after it.
     ///
     /// Raises:
     ///     ValueError: A slot does not exist.
@@ -125,11 +125,12 @@ impl ExternallyMovedSimulation {
     ///
     /// Args:
     ///     motion: Motion after the last tick, (field, slot), fields as `FIELD_NAMES["motion"]`.
-    ///     step: Number of the step of 10 ms.
+    ///     step: Number of the step; steps last 10 ms.
     ///
     /// Returns:
     ///     Requests of the drivers, (field, slot), fields as `FIELD_NAMES["driver_output"]`; lamps
-    ///     in the last recorded frame, (slot,), as bits of `Lights`; the last step.
+    ///     in the last recorded frame, (slot,), as bits of `Lights`; the last step of the
+    ///     simulation.
     ///
     /// Raises:
     ///     ValueError: The motion has another length.
@@ -189,7 +190,7 @@ impl ExternallyMovedSimulation {
     ///     motion: As in `decide`.
     ///     ego_stage: Code of the ego's `Stage`.
     ///     ego_indicator: 1 towards the overtaking side, -1 towards the kerb side, 0 off.
-    ///     step: Number of the step of 10 ms.
+    ///     step: Number of the step; steps last 10 ms.
     ///
     /// Raises:
     ///     ValueError: The motion has another length.
@@ -244,6 +245,7 @@ impl ExternallyMovedSimulation {
 }
 
 impl ExternallyMovedSimulation {
+    /// Reject motion of another number of fields or slots.
     fn check_motion(&self, motion: &PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         expect_length("motion", motion.len(), MOTION_FIELDS.len() * self.num_slots)
     }

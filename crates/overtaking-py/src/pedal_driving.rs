@@ -1,9 +1,11 @@
 //! Binding of `overtaking_core::pedal_driving`: tables of vehicles and bodies, changed in place.
 
+use fearless_simd::Level;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use overtaking_core::pedal_driving::{
     BODY_FIELDS, PedalControls, TickPart, compute_part_of_tick, resolve_contacts,
 };
+use overtaking_core::require_level;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -14,7 +16,7 @@ use crate::inputs::expect_length;
 #[pyclass(frozen)]
 pub struct PedalDriving {
     inputs: Py<PyInputs>,
-    level: Option<String>,
+    level: Level,
 }
 
 #[pymethods]
@@ -22,18 +24,19 @@ impl PedalDriving {
     /// Keep the parameters of the vehicles and of the road under them.
     ///
     /// Args:
-    ///     inputs: Inputs of one simulation, of which `steps_per_frame` is not read.
+    ///     inputs: Inputs of one simulation; `steps_per_frame` is ignored.
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
-    ///     ValueError: There is not one simulation.
+    ///     ValueError: There is not one simulation, or the SIMD level is unknown or not available.
     #[new]
     #[pyo3(signature = (inputs: "Inputs", level: "str | None" = None))]
-    fn new(inputs: Bound<'_, PyInputs>, level: Option<String>) -> PyResult<Self> {
+    fn new(inputs: Bound<'_, PyInputs>, level: Option<&str>) -> PyResult<Self> {
+        // One number for each simulation.
         expect_length("scenario_index", inputs.get().num_simulations, 1)?;
         Ok(Self {
             inputs: inputs.unbind(),
-            level,
+            level: require_level(level).map_err(PyValueError::new_err)?,
         })
     }
 
@@ -41,30 +44,31 @@ impl PedalDriving {
     ///
     /// Args:
     ///     table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-    ///     decision: Number of the decision, 20 a second.
+    ///     decision_index: Index of the decision, 20 a second, which the random numbers depend on.
     ///
     /// Raises:
-    ///     ValueError: An array has another length, or the SIMD level is unknown or not available.
-    #[pyo3(signature = (table: "NDArray[np.float32]", decision: "int") -> "None")]
+    ///     ValueError: An array has another length.
+    #[pyo3(signature = (table: "NDArray[np.float32]", decision_index: "int") -> "None")]
     fn update_weather(
         &self,
         py: Python<'_>,
         table: PyReadwriteArray2<'_, f32>,
-        decision: u32,
+        decision_index: u32,
     ) -> PyResult<()> {
-        self.compute_part_of_tick(py, TickPart::Weather(decision), table)
+        self.compute_part_of_tick(py, TickPart::Weather { decision_index }, table)
     }
 
     /// Move the vehicles of a table by some steps.
     ///
     /// Args:
     ///     table: Shape (field, vehicle), fields as `FIELD_NAMES["pedal_table"]`.
-    ///     controls: Throttle, brake and requested angle of the front wheels [rad], (3, vehicle).
+    ///     controls: Throttle and brake, 0 to 1, and requested angle of the front wheels [rad],
+    ///         (3, vehicle).
     ///     wheel_rate: Rate at which the front wheels turn [rad/s].
     ///     num_steps: Number of steps, each as long as the constant `step`.
     ///
     /// Raises:
-    ///     ValueError: An array has another length, or the SIMD level is unknown or not available.
+    ///     ValueError: An array has another length.
     #[pyo3(signature = (
         table: "NDArray[np.float32]",
         controls: "NDArray[np.float32]",
@@ -89,7 +93,11 @@ impl PedalDriving {
             wheel_angle: row(),
             wheel_rate,
         };
-        self.compute_part_of_tick(py, TickPart::Motion(controls, num_steps), table)
+        let motion = TickPart::Motion {
+            controls,
+            num_steps,
+        };
+        self.compute_part_of_tick(py, motion, table)
     }
 
     /// Exchange momentum between the bodies of each pair that touched during the last step.
@@ -104,8 +112,7 @@ impl PedalDriving {
     ///     First other body that each body touched, -1 without a contact.
     ///
     /// Raises:
-    ///     ValueError: An array has another length, a pair names a body that does not exist, or the
-    ///         SIMD level is unknown or not available.
+    ///     ValueError: An array has another length, or a pair names a body that does not exist.
     #[pyo3(signature = (
         bodies: "NDArray[np.float32]",
         old_positions: "NDArray[np.float32]",
@@ -127,18 +134,14 @@ impl PedalDriving {
             .collect();
         let (bodies, old_positions) = (bodies.as_slice_mut()?, old_positions.as_slice()?);
         let partners = self.inputs.get().with_slices(py, |inputs| {
-            resolve_contacts(
-                &inputs,
-                bodies,
-                old_positions,
-                &pairs,
-                self.level.as_deref(),
-            )
-            .map_err(PyValueError::new_err)
+            resolve_contacts(self.level, &inputs, bodies, old_positions, &pairs)
+                .map_err(PyValueError::new_err)
         })?;
-        let column = |partner: Option<usize>| partner.map_or(-1, |body| body as i32);
-        let columns: Vec<_> = partners.into_iter().map(column).collect();
-        Ok(columns.into_pyarray(py))
+        let partners: Vec<_> = partners
+            .into_iter()
+            .map(|partner| partner.map_or(-1, |body| body as i32))
+            .collect();
+        Ok(partners.into_pyarray(py))
     }
 }
 
@@ -151,8 +154,7 @@ impl PedalDriving {
     ) -> PyResult<()> {
         let table = table.as_slice_mut()?;
         self.inputs.get().with_slices(py, |inputs| {
-            compute_part_of_tick(&inputs, part, self.level.as_deref(), table)
-                .map_err(PyValueError::new_err)
+            compute_part_of_tick(self.level, &inputs, part, table).map_err(PyValueError::new_err)
         })
     }
 }
