@@ -21,9 +21,9 @@ from overtaking.sim.reference.gap_acceptance import (
     accepts_return_gaps,
     accepts_urgent_return_gaps,
     has_gap_behind,
-    lane_change_is_dangerous,
     wants_to_overtake,
 )
+from overtaking.sim.reference.lane_change import lane_change_is_dangerous
 from overtaking.sim.reference.passing import (
     PassingOpportunity,
     accepts_oncoming_gap,
@@ -163,8 +163,10 @@ class HumanEgo:
         params, ego = self.params, observation.ego
         aborts = observation.passing.abort_state > FITS_INTO_LANE
         falls_back = aborts & has_gap_behind(params, inputs)
-        left_is_dangerous = lane_change_is_dangerous(params, inputs, RIGHT_LEADER)
-        right_is_dangerous = lane_change_is_dangerous(params, inputs, LEFT_LEADER)
+        risk_of_pull_out = inputs.lane_change_risk(old_leader_role=RIGHT_LEADER)
+        risk_of_return = inputs.lane_change_risk(old_leader_role=LEFT_LEADER)
+        left_is_dangerous = lane_change_is_dangerous(params.constants, risk_of_pull_out)
+        right_is_dangerous = lane_change_is_dangerous(params.constants, risk_of_return)
         # In the opposing lane a driver cannot stay, so it never cancels a return.
         right_is_dangerous &= not params.road.has_oncoming_traffic
         pulls_out = ego.stage == ot.Stage.PULL_OUT

@@ -1,12 +1,14 @@
 //! Gap acceptance: intentions of drivers, from the gaps that they believe to be around them; the twin of
-//! `overtaking.sim.reference.gap_acceptance`. The ego decides so, and on two-way roads every driver.
+//! `overtaking.sim.reference.gap_acceptance`.
+//!
+//! The ego decides so, and on two-way roads every driver.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::car_following::{Leader, cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
-use crate::lane_change::anticipated_follower;
+use crate::lane_change::{LaneChangeRisk, anticipated_follower, lane_change_is_dangerous};
 use crate::math::elementary::exp;
 use crate::math::vectors::{F32, Mask, at_least, at_most, at_slot, min, select, splat};
 use crate::names::VehicleParams;
@@ -22,7 +24,7 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the imposed braking finite for a driver that asks for no gap.
+/// Keeps the imposed braking finite for an ego that changes lanes by a script and asks for no gap [1].
 const MIN_GAP_FACTOR: f32 = 1e-6;
 
 /// Beliefs and demands of a driver at a decision.
@@ -32,7 +34,7 @@ pub struct GapAcceptanceInputs<'a, S: Simd> {
     pub beliefs: &'a Beliefs<S>,
     /// Speed that the driver desires at this place [m/s].
     desired_speed: F32<S>,
-    /// Speed [m/s].
+    /// Speed of the driver [m/s].
     pub speed: F32<S>,
     /// Believed speed of the leader [m/s].
     pub leader_speed: F32<S>,
@@ -49,8 +51,28 @@ pub struct GapAcceptanceInputs<'a, S: Simd> {
     is_scripted: Mask<S>,
     /// Whether the script makes it pull out now: it has detected a slower leader.
     pulls_out_by_script: Mask<S>,
-    /// A constant of `forced_decision` in a branch, 0 without one.
+    /// Decision that a branch forces on the ego, a constant of `forced_decision`; 0 without one.
     forced_decision: F32<S>,
+}
+
+impl<'a, S: Simd> GapAcceptanceInputs<'a, S> {
+    /// The lane change that is under way; `old_leader_role` is the role of the leader in the lane that is left.
+    #[inline(always)]
+    fn lane_change_risk(&self, old_leader_role: usize) -> LaneChangeRisk<'a, S> {
+        let beliefs = self.beliefs;
+        LaneChangeRisk {
+            vehicle: self.vehicle,
+            speed: self.speed,
+            time_gap: self.vehicle.time_gap * self.gap_factor,
+            acceptable_imposed_decel: self.acceptable_imposed_decel,
+            leader: beliefs.steady_leader(LEADER),
+            follower_gap: beliefs.gap[FOLLOWER],
+            follower_closing_speed: beliefs.closing_speed[FOLLOWER],
+            old_leader: beliefs.steady_leader(old_leader_role),
+            // The follower of a lane has the role after its leader's.
+            old_follower_gap: beliefs.gap[old_leader_role + 1],
+        }
+    }
 }
 
 /// Wishes and actions of a driver at a decision.
@@ -67,7 +89,7 @@ pub struct Intent<S: Simd> {
     pub cancels_pull_out: Mask<S>,
     /// Gives up returning and goes back to the left now.
     pub cancels_return: Mask<S>,
-    /// The target's front is visibly behind the own rear.
+    /// The target's front is visibly behind the driver's own rear.
     pub has_passed_target: Mask<S>,
     /// The last lane change is over.
     pub has_finished_lane_change: Mask<S>,
@@ -75,7 +97,8 @@ pub struct Intent<S: Simd> {
 
 /// Beliefs of the driver in `slot`, and its demands after the time for which it has waited.
 ///
-/// No method of the handle, because the inputs must not borrow the state, which changes while they are used.
+/// A function and no method of the handle, because the inputs must not borrow the state, which changes while they are
+/// in use.
 #[inline(always)]
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -96,15 +119,15 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     );
     // Only the ego can have a script or a forced decision.
     let never = context.checks_mirrors & !context.checks_mirrors;
-    let (mut follows_script, mut pulls_out, mut forced_decision) =
-        (never, never, splat(params.simd, 0.0));
+    let (mut follows_script, mut pulls_out_by_script) = (never, never);
+    let mut forced_decision = splat(params.simd, 0.0);
     let driver = state.vehicle(params, slot);
     if slot == EGO_SLOT {
         follows_script = is_scripted(params);
         let has_slower_leader = driver
             .true_closing_speed_to_leader(neighbours)
             .simd_gt(vehicle.min_speed_gain);
-        pulls_out = follows_script & beliefs.is_detected[LEADER] & has_slower_leader;
+        pulls_out_by_script = follows_script & beliefs.is_detected[LEADER] & has_slower_leader;
         forced_decision = params.simulations.forced_decision;
     }
     let speed = state.motion.vx[slot];
@@ -123,7 +146,7 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
             splat(params.simd, 1.0)
         },
         is_scripted: follows_script,
-        pulls_out_by_script: pulls_out,
+        pulls_out_by_script,
         forced_decision,
     }
 }
@@ -220,8 +243,8 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
 
 /// Whether the lane on the right has space for the return.
 ///
-/// The gap behind is judged for when the line is crossed, the gap ahead for the end of the return. `gap_factor` is the
-/// factor on the gap that is left to the overtaken vehicle, 1 for a car.
+/// The gap behind is judged for the time when the vehicle crosses the line, the gap ahead for the end of the return.
+/// `gap_factor` multiplies the gap to the overtaken vehicle; it is 1 for a car.
 #[inline(always)]
 fn accepts_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -232,7 +255,7 @@ fn accepts_return_gaps<S: Simd, const N: usize>(
     let leader = beliefs.steady_leader(RIGHT_LEADER);
     let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
     let time_to_line = 0.5 * vehicle.lane_change_duration;
-    // A growing gap counts, a shrinking one does not: the imposed braking covers it.
+    // Only growth of the gap counts here: the imposed braking already covers a gap that shrinks.
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_most(closing_speed, 0.0);
     let follower_speed = inputs.speed + closing_speed;
     let min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * gap_factor;
@@ -255,37 +278,10 @@ fn accepts_return_gaps<S: Simd, const N: usize>(
     is_free_behind & is_free_ahead & stays_free
 }
 
-/// Whether the lane that is entered has become dangerous, and the old one still has space.
-///
-/// `old_leader_role` is the role of the leader in the old lane; its follower has the next number.
-#[inline(always)]
-fn lane_change_is_dangerous<S: Simd, const N: usize>(
-    params: &Params<S, N>,
-    inputs: &GapAcceptanceInputs<'_, S>,
-    old_leader_role: usize,
-) -> Mask<S> {
-    let (constants, vehicle, beliefs) = (&params.constants, inputs.vehicle, inputs.beliefs);
-    let follower_accel = imposed_accel_by_driver(
-        params,
-        inputs,
-        beliefs.gap[FOLLOWER],
-        beliefs.closing_speed[FOLLOWER],
-    );
-    let accel = imposed_accel_on_driver(params, inputs, &beliefs.steady_leader(LEADER));
-    let max_imposed_decel = constants.abort_imposed_factor * inputs.acceptable_imposed_decel;
-    let is_dangerous = follower_accel.simd_lt(-max_imposed_decel)
-        | accel.simd_lt(-(constants.abort_factor * vehicle.decel));
-    let old_leader = beliefs.steady_leader(old_leader_role);
-    let can_brake =
-        cah_accel(constants, inputs.speed, &old_leader).simd_ge(-vehicle.max_assumed_decel);
-    let has_space_behind = beliefs.gap[old_leader_role + 1].simd_gt(constants.min_rear_gap);
-    is_dangerous & can_brake & has_space_behind
-}
-
 /// Whether the lane on the right has the least space for an urgent return.
 ///
-/// The gaps are judged for when the line is crossed. The driver may brake behind the leader while it moves over: behind
-/// a slow vehicle it would be too late to wait for a gap without braking.
+/// The gaps are judged for the time when the vehicle crosses the line. The driver may brake behind the leader while it
+/// moves over: behind a slow vehicle it would be too late to wait for a gap without braking.
 #[inline(always)]
 fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -304,7 +300,7 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
 
 /// Wishes of the driver in `slot`, and which of them it carries out after indicating for long enough.
 ///
-/// `continuation` is how its pass goes on; `None` on one-way roads.
+/// Stores the wanted side and the time of indicating. `continuation` is how its pass goes on; `None` on one-way roads.
 #[inline(always)]
 pub fn form_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -322,17 +318,19 @@ pub fn form_intent<S: Simd, const N: usize>(
     let driver = state.vehicle(params, slot);
     let has_indicated =
         state.overtake.time_indicating[slot].simd_gt(inputs.vehicle.indicator_lead_time);
+    // A driver moves over only right after a check of its mirrors.
     let decides_now = (context.checks_mirrors & !context.gives_way) | inputs.is_scripted;
     let mut cancels_pull_out = driver.cancels_pull_out(context, inputs);
     let mut cancels_return = driver.cancels_return(context, inputs);
     let mut may_return = has_indicated;
     if let Some(continuation) = continuation {
+        // A driver that aborts returns behind its target without waiting for mirrors or indicator.
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
         may_return = (may_return | continuation.must_return_urgently) & !falls_back;
         cancels_pull_out |= falls_back;
-        // In the opposing lane no driver can stay.
+        // In the opposing lane no driver can stay, so this is false in every lane.
         cancels_return &= !cancels_return;
     }
     Intent {
@@ -370,6 +368,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         inputs: &GapAcceptanceInputs<'_, S>,
     ) -> Mask<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
+        // The pause keeps a driver that has cancelled a lane change from starting it again at once.
         let can_pull_out = self.is_in_stage(stage::FOLLOW)
             & self.has_finished_lane_change()
             & self.has_paused()
@@ -438,7 +437,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> Mask<S> {
         let is_dangerous = context.checks_mirrors
             & !inputs.is_scripted
-            & lane_change_is_dangerous(self.params, inputs, RIGHT_LEADER);
+            & lane_change_is_dangerous(
+                &self.params.constants,
+                &inputs.lane_change_risk(RIGHT_LEADER),
+            );
         let is_forced = inputs.forced_decision.simd_eq(forced_decision::CANCEL);
         self.can_cancel_pull_out() & (is_dangerous | is_forced)
     }
@@ -452,7 +454,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> Mask<S> {
         let is_dangerous = context.checks_mirrors
             & !inputs.is_scripted
-            & lane_change_is_dangerous(self.params, inputs, LEFT_LEADER);
+            & lane_change_is_dangerous(
+                &self.params.constants,
+                &inputs.lane_change_risk(LEFT_LEADER),
+            );
         let is_forced = inputs.forced_decision.simd_eq(forced_decision::RETURN);
         self.can_cancel_return() & is_dangerous & !is_forced
     }
@@ -527,7 +532,7 @@ pub fn update_indicator<S: Simd, const N: usize>(
         select(wants_to_pull_out, one, select(wants_to_return, -one, zero));
     let time_indicating = state.overtake.time_indicating[slot];
     let longer = time_indicating + params.constants.decision;
-    // Doubts while waiting do not switch the indicator off at once.
+    // The time runs down when the wish ends, so a short doubt does not restart the lead time.
     let fading = at_least(time_indicating - params.constants.decision, 0.0);
     state.overtake.time_indicating[slot] =
         select(wants_to_pull_out | wants_to_return, longer, fading);

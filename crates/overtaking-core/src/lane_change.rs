@@ -1,4 +1,7 @@
-//! Lane changes by MOBIL of all drivers but the ego; the twin of `overtaking.sim.reference.lane_change`.
+//! Lane changes by MOBIL: incentives, safety, cancelling, and the start of a lane change; the twin of
+//! `overtaking.sim.reference.lane_change`.
+//!
+//! On one-way roads all drivers but the ego decide by MOBIL. Every lane change starts here.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -6,6 +9,7 @@ use fearless_simd::prelude::*;
 use crate::car_following::{Follower, Leader, acc_accel, cah_accel, imposed_accel};
 use crate::decision_context::DriverContext;
 use crate::math::vectors::{F32, Mask, assign_where, at_least, min, select, splat};
+use crate::names::{ModelConstants, VehicleParams};
 use crate::neighbour_search::{VisibleBody, lane_borders, nearest_image};
 use crate::params::Params;
 use crate::perception::{Beliefs, draw_shoulder_check};
@@ -41,10 +45,60 @@ pub struct LaneMoves<S: Simd> {
     pub urgent_duration: Option<F32<S>>,
 }
 
+/// A lane change that is under way, as its driver judges it.
+pub struct LaneChangeRisk<'a, S: Simd> {
+    /// Parameters of the driver and its vehicle.
+    pub vehicle: &'a VehicleParams<S>,
+    /// Speed of the driver [m/s].
+    pub speed: F32<S>,
+    /// Time gap that the driver asks for, behind its leader and for its follower [s].
+    pub time_gap: F32<S>,
+    /// Braking that the driver may impose on a follower when it starts a lane change, positive [m/s^2].
+    pub acceptable_imposed_decel: F32<S>,
+    /// Leader in the lane that is entered.
+    pub leader: Leader<S>,
+    /// Gap to the follower in the lane that is entered [m].
+    pub follower_gap: F32<S>,
+    /// Speed of that follower minus the driver's [m/s].
+    pub follower_closing_speed: F32<S>,
+    /// Leader in the lane that is left.
+    pub old_leader: Leader<S>,
+    /// Gap to the follower in the lane that is left [m].
+    pub old_follower_gap: F32<S>,
+}
+
+/// Whether the lane that is entered has become dangerous, and the old one still has space.
+///
+/// Going back needs clearly more danger than refusing to start: `abort_imposed_factor` times the braking that the
+/// driver may impose on a follower, or `abort_factor` times its own comfortable braking.
+#[inline(always)]
+pub fn lane_change_is_dangerous<S: Simd>(
+    constants: &ModelConstants,
+    risk: &LaneChangeRisk<'_, S>,
+) -> Mask<S> {
+    let (vehicle, speed) = (risk.vehicle, risk.speed);
+    let follower_accel = imposed_accel(
+        constants,
+        vehicle,
+        speed + risk.follower_closing_speed,
+        risk.time_gap,
+        &Leader::steady(risk.follower_gap, risk.follower_closing_speed),
+    );
+    let max_imposed_decel = constants.abort_imposed_factor * risk.acceptable_imposed_decel;
+    let endangers_follower = follower_accel.simd_lt(-max_imposed_decel);
+    let accel = imposed_accel(constants, vehicle, speed, risk.time_gap, &risk.leader);
+    let must_brake_hard = accel.simd_lt(-(constants.abort_factor * vehicle.decel));
+    let old_leader_accel = cah_accel(constants, speed, &risk.old_leader);
+    let can_brake = old_leader_accel.simd_ge(-vehicle.max_assumed_decel);
+    let has_space_behind = risk.old_follower_gap.simd_gt(constants.min_rear_gap);
+    (endangers_follower | must_brake_hard) & can_brake & has_space_behind
+}
+
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Acceleration that this driver would impose on a follower, by its own time gap [m/s^2].
     ///
-    /// `speed` is the driver's speed, and `closing_speed` the follower's minus the driver's.
+    /// `speed` is the driver's speed [m/s], `gap` the gap to the follower [m], and `closing_speed` the follower's speed
+    /// minus the driver's [m/s]. The driver assumes the follower to be like itself.
     #[inline(always)]
     fn imposed_accel_on_follower(
         self,
@@ -81,11 +135,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let accel_right = acc_accel(constants, &driver, &beliefs.steady_leader(RIGHT_LEADER));
         let accel_left = self.limit_accel(accel_left);
         let accel_right = self.limit_accel(accel_right);
+        // No driver passes on the right at speed, so the left lane limits both accelerations.
         let keeps_behind_left = speed.simd_gt(constants.no_passing_right_speed);
         let reference_accel = select(keeps_behind_left, min(accel, accel_left), accel);
         let accel_right = select(keeps_behind_left, min(accel_right, accel), accel_right);
         let length = 2.0 * vehicle.half_length;
-        // The new follower, with the driver ahead of it and without.
+        // The new follower, with the driver ahead of it and without: it then follows the left leader.
         let (follower_gap, follower_closing) = (gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]);
         let new_follower_accel =
             self.imposed_accel_on_follower(speed, follower_gap, follower_closing);
@@ -94,7 +149,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             follower_gap + gap[LEFT_LEADER] + length,
             follower_closing + closing_speed[LEFT_LEADER],
         );
-        // The old follower, with the driver ahead of it and without.
+        // The old follower, with the driver ahead of it and without: it then follows the leader.
         let old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length;
         let old_follower_accel =
             self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
@@ -209,21 +264,23 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Whether another driver that indicates for the same gap from its other side goes first.
     ///
-    /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left. `side` is where
-    /// this driver wants to go, as `Controls::indicator`.
+    /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left. `side` is the
+    /// side to which this driver wants to move, as `Controls::indicator`.
     #[inline(always)]
     pub fn gives_way(self, bodies: &[VisibleBody<S>; N], side: F32<S>) -> Mask<S> {
         let (motion, slot) = (&self.state.motion, self.slot);
         let max_distance = self.params.constants.claim_time * motion.vx[slot];
-        let mut gives_way = side.simd_ne(side);
-        for j in 0..self.params.num_slots_in_use {
-            let body = &bodies[j];
-            let lead = nearest_image(self.params, motion.s[j] - motion.s[slot]);
+        let mut gives_way = side.simd_ne(side); // False in every lane.
+        for other_slot in 0..self.params.num_slots_in_use {
+            let body = &bodies[other_slot];
+            let distance_ahead = nearest_image(self.params, motion.s[other_slot] - motion.s[slot]);
+            // The other driver wants the same lane, from two lanes away, towards this driver.
             let claims_same_lane = body.claimed_side.simd_eq(-side)
                 & body.lane.simd_eq(bodies[slot].lane + 2.0 * side)
                 & side.simd_ne(0.0);
-            let is_close = lead.abs().simd_lt(max_distance);
-            let goes_first = lead.simd_gt(0.0) | (lead.simd_eq(0.0) & side.simd_lt(0.0));
+            let is_close = distance_ahead.abs().simd_lt(max_distance);
+            let goes_first =
+                distance_ahead.simd_gt(0.0) | (distance_ahead.simd_eq(0.0) & side.simd_lt(0.0));
             gives_way |= claims_same_lane & is_close & goes_first;
         }
         gives_way
@@ -272,27 +329,25 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if !is_early.any_true() {
             return is_early;
         }
-        let speed = state.motion.vx[slot];
         // After a change to the left, the old lane is the one on the right.
         let in_old_lane = |values: &[F32<S>; NUM_ROLES], right_role: usize, left_role: usize| {
             select(direction.is_to_left, values[right_role], values[left_role])
         };
-        let follower_accel =
-            self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
-        let endangers_follower =
-            follower_accel.simd_lt(-(constants.abort_imposed_factor * vehicle.safe_decel));
-        let leader = beliefs.steady_leader(LEADER);
-        let accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, &leader);
-        let must_brake_hard = accel.simd_lt(-(constants.abort_factor * vehicle.decel));
-        let old_leader = Leader::steady(
-            in_old_lane(gap, RIGHT_LEADER, LEFT_LEADER),
-            in_old_lane(closing_speed, RIGHT_LEADER, LEFT_LEADER),
-        );
-        let can_brake =
-            cah_accel(constants, speed, &old_leader).simd_ge(-vehicle.max_assumed_decel);
-        let old_follower_gap = in_old_lane(gap, RIGHT_FOLLOWER, LEFT_FOLLOWER);
-        let can_go_back = can_brake & old_follower_gap.simd_gt(constants.min_rear_gap);
-        (endangers_follower | must_brake_hard) & can_go_back & is_early & direction.is_whole_lane
+        let risk = LaneChangeRisk {
+            vehicle,
+            speed: state.motion.vx[slot],
+            time_gap: vehicle.time_gap,
+            acceptable_imposed_decel: vehicle.safe_decel,
+            leader: beliefs.steady_leader(LEADER),
+            follower_gap: gap[FOLLOWER],
+            follower_closing_speed: closing_speed[FOLLOWER],
+            old_leader: Leader::steady(
+                in_old_lane(gap, RIGHT_LEADER, LEFT_LEADER),
+                in_old_lane(closing_speed, RIGHT_LEADER, LEFT_LEADER),
+            ),
+            old_follower_gap: in_old_lane(gap, RIGHT_FOLLOWER, LEFT_FOLLOWER),
+        };
+        lane_change_is_dangerous(constants, &risk) & is_early & direction.is_whole_lane
     }
 }
 

@@ -14,7 +14,12 @@ from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.car_following import Leader, cah_accel, imposed_accel
 from overtaking.sim.reference.decision_context import DecisionContext, Neighbours
-from overtaking.sim.reference.lane_change import anticipated_follower, lane_change_direction
+from overtaking.sim.reference.lane_change import (
+    LaneChangeRisk,
+    anticipated_follower,
+    lane_change_direction,
+    lane_change_is_dangerous,
+)
 from overtaking.sim.reference.pass_continuation import PassContinuation
 from overtaking.sim.reference.passing import (
     accepts_oncoming_gap,
@@ -79,6 +84,25 @@ class GapAcceptanceInputs:
     def leader(self, role: int) -> Leader:
         """The leader in a role as the driver believes, without its braking."""
         return Leader(gap=self.gap[role], closing_speed=self.closing_speed[role])
+
+    def lane_change_risk(self, old_leader_role: int) -> LaneChangeRisk:
+        """The lane change that is under way.
+
+        Args:
+            old_leader_role: Role of the leader in the lane that is left. The follower of a lane has
+                the role after its leader's.
+        """
+        return LaneChangeRisk(
+            vehicle=self.vehicle,
+            speed=self.speed,
+            time_gap=self.vehicle.time_gap * self.gap_factor,
+            acceptable_imposed_decel=self.acceptable_imposed_decel,
+            leader=self.leader(LEADER),
+            follower_gap=self.gap[FOLLOWER],
+            follower_closing_speed=self.closing_speed[FOLLOWER],
+            old_leader=self.leader(old_leader_role),
+            old_follower_gap=self.gap[old_leader_role + 1],
+        )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -260,31 +284,6 @@ def accepts_return_gaps(
     return is_free_behind & is_free_ahead & stays_free
 
 
-def lane_change_is_dangerous(
-    params: StepParameters, inputs: GapAcceptanceInputs, old_leader_role: int
-) -> Mask:
-    """Whether the lane that is entered has become dangerous, and the old one still has space.
-
-    Args:
-        params: Parameters of the batch.
-        inputs: Beliefs and demands of the drivers.
-        old_leader_role: Role of the leader in the old lane; its follower has the next number.
-    """
-    constants, vehicle = params.constants, inputs.vehicle
-    follower_accel = imposed_accel_by_driver(
-        params, inputs, inputs.gap[FOLLOWER], inputs.closing_speed[FOLLOWER]
-    )
-    accel = imposed_accel_on_driver(params, inputs, inputs.leader(LEADER))
-    max_imposed_decel = constants.abort_imposed_factor * inputs.acceptable_imposed_decel
-    is_dangerous = (follower_accel < -max_imposed_decel) | (
-        accel < -(constants.abort_factor * vehicle.decel)
-    )
-    old_leader_accel = cah_accel(constants, inputs.speed, inputs.leader(old_leader_role))
-    can_brake = old_leader_accel >= -vehicle.max_assumed_decel
-    has_space_behind = inputs.gap[old_leader_role + 1] > constants.min_rear_gap
-    return is_dangerous & can_brake & has_space_behind
-
-
 def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the lane on the right has the least space for an urgent return.
 
@@ -426,7 +425,8 @@ def _cancels_pull_out(
 ) -> Mask:
     """Whether drivers go back while they pull out: in danger, or forced by a branch."""
     decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
-    is_dangerous = decides & lane_change_is_dangerous(params, inputs, RIGHT_LEADER)
+    risk = inputs.lane_change_risk(old_leader_role=RIGHT_LEADER)
+    is_dangerous = decides & lane_change_is_dangerous(params.constants, risk)
     is_forced = inputs.forced_decision == ForcedDecision.CANCEL
     return can_cancel_pull_out(state, params, inputs.slots) & (is_dangerous | is_forced)
 
@@ -436,7 +436,8 @@ def _cancels_return(
 ) -> Mask:
     """Whether drivers give up their return in danger, unless a branch forces them to return."""
     decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
-    is_dangerous = decides & lane_change_is_dangerous(params, inputs, LEFT_LEADER)
+    risk = inputs.lane_change_risk(old_leader_role=LEFT_LEADER)
+    is_dangerous = decides & lane_change_is_dangerous(params.constants, risk)
     must_return = inputs.forced_decision == ForcedDecision.RETURN
     return can_cancel_return(state, params, inputs.slots) & is_dangerous & ~must_return
 

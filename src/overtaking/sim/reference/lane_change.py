@@ -32,6 +32,7 @@ from overtaking.sim.reference.state import (
     State,
 )
 from overtaking.sim.reference.steering import start_path
+from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 _MIN_CLOSING_SPEED = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
@@ -74,6 +75,62 @@ class LaneMoves:
     to_right: Mask
     is_cancelled: Mask
     urgent_duration: F32 | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneChangeRisk:
+    """Lane changes that are under way, as their drivers judge them.
+
+    Attributes:
+        vehicle: Parameters of the drivers and their vehicles.
+        speed: Speed of the driver [m/s].
+        time_gap: Time gap that it asks for, behind its leader and for its follower [s].
+        acceptable_imposed_decel: Braking that it may impose on a follower when it starts a lane
+            change, positive [m/s^2].
+        leader: Leader in the lane that is entered.
+        follower_gap: Gap to the follower in the lane that is entered [m].
+        follower_closing_speed: Speed of that follower minus the driver's [m/s].
+        old_leader: Leader in the lane that is left.
+        old_follower_gap: Gap to the follower in the lane that is left [m].
+    """
+
+    vehicle: VehicleParameters
+    speed: F32
+    time_gap: F32
+    acceptable_imposed_decel: F32
+    leader: Leader
+    follower_gap: F32
+    follower_closing_speed: F32
+    old_leader: Leader
+    old_follower_gap: F32
+
+
+def lane_change_is_dangerous(constants: ModelConstants, risk: LaneChangeRisk) -> Mask:
+    """Whether the lane that is entered has become dangerous, and the old one still has space.
+
+    Going back needs clearly more danger than refusing to start: `abort_imposed_factor` times the
+    braking that the driver may impose on a follower, or `abort_factor` times its own comfortable
+    braking.
+
+    Args:
+        constants: Constants of the model.
+        risk: The lane changes and the gaps around their drivers.
+
+    Returns:
+        True where the driver should go back; of the shape of the fields of `risk`.
+    """
+    vehicle, speed = risk.vehicle, risk.speed
+    driver = Leader(gap=risk.follower_gap, closing_speed=risk.follower_closing_speed)
+    follower_speed = speed + risk.follower_closing_speed
+    follower_accel = imposed_accel(constants, vehicle, follower_speed, risk.time_gap, driver)
+    max_imposed_decel = constants.abort_imposed_factor * risk.acceptable_imposed_decel
+    endangers_follower = follower_accel < -max_imposed_decel
+    accel = imposed_accel(constants, vehicle, speed, risk.time_gap, risk.leader)
+    must_brake_hard = accel < -(constants.abort_factor * vehicle.decel)
+    old_leader_accel = cah_accel(constants, speed, risk.old_leader)
+    can_brake = old_leader_accel >= -vehicle.max_assumed_decel
+    has_space_behind = risk.old_follower_gap > constants.min_rear_gap
+    return (endangers_follower | must_brake_hard) & can_brake & has_space_behind
 
 
 def imposed_accel_on_follower(
@@ -316,7 +373,7 @@ def _cancels_lane_change(
     A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth
     until they left the road.
     """
-    vehicles, constants, speed = params.vehicles, params.constants, state.motion.vx
+    vehicles, constants = params.vehicles, params.constants
     gap, closing_speed = beliefs.gap, beliefs.closing_speed
     # After a change to the left, the old lane is the one on the right.
     old_leader_gap, old_leader_closing_speed = (
@@ -324,21 +381,22 @@ def _cancels_lane_change(
         for values in (gap, closing_speed)
     )
     old_follower_gap = np.where(direction.is_to_left, gap[RIGHT_FOLLOWER], gap[LEFT_FOLLOWER])
-    follower_accel = imposed_accel_on_follower(
-        params, vehicles, speed, gap[FOLLOWER], closing_speed[FOLLOWER]
+    risk = LaneChangeRisk(
+        vehicle=vehicles,
+        speed=state.motion.vx,
+        time_gap=vehicles.time_gap,
+        acceptable_imposed_decel=vehicles.safe_decel,
+        leader=Leader(gap=gap[LEADER], closing_speed=closing_speed[LEADER]),
+        follower_gap=gap[FOLLOWER],
+        follower_closing_speed=closing_speed[FOLLOWER],
+        old_leader=Leader(gap=old_leader_gap, closing_speed=old_leader_closing_speed),
+        old_follower_gap=old_follower_gap,
     )
-    endangers_follower = follower_accel < -(constants.abort_imposed_factor * vehicles.safe_decel)
-    leader = Leader(gap=gap[LEADER], closing_speed=closing_speed[LEADER])
-    accel = imposed_accel(constants, vehicles, speed, vehicles.time_gap, leader)
-    must_brake_hard = accel < -(constants.abort_factor * vehicles.decel)
-    old_leader = Leader(gap=old_leader_gap, closing_speed=old_leader_closing_speed)
-    can_brake = cah_accel(constants, speed, old_leader) >= -vehicles.max_assumed_decel
-    can_go_back = can_brake & (old_follower_gap > constants.min_rear_gap)
+    is_dangerous = lane_change_is_dangerous(constants, risk)
     is_early = state.path.elapsed < constants.abort_until * state.path.duration
     is_driven = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
     is_driven[EGO_SLOT] = False
-    is_dangerous = endangers_follower | must_brake_hard
-    return is_dangerous & can_go_back & is_early & direction.is_whole_lane & is_driven
+    return is_dangerous & is_early & direction.is_whole_lane & is_driven
 
 
 def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
