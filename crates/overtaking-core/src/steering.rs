@@ -10,6 +10,14 @@ use crate::params::{Params, StepLength};
 use crate::state::{EGO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
+/// A point of the lateral path of a lane change.
+struct PathPoint<S: Simd> {
+    /// Lateral position [m].
+    d: F32<S>,
+    /// Velocity across the road [m/s].
+    velocity: F32<S>,
+}
+
 /// Steering that a driver requests.
 struct RequestedSteering<S: Simd> {
     /// Wheel angle [rad].
@@ -18,9 +26,11 @@ struct RequestedSteering<S: Simd> {
     lean: F32<S>,
 }
 
-/// Start a quintic path of the vehicle in `slot` from its present path to the lateral position `end_d`.
+/// Start a quintic path of the vehicle in `slot` from its present path to the lateral position `end_d` [m], where
+/// `starts` holds.
 ///
-/// Position, velocity and acceleration are continuous; at the end velocity and acceleration are 0.
+/// The path takes `duration` [s]. Position, velocity and acceleration are continuous; at the end velocity and
+/// acceleration are 0.
 #[inline(always)]
 pub fn start_path<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -29,7 +39,7 @@ pub fn start_path<S: Simd, const N: usize>(
     end_d: F32<S>,
     duration: F32<S>,
 ) {
-    let (d, velocity) = path_position(state, slot, 0.0);
+    let PathPoint { d, velocity } = path_point(state, slot, 0.0);
     let accel = path_accel(state, slot, splat(duration.simd, 0.0));
     let t = duration;
     // Changes that the terms of third to fifth order make up until the end.
@@ -56,21 +66,22 @@ pub fn start_path<S: Simd, const N: usize>(
     *time_since_lane_change = select(starts, zero, *time_since_lane_change);
 }
 
-/// Position [m] and velocity [m/s] of the lateral path of the vehicle in `slot`, `lookahead` seconds ahead.
+/// The point of the lateral path of the vehicle in `slot` that it reaches in `lookahead` seconds.
 #[inline(always)]
-fn path_position<S: Simd, const N: usize>(
+fn path_point<S: Simd, const N: usize>(
     state: &State<S, N>,
     slot: usize,
     lookahead: f32,
-) -> (F32<S>, F32<S>) {
+) -> PathPoint<S> {
     let t = min(
         state.path.elapsed[slot] + lookahead,
         state.path.duration[slot],
     );
     let [c0, c1, c2, c3, c4, c5] = state.path.coefficients[slot];
-    let d = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
-    let velocity = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5))));
-    (d, velocity)
+    PathPoint {
+        d: c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5)))),
+        velocity: c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * (5.0 * c5)))),
+    }
 }
 
 /// Acceleration of the lateral path of the vehicle in `slot`, `lookahead` seconds ahead [m/s^2].
@@ -88,7 +99,7 @@ fn path_accel<S: Simd, const N: usize>(
     2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
 }
 
-/// Follow the side wind with a lag; at the first frame the driver in `slot` holds against it already.
+/// Let the driver in `slot` follow the side wind with a lag. At the first frame it holds against the wind already.
 #[inline(always)]
 pub fn update_wind_trim<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -131,8 +142,9 @@ pub fn settle_into_bend<S: Simd, const N: usize>(
 
 /// Turn the front wheels of the vehicle in `slot`, or lean, towards the path for one step.
 ///
-/// Returns the wheel angle [rad], or the lean [m/s^2], in the middle of the step. Wheels and lean follow with a lag: they
-/// move towards the request in the middle of the step, which the last step's accelerations predict.
+/// Returns the wheel angle [rad], or of a two-wheeler its lean, a lateral acceleration [m/s^2], in the middle of the
+/// step. Wheels and lean follow with a lag: they move towards the request in the middle of the step, which the last
+/// step's accelerations predict.
 #[inline(always)]
 pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
@@ -191,7 +203,8 @@ fn turn_wheels<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Wheel angle [rad], or lean [m/s^2], that holds a straight course in the side wind.
+    /// Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], that holds a straight course in the side
+    /// wind.
     #[inline(always)]
     fn wind_trim(self) -> F32<S> {
         let (wind, slot, vehicle) = (&self.state.friction_and_wind, self.slot, self.vehicle());
@@ -200,9 +213,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         -select(vehicle.two_wheeler.simd_gt(0.0), wind_accel, angle)
     }
 
-    /// Largest difference of the wheel angle from the slip angle, on the friction of this decision [rad].
+    /// Largest difference of the wheel angle from the slip angle of the front axle, on the friction of this decision
+    /// [rad].
     ///
-    /// Beyond this slip more angle gives no more force.
+    /// Beyond this slip a larger wheel angle gives no more side force.
     #[inline(always)]
     pub fn slip_reach(self) -> F32<S> {
         let (friction, slot) = (&self.state.friction_and_wind, self.slot);
@@ -212,13 +226,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Steering that the driver requests `lookahead` seconds ahead.
     ///
-    /// A vehicle follows its steering late: by the lag of the wheels and the time in which its tyres build up the side
-    /// force. Drivers therefore request the acceleration of the path earlier by this time.
+    /// A vehicle follows its steering late, by the lag of the wheels and the time in which its tyres build up the side
+    /// force. Drivers therefore request the acceleration of the path that far ahead of time.
     #[inline(always)]
     fn requested_steering<const VARIES: bool>(self, lookahead: f32) -> RequestedSteering<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle, motion) = (&params.constants, self.vehicle(), &state.motion);
-        let (path_d, path_velocity) = path_position(state, slot, lookahead);
+        let path = path_point(state, slot, lookahead);
         let lag = select(
             vehicle.two_wheeler.simd_gt(0.0),
             splat(params.simd, constants.two_wheeler_lag),
@@ -238,8 +252,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let yaw_rate = motion.yaw_rate[slot] + lookahead * motion.yaw_accel[slot];
 
         let wander = constants.lane_deviation * state.noise.lane_wander[slot];
-        let accel = feedforward + constants.velocity_gain * (path_velocity - velocity_d);
-        let accel = accel + constants.position_gain * (path_d + wander - d);
+        let accel = feedforward + constants.velocity_gain * (path.velocity - velocity_d);
+        let accel = accel + constants.position_gain * (path.d + wander - d);
         // The limit holds for moves within the road; drivers follow its bends in any case.
         let max_accel_lat = params.simulations.max_lateral_accel;
         let mut accel = clamp(accel, -max_accel_lat, max_accel_lat);
@@ -253,7 +267,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let wind_trim = state.controls.wind_trim[slot];
         let angle = damped_accel * angle_per_accel + wind_trim;
 
-        // A sliding vehicle is steered into the slide.
+        // Drivers steer a sliding vehicle into the slide.
         let slip = (vy + vehicle.cg_front * yaw_rate) * inverse_speed;
         let reach = state.controls.slip_reach[slot];
         let limit = constants.steering_limit;

@@ -4,18 +4,22 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::math::elementary::sincos;
-use crate::math::vectors::{F32, assign_where, at_least, clamp, clamp_to, max, min, select, splat};
+use crate::math::vectors::{
+    F32, Mask, assign_where, at_least, clamp, clamp_to, max, min, select, splat,
+};
 use crate::params::{Params, StepLength};
 use crate::state::State;
 use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps the direction of a wreck at rest finite [m/s].
 const MIN_SLIDING_SPEED: f32 = 1e-3;
-/// Square of the lateral force that full braking leaves, which keeps the slip finite [N^2].
+/// Smallest square of the largest lateral force: at full braking it keeps the divisor of the slip above 0 [N^2].
 const MIN_LATERAL_GRIP: f32 = 1.0;
 
-/// Motion and controls in the middle of a step.
-struct MidStep<S: Simd> {
+/// Length of a step, and motion and controls in its middle.
+struct MidStep<'a, S: Simd> {
+    /// Length of the step.
+    step_length: &'a StepLength,
     /// Speed, extrapolated by the acceleration of the last step [m/s].
     speed: F32<S>,
     /// One over the speed, which is bounded from below [s/m].
@@ -24,7 +28,7 @@ struct MidStep<S: Simd> {
     wheel_angle: F32<S>,
     /// Air drag and rolling resistance [N].
     level_resistance: F32<S>,
-    /// The same and the pull of the slope [N].
+    /// Air drag, rolling resistance and the pull of the slope [N].
     resistance: F32<S>,
 }
 
@@ -42,23 +46,26 @@ struct Axle<S: Simd> {
 
 /// Both axles of a vehicle.
 struct Axles<S: Simd> {
+    /// Front axle.
     front: Axle<S>,
+    /// Rear axle.
     rear: Axle<S>,
 }
 
 /// Lateral force of an axle.
 struct TyreForce<S: Simd> {
-    /// Against the slip [N].
+    /// Force against the slip [N].
     force: F32<S>,
-    /// Growth of its size with the slip [N].
+    /// Growth of the size of the force with the slip [N].
     slope: F32<S>,
 }
 
 /// Result of a step; the state holds its mean accelerations.
 #[derive(Clone, Copy)]
 pub struct MotionStep<S: Simd> {
-    /// Velocity at the end, in the vehicle's axes [m/s].
+    /// Velocity ahead at the end, in the vehicle's axes [m/s].
     vx: F32<S>,
+    /// Velocity to the left at the end [m/s].
     vy: F32<S>,
     /// Yaw rate at the end [rad/s].
     yaw_rate: F32<S>,
@@ -77,11 +84,24 @@ impl<S: Simd> MotionStep<S> {
             mean_yaw_rate: zero,
         }
     }
+
+    /// The fields of `step` where the mask holds, else of this step.
+    #[inline(always)]
+    fn replace_where(self, mask: Mask<S>, step: Self) -> Self {
+        Self {
+            vx: select(mask, step.vx, self.vx),
+            vy: select(mask, step.vy, self.vy),
+            yaw_rate: select(mask, step.yaw_rate, self.yaw_rate),
+            mean_yaw_rate: select(mask, step.mean_yaw_rate, self.mean_yaw_rate),
+        }
+    }
 }
 
 /// Lateral force of an axle, and its slope.
 ///
-/// `velocity_across` and `velocity_along` are the velocities of its wheels across and along their planes, in one unit.
+/// `stiffness` is the cornering stiffness of the axle [N/rad], `max_force` its largest lateral force [N].
+/// `velocity_across` and `velocity_along` are the velocities of its wheels across and along their planes. Only their
+/// ratio counts, so any unit serves.
 #[inline(always)]
 fn fiala_force<S: Simd>(
     stiffness: F32<S>,
@@ -106,7 +126,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self,
         wheel_angle: F32<S>,
         step_length: &StepLength,
-    ) -> MidStep<S> {
+    ) -> MidStep<'_, S> {
         let (state, slot) = (self.state, self.slot);
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
         let speed = at_least(
@@ -120,6 +140,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             resistance += constants.gravity * vehicle.mass * state.road.sin_slope[slot];
         }
         MidStep {
+            step_length,
             speed,
             inverse_speed: 1.0 / at_least(speed, constants.slip_speed),
             wheel_angle,
@@ -130,7 +151,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Tyre force requested for an acceleration, within engine, governor and brakes [N].
     #[inline(always)]
-    fn requested_force(self, requested_accel: F32<S>, mid: &MidStep<S>) -> F32<S> {
+    fn requested_force(self, requested_accel: F32<S>, mid: &MidStep<'_, S>) -> F32<S> {
         let (params, vehicle) = (self.params, self.vehicle());
         let force = vehicle.mass * requested_accel + mid.resistance;
         let engine_force = min(vehicle.launch_force, vehicle.power * mid.inverse_speed);
@@ -203,11 +224,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Loads and forces of both axles for a requested force [N].
     ///
-    /// The loads follow the acceleration of this step, which depends on the loads. It is estimated by the requested force
-    /// within the friction under the loads of the last step, minus the part of the last step's side force that the turned
-    /// wheels hold back.
+    /// The loads follow the acceleration of this step, which depends on the loads. It is estimated by the requested
+    /// force within the friction under the loads of the last step, minus the part of the last step's side force that
+    /// the turned wheels hold back.
     #[inline(always)]
-    fn axles(self, force: F32<S>, mid: &MidStep<S>) -> Axles<S> {
+    fn axles(self, force: F32<S>, mid: &MidStep<'_, S>) -> Axles<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
@@ -243,10 +264,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Yaw moment of stability control, which brakes single wheels [N m].
     ///
-    /// It reacts to a yaw rate that differs by more than a threshold from the one that the wheel angle requests and
-    /// friction allows. It uses at most the braking force of one wheel. The loss of speed by this braking is neglected.
+    /// It reacts to a yaw rate that differs by more than a threshold from the yaw rate that the wheel angle requests
+    /// and friction allows. It uses at most the braking force of one wheel. The loss of speed by this braking is
+    /// neglected.
     #[inline(always)]
-    fn stability_control(self, mid: &MidStep<S>) -> F32<S> {
+    fn stability_control(self, mid: &MidStep<'_, S>) -> F32<S> {
         let (constants, vehicle, speed) = (&self.params.constants, self.vehicle(), mid.speed);
         let max_accel = self.max_friction_accel();
         let max_yaw_rate = max_accel / at_least(speed, constants.slip_speed);
@@ -281,15 +303,11 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     let axles = handle.axles(force, &mid);
     let tyre_force = axles.front.force_lon + axles.rear.force_lon;
     let accel_lon = (tyre_force - mid.resistance) * vehicle.inverse_mass;
-    let mut motion_step = single_track_step(state, params, slot, (&axles, &mid), step_length);
-    if vehicle.two_wheeler.simd_gt(0.0).any_true() {
-        lean(
-            state,
-            params,
-            slot,
-            (accel_lon, &mid, step_length),
-            &mut motion_step,
-        );
+    let mut motion_step = single_track_step(state, params, slot, &axles, &mid);
+    let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
+    if is_two_wheeler.any_true() {
+        let leaning_step = leaning_step(state, params, slot, accel_lon, &mid);
+        motion_step = motion_step.replace_where(is_two_wheeler, leaning_step);
     }
     motion_step.vx = at_least(motion_step.vx, 0.0);
     state
@@ -298,16 +316,17 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     motion_step
 }
 
-/// A step of the single-track model; side speed and yaw rate by the linearised equations.
+/// A step of the single-track model; side speed and yaw rate by the linearised equations. Stores its accelerations.
 #[inline(always)]
 fn single_track_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (axles, mid): (&Axles<S>, &MidStep<S>),
-    step_length: &StepLength,
+    axles: &Axles<S>,
+    mid: &MidStep<'_, S>,
 ) -> MotionStep<S> {
     let (vehicle, inverse_speed) = (&params.vehicles[slot], mid.inverse_speed);
+    let step_length = mid.step_length;
     let Axles { front, rear } = axles;
     let motion = &state.motion;
     let (vx, vy, yaw_rate) = (motion.vx[slot], motion.vy[slot], motion.yaw_rate[slot]);
@@ -376,35 +395,36 @@ fn single_track_step<S: Simd, const N: usize>(
     }
 }
 
-/// Replace the step of a two-wheeler by the step of a point mass that leans by its driver's request and the wind.
+/// A step of a two-wheeler: a point mass that leans by its driver's request and the wind, within friction.
 ///
-/// It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step.
+/// It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step. Stores the
+/// accelerations of two-wheelers; the result is undefined for other vehicles.
 #[inline(always)]
-fn lean<S: Simd, const N: usize>(
+fn leaning_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (accel_lon, mid, step_length): (F32<S>, &MidStep<S>, &StepLength),
-    motion_step: &mut MotionStep<S>,
-) {
+    accel_lon: F32<S>,
+    mid: &MidStep<'_, S>,
+) -> MotionStep<S> {
     let vehicle = &params.vehicles[slot];
     let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
     let max_accel = state.vehicle(params, slot).max_friction_accel();
     let wind_accel = state.friction_and_wind.wind_force[slot] * vehicle.inverse_mass;
     let accel_lat = clamp(mid.wheel_angle + wind_accel, -max_accel, max_accel);
     let yaw_rate = accel_lat * mid.inverse_speed;
-    let vx = state.motion.vx[slot] + step_length.length * accel_lon;
-    let zero = splat(params.simd, 0.0);
-    motion_step.vx = select(is_two_wheeler, vx, motion_step.vx);
-    motion_step.vy = select(is_two_wheeler, zero, motion_step.vy);
-    motion_step.yaw_rate = select(is_two_wheeler, yaw_rate, motion_step.yaw_rate);
-    motion_step.mean_yaw_rate = select(is_two_wheeler, yaw_rate, motion_step.mean_yaw_rate);
     assign_where(&mut state.motion.accel_lon[slot], is_two_wheeler, accel_lon);
     assign_where(&mut state.motion.accel_lat[slot], is_two_wheeler, accel_lat);
+    MotionStep {
+        vx: state.motion.vx[slot] + mid.step_length.length * accel_lon,
+        vy: splat(params.simd, 0.0),
+        yaw_rate,
+        mean_yaw_rate: yaw_rate,
+    }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Stop a vehicle that hardly moves and is not to accelerate.
+    /// Stop a vehicle that hardly moves and whose driver does not request acceleration.
     #[inline(always)]
     fn stop_when_creeping(self, motion_step: &mut MotionStep<S>) {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -426,8 +446,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Move the vehicle in `slot` by the mean of the old and the new velocity, and store the new motion.
 ///
-/// In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck slides straight on with
-/// locked wheels, however it and the road turn, and comes to rest.
+/// In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck slides straight on
+/// with locked wheels, however it and the road turn, and comes to rest.
 #[inline(always)]
 pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
@@ -441,8 +461,9 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     let mut yaw_rate = motion_step.yaw_rate;
     let mut kept_share = splat(params.simd, 1.0);
     if is_wreck.any_true() {
-        let speed = (along * along + across * across).sqrt();
-        (yaw_rate, kept_share) = slide_wreck(state, params, slot, (speed, yaw_rate), step_length);
+        let slide = slide_wreck(state, params, slot, step_length);
+        yaw_rate = select(is_wreck, slide.yaw_rate, yaw_rate);
+        kept_share = slide.kept_share;
     }
     let motion = &mut state.motion;
     let mean_yaw_rate = select(
@@ -486,20 +507,28 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     motion.yaw_rate[slot] = yaw_rate;
 }
 
-/// Slide a wreck in `slot`: friction takes a share of its speed, and turns against its spin.
-///
-/// `yaw_rate` is the new yaw rate of a vehicle that is no wreck. Returns the new yaw rate, and the share of the velocity that is left.
+/// A step of a wreck that slides with locked wheels.
+struct WreckSlide<S: Simd> {
+    /// Yaw rate at the end [rad/s].
+    yaw_rate: F32<S>,
+    /// Share of the velocity that is left at the end, 0 to 1.
+    kept_share: F32<S>,
+}
+
+/// Slide a wreck in `slot`, and store its accelerations: friction takes a share of its speed, and turns against its
+/// spin.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,
-    (speed, yaw_rate): (F32<S>, F32<S>),
     step_length: &StepLength,
-) -> (F32<S>, F32<S>) {
+) -> WreckSlide<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
-    let max_friction_accel = state.vehicle(params, slot).max_friction_accel();
-    let sliding_decel = constants.sliding_ratio * max_friction_accel;
+    let handle = state.vehicle(params, slot);
+    let (along, across) = handle.road_velocity();
+    let speed = (along * along + across * across).sqrt();
+    let sliding_decel = constants.sliding_ratio * handle.max_friction_accel();
     let lost_share =
         min(sliding_decel * step_length.length, speed) / at_least(speed, MIN_SLIDING_SPEED);
     let max_spin_change = sliding_decel
@@ -514,6 +543,8 @@ fn slide_wreck<S: Simd, const N: usize>(
     motion.accel_lon[slot] = select(is_wreck, rate * motion.vx[slot], motion.accel_lon[slot]);
     motion.accel_lat[slot] = select(is_wreck, rate * motion.vy[slot], motion.accel_lat[slot]);
     let spin = motion.yaw_rate[slot];
-    let slower_spin = spin - clamp(spin, -max_spin_change, max_spin_change);
-    (select(is_wreck, slower_spin, yaw_rate), 1.0 - lost_share)
+    WreckSlide {
+        yaw_rate: spin - clamp(spin, -max_spin_change, max_spin_change),
+        kept_share: 1.0 - lost_share,
+    }
 }

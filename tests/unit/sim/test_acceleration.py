@@ -90,7 +90,7 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     mask[0] = True
     steering.start_path(m.state, mask, zero + np.float32(high), zero + np.float32(duration))
     m.state.path.elapsed[0] = done
-    m.state.motion.d[0] = float(steering.path_position(m.state)[0][0, 0])
+    m.state.motion.d[0] = float(steering.path_point(m.state)[0][0, 0])
     accel = acceleration.accel_behind_old_leader(m.state, m.given, m.context())
     return bool(accel[0, 0] < 0.0)
 

@@ -37,7 +37,7 @@ def quintic(start: tuple[float, float, float], end: float, duration: float) -> n
 
 def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     b.state.path.elapsed = np.full_like(b.state.path.elapsed, time)
-    place, speed = (float(part[0, 0]) for part in steering.path_position(b.state))
+    place, speed = (float(part[0, 0]) for part in steering.path_point(b.state))
     return place, speed, float(steering.path_accel(b.state)[0, 0])
 
 

@@ -1,5 +1,7 @@
 """Lateral path of a lane change, and the wheel angle that follows it."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
@@ -7,6 +9,13 @@ from overtaking.core.float32_math import HALF, ONE, TWO, ZERO, atan, clamp, maxi
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
+
+
+class PathPoint(NamedTuple):
+    """Points of the lateral paths of lane changes, (vehicle, simulation)."""
+
+    d: F32  # Lateral position [m].
+    velocity: F32  # Velocity across the road [m/s].
 
 
 def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
@@ -23,7 +32,7 @@ def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
     Source:
         Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
     """
-    (d, velocity), accel = path_position(state), path_accel(state)
+    (d, velocity), accel = path_point(state), path_accel(state)
     t = duration
     # Changes that the terms of third to fifth order make up until the end.
     d_change = end_d - d - velocity * t - HALF * accel * (t * t)
@@ -52,14 +61,14 @@ def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
     choice.time_since_lane_change = np.where(starts, ZERO, choice.time_since_lane_change)
 
 
-def path_position(state: State, lookahead: np.float32 = ZERO) -> tuple[F32, F32]:
-    """Position [m] and velocity [m/s] of the lateral path now, or `lookahead` seconds ahead."""
+def path_point(state: State, lookahead: np.float32 = ZERO) -> PathPoint:
+    """The point of the lateral path that each vehicle reaches in `lookahead` seconds."""
     t = minimum(state.path.elapsed + lookahead, state.path.duration)
     c0, c1, c2, c3, c4, c5 = state.path.coefficients
     three, four, five = (np.float32(k) for k in (3.0, 4.0, 5.0))
     d = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
     velocity = c1 + t * (TWO * c2 + t * (three * c3 + t * (four * c4 + t * (five * c5))))
-    return d, velocity
+    return PathPoint(d, velocity)
 
 
 def path_accel(state: State, lookahead: F32 | np.float32 = ZERO) -> F32:
@@ -174,7 +183,7 @@ def _requested_steering(
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
     vehicles, constants, motion = params.vehicles, params.constants, state.motion
-    path_d, path_velocity = path_position(state, lookahead)
+    path = path_point(state, lookahead)
     car_lag = constants.steering_lag + vehicles.side_lag * motion.vx
     lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
     feedforward = path_accel(state, lookahead + lag)
@@ -189,8 +198,8 @@ def _requested_steering(
     yaw_rate = motion.yaw_rate + lookahead * motion.yaw_accel
 
     wander = constants.lane_deviation * state.noise.lane_wander
-    accel = feedforward + constants.velocity_gain * (path_velocity - velocity_d)
-    accel = accel + constants.position_gain * (path_d + wander - d)
+    accel = feedforward + constants.velocity_gain * (path.velocity - velocity_d)
+    accel = accel + constants.position_gain * (path.d + wander - d)
     # The limit holds for moves within the road; drivers follow its bends in any case.
     accel = clamp(accel, -max_accel_lat, max_accel_lat) + state.road.curvature_ahead * (vx * vx)
     inverse_speed = ONE / maximum(vx, constants.slip_speed)

@@ -21,16 +21,18 @@ _MIN_LATERAL_GRIP = np.float32(1.0)  # Keeps a divisor above 0 at full braking [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MidStep:
-    """Motion and controls in the middle of a step; arrays of shape (vehicle, simulation).
+    """Length of a step, and motion and controls in its middle, (vehicle, simulation).
 
     Attributes:
+        step_length: Length of the step [s].
         speed: Speed, extrapolated by the acceleration of the last step [m/s].
         inverse_speed: One over the speed, which is bounded from below [s/m].
         wheel_angle: Front wheel angle [rad], or requested lean of a two-wheeler [m/s^2].
         level_resistance: Air drag and rolling resistance [N].
-        resistance: The same and the pull of the slope [N].
+        resistance: Air drag, rolling resistance and the pull of the slope [N].
     """
 
+    step_length: np.float32
     speed: F32
     inverse_speed: F32
     wheel_angle: F32
@@ -164,10 +166,10 @@ def advance_motion(
     mid = _mid_step(state, params, wheel_angle, step_length)
     force = requested_force(params, state.controls.requested_accel, mid)
     axles = _axles(state, params, force, mid)
-    on_four_wheels = _single_track_step(state, params, axles, mid, step_length)
+    on_four_wheels = _single_track_step(state, params, axles, mid)
     tyre_force = axles.front.force_lon + axles.rear.force_lon
     accel_lon = (tyre_force - mid.resistance) * vehicles.inverse_mass
-    on_two_wheels = _leaning_step(state, params, accel_lon, mid, step_length)
+    on_two_wheels = _leaning_step(state, params, accel_lon, mid)
     motion_step = _select(vehicles.two_wheeler > 0, on_two_wheels, on_four_wheels)
     motion_step.vx = maximum(motion_step.vx, ZERO)
     _stop_when_creeping(state, params, motion_step)
@@ -184,6 +186,7 @@ def _mid_step(
     level_resistance = vehicles.drag * air_speed * np.abs(air_speed) + vehicles.rolling
     slope_force = constants.gravity * vehicles.mass * state.road.sin_slope
     return MidStep(
+        step_length=step_length,
         speed=speed,
         inverse_speed=ONE / maximum(speed, constants.slip_speed),
         wheel_angle=wheel_angle,
@@ -251,7 +254,7 @@ def _max_friction_accel(state: State, params: StepParameters) -> F32:
 
 
 def _single_track_step(
-    state: State, params: StepParameters, axles: Axles, mid: MidStep, step_length: np.float32
+    state: State, params: StepParameters, axles: Axles, mid: MidStep
 ) -> MotionStep:
     """A step of the single-track model; side speed and yaw rate by the linearised equations.
 
@@ -261,7 +264,7 @@ def _single_track_step(
     """
     vehicles, motion, wind = params.vehicles, state.motion, state.friction_and_wind
     front, rear, inverse_speed = axles.front, axles.rear, mid.inverse_speed
-    half_step = HALF * step_length
+    step_length, half_step = mid.step_length, HALF * mid.step_length
     sine, cosine = sincos(mid.wheel_angle)
 
     # Side speed of each axle over the speed; the front wheels are turned by the wheel angle.
@@ -343,10 +346,8 @@ def _stability_control(state: State, params: StepParameters, speed: F32, wheel_a
     return clamp(moment, -max_moment, max_moment)
 
 
-def _leaning_step(
-    state: State, params: StepParameters, accel_lon: F32, mid: MidStep, step_length: np.float32
-) -> MotionStep:
-    """A step of a point mass that leans by its driver's request and the wind, within friction.
+def _leaning_step(state: State, params: StepParameters, accel_lon: F32, mid: MidStep) -> MotionStep:
+    """A step of a two-wheeler: a point mass that leans by its driver's request and the wind.
 
     It turns at once as it leans, so its yaw rate at the end is the one in the middle of the step.
     """
@@ -354,7 +355,7 @@ def _leaning_step(
     max_accel = _max_friction_accel(state, params)
     wind_accel = state.friction_and_wind.wind_force * vehicles.inverse_mass
     accel_lat = clamp(mid.wheel_angle + wind_accel, -max_accel, max_accel)
-    vx = state.motion.vx + step_length * accel_lon
+    vx = state.motion.vx + mid.step_length * accel_lon
     yaw_rate = accel_lat * mid.inverse_speed
     return MotionStep(
         accel_lon=accel_lon,
