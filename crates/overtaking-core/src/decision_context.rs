@@ -26,8 +26,8 @@ pub struct DriverContext<S: Simd> {
     pub checks_mirrors: Mask<S>,
     /// Whether another driver that indicates for the same gap goes first.
     ///
-    /// Computed for the ego only. For the others `change_lanes_by_mobil` computes it, on one-way roads alone: two-way
-    /// roads do not need it, because entering one lane from both sides takes three lanes.
+    /// Computed for the ego only. For other drivers `change_lanes_by_mobil` computes it, on one-way roads alone: two
+    /// drivers enter one lane from both sides only where there are three lanes, which two-way roads do not have.
     pub gives_way: Mask<S>,
     /// Index of the decision, 20 per second.
     pub decision_index: u32,
@@ -47,9 +47,11 @@ impl<S: Simd> DriverContext<S> {
     }
 }
 
-/// Stations and lateral positions of all vehicles.
+/// Positions of all vehicles.
 pub struct RoadPositions<S: Simd, const N: usize> {
+    /// Stations [m].
     pub s: PerVehicle<S, N>,
+    /// Lateral positions [m].
     pub d: PerVehicle<S, N>,
 }
 
@@ -58,6 +60,7 @@ pub struct RoadPositions<S: Simd, const N: usize> {
 /// A thread has one and overwrites it at every decision of every block. It has several KiB; moving it would cost more
 /// than some of the computations that read it.
 pub struct DecisionContext<S: Simd, const N: usize> {
+    /// The context of each driver, by slot.
     pub drivers: [DriverContext<S>; N],
     /// The visible body of each vehicle.
     pub bodies: [VisibleBody<S>; N],

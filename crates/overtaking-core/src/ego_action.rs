@@ -13,6 +13,7 @@ use crate::vehicle_handle::VehicleHandle;
 /// Largest number of parts of an action.
 pub const MAX_ACTION_PARTS: usize = 3;
 
+/// Declare `ActionKind` from the list in `names`: each kind with its name and the scales of its parts.
 macro_rules! declare_action_kinds {
     ($($(#[$parts:meta])* $kind:ident, $name:literal, $scales:expr;)*) => {
         /// Meaning of the numbers of an action, as in `overtaking.model.driver_interface.ACTION_KINDS`.
@@ -92,9 +93,11 @@ pub struct EgoAction<S: Simd> {
 
 /// Manoeuvres that the external driver cancels.
 struct RequestedCancels<S: Simd> {
+    /// Whether it cancels a pull-out.
     pull_out: Mask<S>,
+    /// Whether it cancels a return.
     return_: Mask<S>,
-    /// A pass in the opposing lane.
+    /// Whether it aborts a pass in the opposing lane.
     passing: Mask<S>,
 }
 
@@ -117,7 +120,7 @@ impl<S: Simd> EgoAction<S> {
         self.kind.steers_wheels()
     }
 
-    /// A constant of `ego_move`; `None` if the kind of action has no move.
+    /// The requested move, a constant of `ego_move`; `None` if the kind of action has no move.
     #[inline(always)]
     fn move_code(&self) -> Option<F32<S>> {
         match self.kind {
@@ -155,13 +158,13 @@ impl<S: Simd> EgoAction<S> {
         RequestedCancels {
             pull_out: side.simd_lt(0.0),
             return_: side.simd_gt(0.0),
-            passing: side.simd_ne(side),
+            passing: side.simd_ne(side), // False in every lane.
         }
     }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether the ego has a lane on its left and is not changing lanes.
+    /// Whether the ego follows or passes, is not changing lanes, and has a lane on its left.
     #[inline(always)]
     pub fn can_pull_out(self) -> Mask<S> {
         let is_ready = self.is_in_stage(stage::FOLLOW) | self.is_in_stage(stage::PASS);
@@ -268,7 +271,7 @@ fn intent_from_position<S: Simd, const N: usize>(
     }
     let is_left_of_lane = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
     let is_right_of_lane = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
-    let no_wish = lane.simd_ne(lane);
+    let no_wish = lane.simd_ne(lane); // False in every lane.
     update_indicator(state, params, EGO_SLOT, no_wish, no_wish);
     let ego = state.vehicle(params, EGO_SLOT);
     let pulls_out = ego.is_in_stage(stage::PULL_OUT);

@@ -8,7 +8,7 @@ use crate::gap_acceptance::is_scripted;
 use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
 use crate::oncoming::OncomingVehicle;
 use crate::passing::tall_vehicle_gap_factor;
-use crate::state::{LEADER, NUM_ROLES, stage};
+use crate::state::{LEADER, NUM_ROLES, is_leader_role, stage};
 use crate::vehicle_handle::VehicleHandle;
 
 /// Source of the observed motion of neighbours.
@@ -20,7 +20,7 @@ pub enum ObservationSource {
     Truth,
 }
 
-/// A struct of vectors whose fields are listed once: as fields and as names.
+/// Declare a struct of vectors, one for each column, and the list of the names of the columns.
 macro_rules! columns {
     ($(#[$doc:meta])* $names:ident, $name:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
@@ -29,10 +29,11 @@ macro_rules! columns {
         struct $name<S: Simd> { $($field: F32<S>),* }
 
         impl<S: Simd> $name<S> {
+            /// Write the columns, in order, to a part of the table.
             #[inline(always)]
-            fn write(self, out: &mut [F32<S>]) {
-                for (to, from) in out.iter_mut().zip([$(self.$field),*]) {
-                    *to = from;
+            fn write(self, entries: &mut [F32<S>]) {
+                for (entry, value) in entries.iter_mut().zip([$(self.$field),*]) {
+                    *entry = value;
                 }
             }
         }
@@ -67,6 +68,7 @@ columns! {
 /// Number of observed neighbours: the six of the ego's direction, then two oncoming vehicles.
 pub const NUM_OBSERVED_ROLES: usize = NUM_ROLES + 2;
 
+/// Number of columns of all observed neighbours.
 const NEIGHBOURS_SIZE: usize = NUM_OBSERVED_ROLES * NEIGHBOUR_COLUMN_NAMES.len();
 
 /// Number of values in the observation of one simulation.
@@ -112,6 +114,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         table
     }
 
+    /// The ego's own motion, and the state of its overtake.
     #[inline(always)]
     fn ego_columns(self, context: &DriverContext<S>) -> EgoColumns<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -147,9 +150,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Motion of a neighbour relative to the ego.
 struct NeighbourMotion<S: Simd> {
+    /// Whether the driver has detected the neighbour, or whether it exists for a driver that observes the truth.
     is_detected: Mask<S>,
+    /// Gap between the bumpers [m].
     gap: F32<S>,
+    /// Speed at which the gap shrinks [m/s].
     closing_speed: F32<S>,
+    /// Acceleration of the neighbour [m/s^2].
     accel: F32<S>,
 }
 
@@ -191,8 +198,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             self.at_slot(j).road_velocity().0,
             state.motion.accel_lon[j]
         ]);
-        let is_ahead = role.is_multiple_of(2);
-        let closing_speed = if is_ahead {
+        let closing_speed = if is_leader_role(role) {
             ego_speed - speed
         } else {
             speed - ego_speed
@@ -259,7 +265,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             lateral_distance: if_detected(
                 (params.road.directions.edge_sum - d) - state.motion.d[slot],
             ),
+            // Its left is the ego's right.
             indicator: if_detected(-indicator),
+            // Stop lamps point away from the ego.
             stop_lamp: zero,
             length: if_detected(2.0 * half_length),
             is_truck: if_detected(is_truck),
@@ -274,23 +282,29 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let flag = |mask| flag(params.simd, mask);
         let oncoming = &context.oncoming.nearest;
         let continuation = self.decide_pass_continuation(context);
-        let leader = context.neighbours.slot[LEADER];
-        let overtaken = select(
+        let leader_slot = context.neighbours.slot[LEADER];
+        // Before an overtake the leader is the vehicle that the ego would pass.
+        let passed_slot = select(
             self.is_in_stage(stage::FOLLOW),
-            leader,
+            leader_slot,
             state.overtake.target_slot[slot],
         );
         PassingColumns {
             sight_distance: oncoming.sight_distance,
             is_certain: flag(oncoming.is_certain),
             expected_closing_speed: self.expected_closing_speed(),
-            gap_ahead_of_leader: at_most(self.gap_ahead_of(leader), params.constants.unseen_gap),
-            tall_vehicle_gap_factor: tall_vehicle_gap_factor(params, overtaken),
+            gap_ahead_of_leader: at_most(
+                self.gap_ahead_of(leader_slot),
+                params.constants.unseen_gap,
+            ),
+            tall_vehicle_gap_factor: tall_vehicle_gap_factor(params, passed_slot),
             line_is_solid: flag(
                 self.line_is_solid(splat(params.simd, params.constants.line_lookahead)),
             ),
+            // 0, 0.5 or 1: no urgency, an urgent return, one that also accepts a small gap.
             return_urgency: 0.5 * flag(continuation.must_return_urgently)
                 + 0.5 * flag(continuation.accepts_small_gap),
+            // 0, 0.5 or 1: no abort, an abort, one for which there is space behind the target.
             abort_state: 0.5 * flag(continuation.must_abort)
                 + 0.5 * flag(continuation.must_abort & continuation.fits_into_lane),
             can_abort_pass: flag(self.can_abort_pass()),

@@ -17,11 +17,12 @@ use crate::perception::{
 use crate::state::{FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the time until vehicles meet finite [m/s].
+/// Smallest closing speed, which keeps the time until vehicles meet finite [m/s].
 const MIN_CLOSING_SPEED: f32 = 0.1;
 
-/// Where drivers look for oncoming vehicles, in `Attention::oncoming_slot`: in any lane, and in their own.
+/// Index in `Attention::oncoming_slot` of the nearest oncoming vehicle in any lane.
 const IN_ANY_LANE: usize = 0;
+/// Index in `Attention::oncoming_slot` of the nearest oncoming vehicle in the driver's own lane.
 const IN_OWN_LANE: usize = 1;
 
 /// The nearest oncoming vehicle of a driver, and what the driver believes about it.
@@ -92,8 +93,8 @@ impl<S: Simd> OncomingTraffic<S> {
 
 /// Update what the driver in `slot` believes about oncoming vehicles, and how long it has seen them.
 ///
-/// Without `needs_beliefs`, the beliefs about the nearest vehicle in any lane and about the leader stay as they were,
-/// because nothing is decided by them.
+/// Without `needs_beliefs`, no driver of the block decides by the nearest vehicle in any lane or by the leader, and the
+/// beliefs about them stay as they were. The time in view is counted in any case.
 #[inline(always)]
 pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -135,14 +136,15 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
             in_own_lane.believed_gap / at_least(in_own_lane.closing_speed, MIN_CLOSING_SPEED);
     } else {
         update_time_in_view(state, params, slot, IN_OWN_LANE, nearest_in_own_lane.slot);
-        oncoming.meets_in_own_lane = certain & !certain;
+        oncoming.meets_in_own_lane = certain & !certain; // False in every lane.
     }
     oncoming.is_being_passed = search.is_being_passed(state.vehicle(params, slot));
 }
 
 /// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
 ///
-/// Without a visible vehicle it needs the shortest time of detection.
+/// Without a visible vehicle it needs the shortest time of detection: until the view has stayed empty for so long, the
+/// driver is not certain that no vehicle is coming, and does not pull out.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -162,7 +164,7 @@ fn is_certain<S: Simd, const N: usize>(
     state.attention.oncoming_time_in_view[slot][lanes].simd_ge(needed_time)
 }
 
-/// Count how long the driver in `slot` has seen the vehicle that it sees now.
+/// Count for how long the driver in `slot` has had the same vehicle, or no vehicle, in view.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -196,17 +198,18 @@ struct Sighting<S: Simd> {
     gap: F32<S>,
     /// Distance over the range at which it can be seen [1].
     sight_range_ratio: F32<S>,
+    /// Whether the driver can see the vehicle.
     is_visible: Mask<S>,
-    /// How far the driver sees there [m].
+    /// How far the driver sees along the lane of that vehicle [m].
     sight_distance: F32<S>,
 }
 
-/// The nearest vehicle of the other direction.
+/// The nearest vehicle of the other direction ahead of a driver.
 #[derive(Clone, Copy)]
 pub struct NearestOncoming<S: Simd> {
     /// Slot of the vehicle, or `NO_SLOT`.
     slot: F32<S>,
-    /// Distance of the centres [m].
+    /// Distance of the centres along the road; `FAR` without a vehicle [m].
     distance: F32<S>,
 }
 
@@ -223,7 +226,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.believe(&sighting, nearest.is_detected, context.decision_index)
     }
 
-    /// Visibility of an oncoming vehicle, where the driver sees as far as `sight_distance`.
+    /// Visibility of an oncoming vehicle for a driver that sees as far as `sight_distance` [m].
     #[inline(always)]
     fn sighting(
         self,
@@ -363,7 +366,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         min(min(by_road, past_leader), params.simulations.oncoming_sight)
     }
 
-    /// The oncoming vehicle where this slot has a vehicle, else none.
+    /// The oncoming vehicle in the simulations that have a vehicle in this slot, no vehicle in the others.
     #[inline(always)]
     fn where_vehicle_exists(self, oncoming: NearestOncoming<S>) -> NearestOncoming<S> {
         let (simd, exists) = (self.params.simd, self.vehicle().valid.simd_gt(0.0));
@@ -390,36 +393,46 @@ fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
     result
 }
 
-/// A vehicle in the direction of travel of oncoming vehicles.
+/// A vehicle in the coordinates of oncoming vehicles, which follow their direction of travel.
 #[derive(Clone, Copy)]
 struct OppositeView<S: Simd> {
+    /// Station of the centre [m].
     s: F32<S>,
+    /// Lateral position of the right side [m].
     right_side: F32<S>,
+    /// Lateral position of the left side [m].
     left_side: F32<S>,
+    /// Index of the lane, from the right.
     lane: F32<S>,
     /// Whether it is on the road, in any lane.
     on_road: Mask<S>,
 }
 
 impl<S: Simd> OppositeView<S> {
-    /// Whether the body lies between the edges of a lane or a road, in part.
+    /// Whether a part of the body lies between the edges of a lane or a road.
     #[inline(always)]
     fn overlaps(&self, (right_edge, left_edge): (F32<S>, F32<S>)) -> Mask<S> {
         self.left_side.simd_gt(right_edge) & self.right_side.simd_lt(left_edge)
     }
 }
 
-/// Which vehicles of a two-way road can meet which. A set of slots has one bit for each slot.
+/// The vehicles of a two-way road as the other direction sees them, and sets of slots that shorten the search.
+///
+/// A set is a number of 32 bits with bit k for slot k. It has the slots for which a condition holds in any simulation
+/// of the block.
 #[derive(Clone, Copy)]
 pub struct OncomingSearch<S: Simd, const N: usize> {
+    /// Each vehicle in the coordinates of the other direction.
     as_seen_by_oncoming: [OppositeView<S>; N],
-    /// Slots of vehicles that drive along the road, and against it, in any simulation.
-    directions: [u32; 2],
-    /// Slots of vehicles that may be in the lane of oncoming vehicles, in any simulation.
+    /// Slots of vehicles that drive along the road.
+    slots_along: u32,
+    /// Slots of vehicles that drive against the direction of the road.
+    slots_against: u32,
+    /// Slots of vehicles that are in the first lane of the other direction, or visibly change to it.
     off_lane_slots: u32,
     /// Whether the vehicle in each slot overtakes.
     pub overtakes: [Mask<S>; N],
-    /// Slots of vehicles that overtake in any simulation.
+    /// Slots of vehicles that overtake.
     overtaking_slots: u32,
 }
 
@@ -437,7 +450,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         };
         Self {
             as_seen_by_oncoming: [view; N],
-            directions: [0; 2],
+            slots_along: 0,
+            slots_against: 0,
             off_lane_slots: 0,
             overtakes: [never; N],
             overtaking_slots: 0,
@@ -464,7 +478,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             road.boundaries[road.num_lanes] - constants.corridor_margin,
         );
         let whole_road = (right_edge, left_edge);
-        (self.directions, self.off_lane_slots, self.overtaking_slots) = ([0; 2], 0, 0);
+        (self.slots_along, self.slots_against) = (0, 0);
+        (self.off_lane_slots, self.overtaking_slots) = (0, 0);
         for j in 0..params.num_slots_in_use {
             let vehicle = &params.vehicles[j];
             let valid = vehicle.valid.simd_gt(0.0);
@@ -479,8 +494,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             let is_off_lane = view.overlaps(first_lane)
                 | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
             let drives_along = vehicle.travel_sign.simd_gt(0.0);
-            self.directions[0] |= u32::from((valid & drives_along).any_true()) << j;
-            self.directions[1] |= u32::from((valid & !drives_along).any_true()) << j;
+            self.slots_along |= u32::from((valid & drives_along).any_true()) << j;
+            self.slots_against |= u32::from((valid & !drives_along).any_true()) << j;
             self.off_lane_slots |= u32::from((valid & is_off_lane).any_true()) << j;
             self.overtakes[j] = state.vehicle(params, j).is_overtaking();
             self.overtaking_slots |= u32::from(self.overtakes[j].any_true()) << j;
@@ -508,11 +523,14 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             distance: splat(params.simd, FAR),
         };
         let [mut nearest, mut in_own_lane] = [no_vehicle; 2];
-        let [along, against] = self.directions;
+        // The vehicle in this slot may drive along the road in one simulation and against it in another.
         let mut oncoming_slots = 0;
-        for (own, opposite) in [(along, against), (against, along)] {
-            if own >> slot & 1 == 1 {
-                oncoming_slots |= opposite;
+        for (own_slots, opposite_slots) in [
+            (self.slots_along, self.slots_against),
+            (self.slots_against, self.slots_along),
+        ] {
+            if own_slots >> slot & 1 == 1 {
+                oncoming_slots |= opposite_slots;
             }
         }
         for j in (0..params.num_slots_in_use).filter(|j| oncoming_slots >> *j & 1 == 1) {
@@ -582,7 +600,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     fn is_being_passed(&self, driver: VehicleHandle<'_, S, N>) -> Mask<S> {
         let (state, params, slot) = (driver.state, driver.params, driver.slot);
         let vehicle = driver.vehicle();
-        let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot];
+        let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot]; // False in every lane.
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
             let overtaker = &params.vehicles[j];
             let gap = (state.motion.s[slot] - state.motion.s[j]).abs()

@@ -1,4 +1,4 @@
-//! Overtaking as a state machine, of the ego and on two-way roads of all drivers; the twin of
+//! The overtake as a state machine, for the ego and on two-way roads for all drivers; the twin of
 //! `overtaking.sim.reference.overtake`.
 
 use fearless_simd::Simd;
@@ -37,7 +37,7 @@ pub fn decide_ego<S: Simd, const N: usize>(
     recorder: Option<&mut Recorder<'_, N>>,
     decision: &EgoDecision<'_, S>,
 ) {
-    // No closure: it would be compiled as a function of its own, without the SIMD features.
+    // Not `then` with a closure: it would be compiled as a function of its own, without the SIMD features.
     let continuation = if params.road.directions.has_oncoming_traffic {
         // Also with an external driver: the model controls the pedals that the action does not set.
         Some(update_pass_continuation(state, params, EGO_SLOT, context))
@@ -139,7 +139,7 @@ fn set_stage<S: Simd, const N: usize>(
     state.overtake.stage[slot] = stage;
 }
 
-/// Count the time that the driver in `slot` spends close behind a leader slower than it wants to be.
+/// Count the time that the driver in `slot` spends close behind a leader that is slower than it desires to drive.
 #[inline(always)]
 fn count_waiting_time<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -200,7 +200,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         stage
     }
 
-    /// Duration of an urgent lane change, 0 for a driver without urgency [s].
+    /// Duration of the driver's lane change if it must abort or return urgently, else 0 [s].
     ///
     /// Wheels turn only so far: two arcs of a turning circle of 11 m are 8 m long for a lane of 3.5 m, and drivers take
     /// twice that. With shorter changes, vehicles that had slowed to 9 km/h swung across their lane and left the road.
@@ -229,7 +229,7 @@ fn carry_out_intent<S: Simd, const N: usize>(
     let neighbour_slot = &context.neighbours.slot;
     let target_slot = &mut state.overtake.target_slot[slot];
     assign_where(target_slot, intent.starts_pull_out, neighbour_slot[LEADER]);
-    // No closure: it would be compiled as a function of its own, without the SIMD features.
+    // Not `then` with a closure: it would be compiled as a function of its own, without the SIMD features.
     let urgent_duration = if params.road.directions.has_oncoming_traffic {
         let passes_next = state.vehicle(params, slot).overtakes_next_vehicle(context);
         let target_slot = &mut state.overtake.target_slot[slot];

@@ -17,6 +17,7 @@ use crate::params::Params;
 use crate::road_conditions::{lane_film, value_of_lane};
 use crate::state::{
     HISTORY_LENGTH, HISTORY_STRIDE, LEADER, LEFT_LEADER, NEVER_LOOKED, NUM_ROLES, State,
+    is_leader_role,
 };
 use crate::vehicle_handle::VehicleHandle;
 
@@ -24,11 +25,11 @@ use crate::vehicle_handle::VehicleHandle;
 const NEAREST_GAP: f32 = 1.0;
 /// Gap beyond every limit of sight [m].
 const FARTHEST_GAP: f32 = 1e4;
-/// A contrast of e^-40 is invisible; larger exponents would only overflow.
+/// Largest optical depth: a contrast of e^-40 is invisible, and larger exponents would only overflow [1].
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
-/// Logarithm at which a contrast cannot be seen any more.
+/// Smallest logarithm of a contrast over its threshold; a contrast this near its threshold cannot be seen any more [1].
 const MIN_LOG_CONTRAST: f32 = 0.02;
-/// Keeps a quotient finite where all looming is seen [rad/s].
+/// Keeps a quotient finite where drivers notice any looming at once [rad/s].
 const MIN_LOOMING: f32 = 1e-9;
 /// Smallest length of a line of sight, which keeps it finite alongside [m].
 pub const MIN_SIGHT_LINE: f32 = 0.1;
@@ -79,9 +80,9 @@ impl<S: Simd> Beliefs<S> {
 /// Extinction coefficients [1/m].
 #[derive(Clone, Copy)]
 pub struct Extinction<S: Simd> {
-    /// Of fog and rain around the driver.
+    /// Extinction by fog and rain around the driver.
     pub air: F32<S>,
-    /// Of the spray behind its leader.
+    /// Extinction by the spray behind its leader.
     pub spray: F32<S>,
 }
 
@@ -89,18 +90,19 @@ pub struct Extinction<S: Simd> {
 pub struct Conspicuity<S: Simd> {
     /// Logarithm of its contrast.
     pub log_contrast: F32<S>,
-    /// [1/cd]
+    /// Reciprocal of the luminous intensity of its lamps towards the driver [1/cd].
     pub inverse_lamp_intensity: F32<S>,
 }
 
 /// How an approach looms to a driver.
 pub struct Looming<S: Simd> {
+    /// Whether the image of the vehicle grows fast enough for the driver to notice.
     pub exceeds_threshold: Mask<S>,
-    /// How much of the closing speed is noticed, 0 to 1.
+    /// Share of the closing speed that the driver notices, 0 to 1.
     pub noticed_share: F32<S>,
-    /// Share of misjudgements that is left as contact comes near, 0 to 1.
+    /// Share of the driver's misjudgements that is left; it falls to 0 as contact comes near [1].
     pub error_share: F32<S>,
-    /// Closing speed as it is sensed [m/s].
+    /// Closing speed with the driver's misjudgement [m/s].
     pub closing_speed: F32<S>,
 }
 
@@ -114,7 +116,7 @@ pub struct RecalledMotion<S: Simd> {
     pub observed_at: F32<S>,
 }
 
-/// Remember where all vehicles are now; drivers see it after their reaction delay.
+/// Store station and speed of all vehicles at this decision; drivers recall them after their reaction delay.
 #[inline(always)]
 pub fn record_history<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -124,6 +126,7 @@ pub fn record_history<S: Simd, const N: usize>(
     let row = decision_index as usize % HISTORY_LENGTH;
     for slot in 0..params.num_slots_in_use {
         let (along, _) = state.vehicle(params, slot).road_velocity();
+        // Pairs of station and speed: those of the first eight simulations, then those of the others.
         let (low, high) = state.motion.s[slot].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
@@ -161,12 +164,14 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
 
 /// A leader that may block the view of the driver behind it.
 struct TallLeader<S: Simd> {
-    /// Whether there is a leader, and no driver sees over it.
+    /// Whether there is a leader that no driver sees over.
     blocks_view: Mask<S>,
+    /// Half the width of the leader [m].
     half_width: F32<S>,
 }
 
 impl<S: Simd> TallLeader<S> {
+    /// The leader of a driver with these neighbours.
     #[inline(always)]
     fn new<const N: usize>(params: &Params<S, N>, neighbours: &Neighbours<S>) -> Self {
         let leader_slot = neighbours.slot[LEADER];
@@ -193,6 +198,7 @@ fn is_occluded<S: Simd>(
         MIN_SIGHT_LINE,
     );
     let distance = neighbours.distance[role];
+    // Lateral position at which the line of sight passes the rear of the leader.
     let crossing =
         neighbours.lateral_distance[role] * (distance_to_rear / at_least(distance, MIN_SIGHT_LINE));
     let offset = (crossing - neighbours.lateral_distance[LEADER]).abs();
@@ -231,7 +237,7 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
     min(ratio_by_contrast, ratio_by_lamp)
 }
 
-/// Time in view that a driver needs to detect a vehicle; it grows with `sight_range_ratio` [s].
+/// Time in view that a driver needs to detect a vehicle; it grows with its `sight_range_ratio` [s].
 #[inline(always)]
 pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32<S>) -> F32<S> {
     params.simulations.detection_time
@@ -240,18 +246,19 @@ pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32
 
 /// One driver's look at its neighbour in one role.
 struct Gaze<'a, S: Simd> {
+    /// The role.
     role: usize,
     neighbours: &'a Neighbours<S>,
     /// The leader, unless the driver looks at the leader itself.
     tall_leader: Option<&'a TallLeader<S>>,
     sight_range_ratio: F32<S>,
-    /// Whether the driver keeps an eye on this role all the time.
+    /// Whether the driver watches this role at every decision.
     watches: Mask<S>,
-    /// Whether the driver looks there at this decision.
+    /// Whether the driver looks at this role now.
     looks: Mask<S>,
-    /// Vehicle in each role at the last look.
+    /// Slot of the vehicle in each role at the last look.
     known_slots: &'a [F32<S>; NUM_ROLES],
-    /// How long that vehicle had been in view [s].
+    /// Time for which that vehicle had been in view [s].
     known_times: &'a [F32<S>; NUM_ROLES],
 }
 
@@ -266,6 +273,8 @@ fn detect<S: Simd, const N: usize>(
     let (constants, role) = (&params.constants, gaze.role);
     let neighbour_slot = gaze.neighbours.slot[role];
     let is_visible = is_visible(state.vehicle(params, slot), gaze);
+    // A glance counts as half a second in view, so what is hard to see takes several looks; a watched role gains 50 ms
+    // at each decision.
     let time_step = select(
         gaze.watches,
         splat(params.simd, constants.decision),
@@ -309,7 +318,7 @@ fn is_visible<S: Simd, const N: usize>(
     let (params, role, neighbours) = (driver.params, gaze.role, gaze.neighbours);
     let (constants, vehicle) = (&params.constants, driver.vehicle());
     let (neighbour_slot, gap) = (neighbours.slot[role], neighbours.gap[role]);
-    let is_ahead = role.is_multiple_of(2);
+    let is_ahead = is_leader_role(role);
     let range = if is_ahead {
         vehicle.attention_range
     } else {
@@ -338,16 +347,19 @@ fn is_visible<S: Simd, const N: usize>(
     is_visible
 }
 
-/// The numbers of the lanes.
+/// The number of each SIMD lane, in the lane.
 #[inline(always)]
 fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
-    let number: [f32; SIMD_LANES] = [
+    let numbers: [f32; SIMD_LANES] = [
         0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
     ];
-    F32::simd_from(simd, number)
+    F32::simd_from(simd, numbers)
 }
 
 /// Station [m] and speed along the road [m/s] of the vehicles in `slot` at past decisions.
+///
+/// Each simulation may ask for another slot and another decision, which the delays of its driver determine. The index
+/// into the history is computed in float32, which is exact for whole numbers of this size.
 #[inline(always)]
 fn recall_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -357,6 +369,7 @@ fn recall_motion<S: Simd, const N: usize>(
 ) -> (F32<S>, F32<S>) {
     let periods = floor(decision_index * (1.0 / HISTORY_LENGTH as f32));
     let row = decision_index - HISTORY_LENGTH as f32 * periods;
+    // `NO_SLOT` reads the history of slot 0; callers ignore the result.
     let slot_and_lane = at_least(slot, 0.0) * SIMD_LANES as f32 + lane_numbers(simd);
     let index: i32x16<S> = (row + slot_and_lane * HISTORY_STRIDE as f32).to_int();
     let index = index.to_array();
@@ -376,9 +389,9 @@ fn recall_motion<S: Simd, const N: usize>(
     F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
-/// Where drivers expect vehicles that they saw a reaction delay ago, at constant speed.
+/// Motion that drivers expect of vehicles that they saw a reaction delay ago, at constant speed.
 ///
-/// `slot` has the slots of the vehicles, and `delay` the reaction delay in decisions.
+/// `slot` has the slots of the vehicles, and `delay` the reaction delay as a number of decisions.
 #[inline(always)]
 pub fn extrapolate_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -408,11 +421,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let interval = constants.glance_interval as u32;
-        // Slots look one after the other. Looks drawn for each driver would save nothing: in a block of sixteen
-        // simulations some driver looks at every decision.
+        // Slots look one after the other: the stagger of 7 and the interval of 20 decisions have no common factor.
+        // Looks drawn for each driver would save nothing: in a block of sixteen simulations some driver looks at every
+        // decision.
         let staggered_index = decision_index + slot as u32 * constants.glance_stagger as u32;
         if decision_index >= interval && staggered_index.is_multiple_of(interval) {
-            return vehicle.valid.simd_eq(vehicle.valid);
+            return vehicle.valid.simd_eq(vehicle.valid); // True in every lane.
         }
         let has_indicated = if params.road.can_overtake(slot) {
             state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
@@ -427,7 +441,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         moves_over_soon | elapsed.simd_lt(constants.abort_until * duration)
     }
 
-    /// Extinction around the driver, and of the spray behind its leader.
+    /// Extinction by the air around the driver, and by the spray behind its leader.
     #[inline(always)]
     pub fn extinction_ahead(
         self,
@@ -510,15 +524,15 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         .vx[j]);
     let driver = state.vehicle(params, slot);
     let extinction = driver.extinction_ahead(neighbours, leader_speed);
-    let always = vehicle.valid.simd_eq(vehicle.valid);
+    let always = vehicle.valid.simd_eq(vehicle.valid); // True in every lane.
     let is_changing_lane = driver.is_changing_lane();
     // Beliefs about roles that no driver of the block looks at are not computed.
     let is_needed = |role: usize| {
         role == LEADER
             || checks_mirrors.any_true()
-            || (role.is_multiple_of(2) && is_changing_lane.any_true())
+            || (is_leader_role(role) && is_changing_lane.any_true())
     };
-    // Contact with the leader, the only vehicle watched all the time, is near.
+    // Before a contact with the leader drivers react faster. Only the leader is watched all the time.
     let is_imminent = neighbours.gap[LEADER]
         .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
     let (own_speed, _) = driver.road_velocity();
@@ -527,10 +541,10 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
     let known_slots = state.attention.slot_in_view[slot];
     let known_times = state.attention.time_in_view[slot];
-    // A loop of its own: the CPU works on the exponentials and roots of several roles at once.
+    // In a loop of its own, so that the CPU works on the exponentials and roots of several roles at once.
     let mut sight_range_ratios = [zero; NUM_ROLES];
     for role in (0..NUM_ROLES).filter(|role| is_needed(*role)) {
-        let (neighbour_slot, is_ahead) = (neighbours.slot[role], role.is_multiple_of(2));
+        let (neighbour_slot, is_ahead) = (neighbours.slot[role], is_leader_role(role));
         // Ahead the rear lamps count, behind the headlamps.
         let [log_contrast, inverse_lamp_intensity] = if is_ahead {
             each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
@@ -552,7 +566,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             sight_range_ratio(params, gap, is_ahead, &conspicuity, extinction);
     }
     for role in 0..NUM_ROLES {
-        let (neighbour_slot, is_ahead) = (neighbours.slot[role], role.is_multiple_of(2));
+        let (neighbour_slot, is_ahead) = (neighbours.slot[role], is_leader_role(role));
         beliefs.gap[role] = unseen_gap;
         if !is_needed(role) {
             continue;
@@ -612,27 +626,27 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         };
         let half_lengths = neighbours.half_length[role] + vehicle.half_length;
         let gap = nearest_image(params, distance) - half_lengths;
-        let width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
+        let looming_width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
             [j]
             .looming_width);
         let looming = state
             .vehicle(params, slot)
-            .sense_looming(gap, closing_speed, width);
+            .sense_looming(gap, closing_speed, looming_width);
         if is_ahead {
             let accel = believed_braking(state, params, neighbour_slot, &seen_motion, &looming);
             beliefs.accel[role] = select(is_detected, accel, zero);
         }
-        let gap_error = (distance_factor - 1.0) * looming.error_share;
+        let relative_gap_error = (distance_factor - 1.0) * looming.error_share;
         let noticed_closing_speed = looming.noticed_share * looming.closing_speed;
         beliefs.is_detected[role] = is_detected;
-        beliefs.gap[role] = select(is_detected, gap + gap * gap_error, unseen_gap);
+        beliefs.gap[role] = select(is_detected, gap + gap * relative_gap_error, unseen_gap);
         beliefs.closing_speed[role] = select(is_detected, noticed_closing_speed, zero);
     }
 }
 
-/// Acceleration of a vehicle ahead as it seemed a reaction delay ago, never positive [m/s^2].
+/// Acceleration of a vehicle ahead as a driver perceived it a reaction delay ago, never positive [m/s^2].
 ///
-/// Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms.
+/// Stop lamps show that a vehicle brakes, but not how hard; drivers perceive that once the vehicle looms.
 #[inline(always)]
 fn believed_braking<S: Simd, const N: usize>(
     state: &State<S, N>,

@@ -19,26 +19,32 @@ use crate::recorder::frame_tiles::{
 use crate::recorder::output::{MAX_PERCEPTS, Output};
 use crate::state::{
     EGO_SLOT, LEADER, LEFT_FOLLOWER, LEFT_LEADER, RIGHT_FOLLOWER, RIGHT_LEADER, State,
+    is_leader_role,
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// The manoeuvre at which a percept is recorded.
+/// The manoeuvre of the ego at which a percept is recorded.
 #[derive(Clone, Copy)]
 pub enum ManoeuvreKind {
+    /// It starts to pull out.
     PullOut = 0,
+    /// It starts to return.
     Return = 1,
+    /// It goes back from a lane change that is under way.
     Cancel = 2,
 }
 
 /// Percepts of three vehicles at a manoeuvre of the ego.
 struct RecordedPercepts<'a, S: Simd> {
     /// Simulations in which the ego makes the manoeuvre at this step.
-    made: Mask<S>,
+    is_made: Mask<S>,
+    /// The manoeuvre.
     kind: ManoeuvreKind,
     /// Roles of the leader, and of the leader and the follower in the lane that is entered.
     roles: [usize; 3],
-    /// Oncoming vehicle in place of the leader in the left lane.
+    /// Oncoming vehicle that is recorded in place of the leader in the left lane; `None` to record that leader.
     oncoming: Option<&'a OncomingVehicle<S>>,
+    /// Step of 10 ms.
     step: u32,
 }
 
@@ -46,17 +52,20 @@ struct RecordedPercepts<'a, S: Simd> {
 pub struct Recorder<'a, const N: usize> {
     /// Outputs of the simulation in each lane; `None` in free lanes.
     out: [Option<Output<'a>>; SIMD_LANES],
+    /// The four words of the hash of each simulation.
     hash: [[u32; SIMD_LANES]; 4],
+    /// Number of frames that each simulation has recorded.
     frames: [usize; SIMD_LANES],
-    flushed: usize,
+    /// First frame of the present tile; the frames before it are in the outputs.
+    tile_start: usize,
 }
 
-/// Hash and counters of a recorder, which outlive the outputs that it borrows.
+/// Hash and counters of a recorder, which outlive the outputs that it borrows. The fields are those of `Recorder`.
 #[derive(Clone, Copy)]
 pub struct RecorderProgress {
     hash: [[u32; SIMD_LANES]; 4],
     frames: [usize; SIMD_LANES],
-    flushed: usize,
+    tile_start: usize,
 }
 
 impl<'a, const N: usize> Recorder<'a, N> {
@@ -67,7 +76,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             out: core::array::from_fn(|_| output.take()),
             hash: progress.hash,
             frames: progress.frames,
-            flushed: progress.flushed,
+            tile_start: progress.tile_start,
         }
     }
 
@@ -76,7 +85,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         RecorderProgress {
             hash: self.hash,
             frames: self.frames,
-            flushed: self.flushed,
+            tile_start: self.tile_start,
         }
     }
 
@@ -88,13 +97,13 @@ impl<'a, const N: usize> Recorder<'a, N> {
             out: core::array::from_fn(|_| outputs.next()),
             hash: hash_start(),
             frames: [0; SIMD_LANES],
-            flushed: 0,
+            tile_start: 0,
         }
     }
 
     /// Move the recording in lane `source_lane` of another recorder, which has written as many tiles, into `lane`.
     pub fn take_over(&mut self, lane: usize, source: &mut Self, source_lane: usize) {
-        debug_assert_eq!(self.flushed, source.flushed);
+        debug_assert_eq!(self.tile_start, source.tile_start);
         self.out[lane] = source.out[source_lane].take();
         self.hash.copy_lane(lane, &source.hash, source_lane);
         self.frames[lane] = source.frames[source_lane];
@@ -118,7 +127,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             u32x16::simd_from(simd, h2),
             u32x16::simd_from(simd, h3),
         ];
-        let row = frame - self.flushed;
+        let row = frame - self.tile_start;
         for slot in 0..params.num_slots_in_use {
             let valid = params.vehicles[slot].valid.simd_gt(0.0);
             let words = state.vehicle(params, slot).state_words();
@@ -129,6 +138,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
                     Row(word.to_array());
             }
+            // One lane per frame: after the sixteen frames of a tile, the memory of all lanes is in the cache.
             if valid.test(row) {
                 self.prefetch_rows(slot, row);
             }
@@ -157,18 +167,18 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 #[inline(always)]
                 || self.write_tile(params, tile),
             );
-            self.flushed = frame + 1;
+            self.tile_start = frame + 1;
         }
     }
 
     /// Load the memory to which the tile will move the frames of the vehicle in `slot` in one lane into the cache.
     ///
-    /// A tile has as many frames as there are lanes, so that all this memory is loaded when the tile is full; without
-    /// this the CPU would wait for each line of it. It waits for few lines at a time, so vehicles follow one another.
+    /// Without this the CPU would wait for each line of this memory when the tile is written. It can load only few
+    /// lines at a time, so the recorder requests the lines of one vehicle at each call.
     #[inline(always)]
     fn prefetch_rows(&self, slot: usize, lane: usize) {
         if let Some(out) = self.out[lane].as_ref() {
-            frame_tiles::prefetch_rows(out, slot * out.frames + self.flushed);
+            frame_tiles::prefetch_rows(out, slot * out.frames + self.tile_start);
         }
     }
 
@@ -177,7 +187,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     /// Sixteen frames are transposed at once. `finish` clears the frames after the end of a simulation.
     #[inline(always)]
     pub fn write_tile<S: Simd>(&mut self, params: &Params<S, N>, tile: &FrameTile<N>) {
-        let start = self.flushed;
+        let start = self.tile_start;
         if self.frames.iter().all(|frames| *frames <= start) {
             return;
         }
@@ -210,7 +220,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         // On two-way roads the oncoming vehicle is recorded as leader of the lane that is entered.
         let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
         let oncoming = has_oncoming_traffic.then_some(&context.oncoming.nearest);
-        for (made, kind, roles, oncoming) in [
+        for (is_made, kind, roles, oncoming) in [
             (
                 intent.starts_pull_out,
                 ManoeuvreKind::PullOut,
@@ -222,7 +232,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             (intent.starts_return, ManoeuvreKind::Return, right, None),
         ] {
             let percepts = RecordedPercepts {
-                made,
+                is_made,
                 kind,
                 roles,
                 oncoming,
@@ -242,7 +252,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         percepts: &RecordedPercepts<'_, S>,
     ) {
         let RecordedPercepts {
-            made,
+            is_made,
             kind,
             roles,
             oncoming,
@@ -250,7 +260,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         } = *percepts;
         let now = splat(params.simd, step as f32);
         let has_memory = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
-        let is_recorded = made & has_memory & now.simd_le(state.end_step);
+        let is_recorded = is_made & has_memory & now.simd_le(state.end_step);
         if !is_recorded.any_true() {
             return;
         }
@@ -286,7 +296,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 let index = state.num_percepts[lane] as usize;
                 out.percept_valid[index] = 1;
                 out.percept_kind[index] = kind as u8;
-                out.percept_time[index] = step as i32 * 10;
+                out.percept_time[index] = step as i32 * 10; // Steps last 10 ms.
             }
         }
         state.num_percepts = select(is_recorded, state.num_percepts + 1.0, state.num_percepts);
@@ -310,13 +320,17 @@ impl<'a, const N: usize> Recorder<'a, N> {
 
 /// Belief of the ego about one vehicle, and the truth.
 struct Percept<S: Simd> {
+    /// Slot of the vehicle, or `NO_SLOT`.
     slot: F32<S>,
+    /// Whether the ego has detected it.
     is_detected: Mask<S>,
     /// Believed gap [m].
     gap: F32<S>,
     /// Believed closing speed [m/s].
     closing_speed: F32<S>,
+    /// True gap [m].
     true_gap: F32<S>,
+    /// True closing speed [m/s].
     true_closing_speed: F32<S>,
 }
 
@@ -332,14 +346,13 @@ fn neighbour_percept<S: Simd, const N: usize>(
     let slot = neighbours.slot[role];
     let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
     let speed = road_speed_at(state, params, slot);
-    let is_ahead = role.is_multiple_of(2);
     Percept {
         slot,
         is_detected: beliefs.is_detected[role],
         gap: beliefs.gap[role],
         closing_speed: beliefs.closing_speed[role],
         true_gap: neighbours.gap[role],
-        true_closing_speed: if is_ahead {
+        true_closing_speed: if is_leader_role(role) {
             ego_speed - speed
         } else {
             speed - ego_speed
@@ -378,7 +391,7 @@ fn road_speed_at<S: Simd, const N: usize>(
         .0)
 }
 
-/// Clear the columns that are only written at an event.
+/// Clear the columns of percepts and of frames that a simulation may leave unwritten.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
     out.percept_slot.fill(255);
@@ -401,7 +414,9 @@ fn clear(out: &mut Output<'_>) {
     }
 }
 
-/// Clear the frames after the last one, and the empty slots, as far as earlier simulations wrote there.
+/// Clear the frames after the last one, and the empty slots.
+///
+/// Only the frames that an earlier simulation wrote to the same memory are cleared: the others are zero.
 fn clear_after_last_frame<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     frames: usize,
@@ -446,7 +461,7 @@ fn put_contacts<S: Simd, const N: usize>(
         out.contact_time[slot] = time;
         out.contact_impulse[slot] = impulse;
         out.contact_speed[slot] = speed;
-        // Empty slots are no part of the hash, which is the same for any number of slots.
+        // Empty slots are not hashed, so the hash is the same for any number of slots.
         if params.vehicles[slot].valid[lane] == 0.0 {
             continue;
         }
@@ -488,14 +503,18 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
     }
 }
 
-/// Recorded slot number without a vehicle, and recorded lane beside the road.
+/// Recorded slot number without a vehicle, and recorded lane of a vehicle beside the road.
 pub const NO_VEHICLE: i32 = 255;
+/// Largest recorded integer of 16 bits.
 const INT16_LIMIT: f32 = 32767.0;
-/// Largest recorded word of 32 bits.
+/// Largest recorded integer of 32 bits, well below 2^31, so that no float32 rounds up to it.
+
 pub const INT32_LIMIT: f32 = 2.0e9;
+/// 1 / (2 pi).
 const TURNS_PER_RADIAN: f32 = 0.159_154_94;
 /// Recorded integers in a metre, a metre per second or a second.
 pub const INTEGERS_PER_UNIT: f32 = 1000.0;
+/// Recorded integers in a radian.
 const INTEGERS_PER_RADIAN: f32 = 10000.0;
 
 /// The nearest recorded integer of a number, within limits.
@@ -514,7 +533,10 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The recorded integers of the vehicle.
+    /// The recorded integers of the vehicle, in the order of `with_states`.
+    ///
+    /// Inside the step left is the overtaking side; the recorded signs are those of the road, mirrored here in
+    /// left-hand traffic.
     #[inline(always)]
     pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -629,7 +651,7 @@ pub fn hash_start() -> [[u32; SIMD_LANES]; 4] {
     .map(|word| [word; SIMD_LANES])
 }
 
-/// Mix a word of each simulation into one of the four, in the masked simulations.
+/// Mix a word of each simulation into one of the four words of its hash, where the mask holds.
 #[inline(always)]
 pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: Mask<S>) -> u32x16<S> {
     let word: u32x16<S> = word.bitcast();
@@ -638,7 +660,7 @@ pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: Mask<S>) -> u32x16<S
     mask.select(mixed, hash)
 }
 
-/// Mix a word into one of the four of a single simulation.
+/// Mix a word into one of the four words of the hash of a single simulation.
 #[inline(always)]
 pub fn mix_word(hash: u32, word: u32) -> u32 {
     hash.wrapping_add(word.wrapping_mul(PRIME_2))
@@ -646,7 +668,7 @@ pub fn mix_word(hash: u32, word: u32) -> u32 {
         .wrapping_mul(PRIME_1)
 }
 
-/// The hash once everything is mixed in.
+/// The hash of a simulation, from its four words once everything is mixed in.
 pub fn digest(hash: [u32; 4]) -> [u32; 4] {
     core::array::from_fn(|k| {
         let word = hash[k].wrapping_add(hash[(k + 1) % 4].rotate_left(7));

@@ -9,21 +9,32 @@ pub use crate::names::neighbour_role::{
 pub use crate::names::stage;
 use crate::params::Params;
 
-/// Decisions whose motion is remembered, as in the reference.
+/// Number of past decisions whose motion is remembered: enough for the longest reaction delay and the decisions before
+/// it by which braking is judged. A power of two, because `perception` computes the row of a decision by a float32
+/// floor, which is exact only then.
 pub const HISTORY_LENGTH: usize = 64;
-/// Room for them: one line of the cache more, so that the same decision of sixteen simulations does not fall
-/// into the same few sets of the cache.
+/// Distance between the histories of two simulations in memory. It is one cache line more than the history needs, so
+/// that the same decision of sixteen simulations does not fall into the same few sets of the cache.
 pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
-/// Number of roles.
+/// Number of roles of neighbours.
 pub const NUM_ROLES: usize = 6;
+
+/// Whether a role is that of a vehicle ahead. Each leader role has an even number, and the follower role of the same
+/// lane the next one.
+#[inline(always)]
+pub const fn is_leader_role(role: usize) -> bool {
+    role.is_multiple_of(2)
+}
+
 /// Slot of a neighbour, a target or a partner that does not exist.
 pub const NO_SLOT: f32 = -1.0;
-/// In `Attention::slot_in_view` and `Attention::oncoming_slot` before the first decision.
+/// Value of `Attention::slot_in_view` and `Attention::oncoming_slot` before the first decision.
 pub const NEVER_LOOKED: f32 = -2.0;
-/// At the first frame, before the road at the vehicle is read.
+/// Speeds of `LocalRoad` at the first frame, before the road at the vehicle is read: no limit [m/s].
 const ANY_SPEED: f32 = 1e9;
+/// Sight distance of `LocalRoad` at the first frame: no limit [m].
 const ANY_SIGHT: f32 = 1e9;
-/// A distance [m] or time [s] without a vehicle.
+/// Distance [m] or time [s] to a vehicle that does not exist.
 pub const FAR: f32 = 1e9;
 /// An acceleration that limits nothing [m/s^2].
 pub const NO_ACCEL_LIMIT: f32 = 1e9;
@@ -31,14 +42,13 @@ pub const NO_ACCEL_LIMIT: f32 = 1e9;
 /// Slot of the ego.
 pub const EGO_SLOT: usize = 0;
 
-/// A number of every vehicle of every simulation of a block.
+/// One number for each vehicle of each simulation of a block.
 pub type PerVehicle<S, const N: usize> = [F32<S>; N];
 
-/// Station and speed along the road at the last decisions, (vehicle, simulation, decision, 2): a driver recalls
-/// successive decisions, so these are adjacent.
+/// Station and speed along the road at the last decisions, (vehicle, simulation, decision, 2).
 ///
-/// A history is boxed, because a thread uses the memory of an ended block for the next one. Each decision is written
-/// before it is read, so old numbers need not be cleared.
+/// Drivers recall successive decisions, so these are adjacent. A history is boxed, because a thread uses the memory of
+/// an ended block for the next one. Each decision is written before it is read, so old numbers need not be cleared.
 pub type History<const N: usize> = Box<[[[[f32; 2]; HISTORY_STRIDE]; SIMD_LANES]; N]>;
 
 /// Allocate a history.
@@ -46,7 +56,7 @@ pub fn new_history<const N: usize>() -> History<N> {
     Box::new([[[[0.0; 2]; HISTORY_STRIDE]; SIMD_LANES]; N])
 }
 
-/// Declares a group of the state: a struct of arrays by vehicle, each with its value at the first frame.
+/// Declare a group of the state: a struct of arrays by vehicle, each with its value at the first frame.
 ///
 /// The fields are listed once, so that none can be forgotten when a simulation moves to another lane.
 macro_rules! state_group {
@@ -81,20 +91,24 @@ state_group! {
         d = 0.0,
         /// Angle to the road, positive to the left [rad].
         heading = 0.0,
-        /// Velocity in the vehicle's axes [m/s].
+        /// Velocity ahead, in the vehicle's axes [m/s].
         vx = 0.0,
+        /// Velocity to the left, in the vehicle's axes [m/s].
         vy = 0.0,
         /// Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
         yaw_rate = 0.0,
-        /// Mean acceleration by tyre and wind forces over the last step, in the vehicle's axes [m/s^2].
+        /// Mean acceleration ahead by tyre and wind forces over the last step, in the vehicle's axes [m/s^2]. Contacts
+        /// are not part of it.
         accel_lon = 0.0,
+        /// The same to the left [m/s^2].
         accel_lat = 0.0,
         /// Mean yaw acceleration over the last step [rad/s^2].
         yaw_accel = 0.0,
         /// 1 if the vehicle has collided or has left the road, else 0.
         is_wreck = 0.0,
-        /// Sine and cosine of `heading`.
+        /// Sine of `heading`.
         sin_heading = 0.0,
+        /// Cosine of `heading`.
         cos_heading = 1.0,
     }
 }
@@ -102,17 +116,18 @@ state_group! {
 state_group! {
     /// Pedals, wheels and lamps that drivers operate.
     Controls {
-        /// Acceleration asked of the vehicle [m/s^2].
+        /// Acceleration that the driver requests of the vehicle [m/s^2].
         requested_accel = 0.0,
         /// Front wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2].
         wheel_angle = 0.0,
-        /// Part of it that holds against the wind, same unit.
+        /// Part of the wheel angle that holds against the wind, in the same unit.
         wind_trim = 0.0,
-        /// 1 to the left, -1 to the right, 0 off.
+        /// Indicator: 1 to the left, -1 to the right, 0 off.
         indicator = 0.0,
         /// 1 while the driver flashes at a vehicle in its lane, else 0.
         flashes_high_beam = 0.0,
-        /// Largest difference of the wheel angle from the slip angle, on this friction [rad].
+        /// Largest difference of the wheel angle from the slip angle of the front axle that the driver chooses on this
+        /// friction [rad].
         slip_reach = 0.0,
     }
 }
@@ -139,13 +154,13 @@ impl<S: Simd, const N: usize> CopyLane for LateralPath<S, N> {
 state_group! {
     /// The lane of each vehicle, and the change that its driver wants.
     LaneChoice {
-        /// Index of the lane driven in or being changed to, from the right.
+        /// Index, from the right, of the lane that the vehicle is in or changes to.
         lane = 0.0,
         /// Time since the last lane change began; no change holds a driver back before its first decision [s].
         time_since_lane_change = 10.0,
         /// Side of the lane change that the driver wants, as `Controls::indicator`.
         wanted_side = 0.0,
-        /// Time for which a MOBIL driver has wanted it [s].
+        /// Time for which a MOBIL driver has wanted that lane change [s].
         time_wanted = 0.0,
         /// 1 if the driver looks over the shoulder before the next lane change.
         checks_blind_spot = 0.0,
@@ -157,11 +172,11 @@ state_group! {
 state_group! {
     /// Where drivers are in an overtake.
     OvertakeState {
-        /// A stage of `stage`.
+        /// Code of the stage, a constant of `stage`.
         stage = stage::FOLLOW,
         /// Time in this stage [s].
         time_in_stage = 0.0,
-        /// Slot of the vehicle that is overtaken, or `NO_SLOT`.
+        /// Slot of the target, the vehicle that is overtaken, or `NO_SLOT`.
         target_slot = NO_SLOT,
         /// Time spent behind a slower leader [s].
         time_waiting = 0.0,
@@ -177,13 +192,13 @@ state_group! {
 state_group! {
     /// Ornstein-Uhlenbeck processes of unit variance.
     RandomProcesses {
-        /// Of the wind.
+        /// Gusts of the wind.
         gust = 0.0,
-        /// Of the driver's judgement of distances.
+        /// Error of the driver's judgement of distances.
         distance_error = 0.0,
-        /// Of its judgement of speeds.
+        /// Error of the driver's judgement of speeds.
         speed_error = 0.0,
-        /// Of its lateral position in the lane.
+        /// Wander of the vehicle within its lane.
         lane_wander = 0.0,
     }
 }
@@ -192,11 +207,13 @@ state_group! {
     /// Effects of the weather on a vehicle until the next decision; overwritten at the first one. A friction above
     /// zero keeps divisions finite until then.
     FrictionAndWind {
-        /// Friction coefficient under the wheels of either side [1].
+        /// Friction coefficient under the left wheels [1].
         mu_left = 0.8,
+        /// Friction coefficient under the right wheels [1].
         mu_right = 0.8,
-        /// Lateral force of the wind, positive to the left [N], and its yaw moment [N m].
+        /// Lateral force of the wind, positive to the left [N].
         wind_force = 0.0,
+        /// Yaw moment of the wind, positive to the left [N m].
         wind_moment = 0.0,
         /// Wind along the vehicle's direction of travel [m/s].
         tail_wind = 0.0,
@@ -208,7 +225,7 @@ state_group! {
     LocalRoad {
         /// Curvature of the vehicle's path along the road, positive to the left [1/m].
         curvature = 0.0,
-        /// The same where the vehicle will be when it answers its steering [1/m].
+        /// Curvature at the place that the vehicle reaches by the time it responds to its steering [1/m].
         curvature_ahead = 0.0,
         /// Stations passed for each metre driven along the road [1].
         station_per_metre = 1.0,
@@ -216,10 +233,12 @@ state_group! {
         sin_slope = 0.0,
         /// Largest speed that the driver chooses for the bends ahead [m/s].
         bend_speed = ANY_SPEED,
-        /// Speed limit here, and the speeds that drivers want by it, alone and while they pass; only on roads that
-        /// vary [m/s].
+        /// Speed limit here [m/s]. This and the two speeds below are read only on roads that vary along their length;
+        /// on other roads they are parameters of the vehicle.
         speed_limit = ANY_SPEED,
+        /// Speed that the driver desires by this limit [m/s].
         desired_speed = ANY_SPEED,
+        /// Speed that the driver desires by this limit while it overtakes [m/s].
         passing_speed = ANY_SPEED,
         /// Largest acceleration on the way to a lower speed limit [m/s^2].
         accel_limit = NO_ACCEL_LIMIT,
@@ -230,13 +249,14 @@ state_group! {
 
 /// Vehicles that drivers have seen and remember.
 pub struct Attention<S: Simd, const N: usize> {
-    /// Neighbour in each role at the last look, `NEVER_LOOKED` at first.
+    /// Slot of the neighbour in each role at the last look; `NEVER_LOOKED` at first.
     pub slot_in_view: [[F32<S>; NUM_ROLES]; N],
-    /// Time for which it has been in view [s].
+    /// Time for which that neighbour has been in view [s].
     pub time_in_view: [[F32<S>; NUM_ROLES]; N],
-    /// Oncoming vehicle in view in any lane and in the own lane, `NEVER_LOOKED` at first, `NO_SLOT` without a vehicle.
+    /// Slot of the oncoming vehicle in view, in any lane and in the driver's own lane; `NEVER_LOOKED` at first,
+    /// `NO_SLOT` without a vehicle.
     pub oncoming_slot: [[F32<S>; 2]; N],
-    /// Time for which the view has been the same [s].
+    /// Time for which `oncoming_slot` has been the same [s].
     pub oncoming_time_in_view: [[F32<S>; 2]; N],
     /// Station and speed along the road of all vehicles at the last decisions.
     pub history: History<N>,
@@ -318,23 +338,23 @@ impl<S: Simd, const N: usize> CopyLane for State<S, N> {
     }
 }
 
-/// A place in the frame of the other direction, where the mask holds.
+/// Station and lateral position in the frame of the other direction where the mask holds, else unchanged [m].
 #[inline(always)]
 pub fn in_opposite_frame<S: Simd, const N: usize>(
     params: &Params<S, N>,
-    turned: Mask<S>,
+    is_reversed: Mask<S>,
     s: F32<S>,
     d: F32<S>,
 ) -> (F32<S>, F32<S>) {
-    let ways = &params.road.directions;
+    let directions = &params.road.directions;
     (
-        select(turned, ways.length - s, s),
-        select(turned, ways.edge_sum - d, d),
+        select(is_reversed, directions.length - s, s),
+        select(is_reversed, directions.edge_sum - d, d),
     )
 }
 
 impl<S: Simd, const N: usize> State<S, N> {
-    /// The state at the first frame. `history` is memory, whatever it holds.
+    /// The state at the first frame. `history` is only memory: its numbers are not read.
     #[inline(always)]
     pub fn at_start(params: &Params<S, N>, history: History<N>) -> Self {
         let simd = params.simd;
@@ -373,16 +393,18 @@ impl<S: Simd, const N: usize> State<S, N> {
         state
     }
 
-    /// Move a vehicle of one simulation, as if it had always been there and as fast; all drivers remember it so.
-    pub fn displace_vehicle(&mut self, slot: usize, lane: usize, ahead: f32, faster: f32) {
-        if ahead == 0.0 && faster == 0.0 {
+    /// Add a distance to the station, and a speed to the speed, of a vehicle in one simulation.
+    ///
+    /// The history changes alike. Otherwise drivers would recall the vehicle at its old place and see it jump.
+    pub fn displace_vehicle(&mut self, slot: usize, lane: usize, shift: f32, speed_change: f32) {
+        if shift == 0.0 && speed_change == 0.0 {
             return;
         }
-        self.motion.s[slot][lane] += ahead;
-        self.motion.vx[slot][lane] += faster;
-        for moment in &mut self.attention.history[slot][lane] {
-            moment[0] += ahead;
-            moment[1] += faster;
+        self.motion.s[slot][lane] += shift;
+        self.motion.vx[slot][lane] += speed_change;
+        for [past_s, past_speed] in &mut self.attention.history[slot][lane] {
+            *past_s += shift;
+            *past_speed += speed_change;
         }
     }
 }

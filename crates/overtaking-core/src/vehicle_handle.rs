@@ -1,4 +1,4 @@
-//! One vehicle of a block with its state and parameters: the argument of all functions that only read.
+//! One vehicle of a block with its state and parameters: the argument of the functions that only read.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -10,9 +10,9 @@ use crate::state::{State, in_opposite_frame, stage};
 
 /// One vehicle slot in every simulation of a block, for reading.
 ///
-/// In the modules of the step, functions that only read are methods of this handle; functions that change the state
-/// take `(state, params, slot)` and make a handle for what they read. The methods take it by value and are inlined, so
-/// only its two pointers are left.
+/// In the modules of the step, functions that only read are methods of this handle. Functions that change the state
+/// take `(state, params, slot)` and call these methods through `state.vehicle(params, slot)`. The methods take the
+/// handle by value and are inlined, so the compiled code only passes its two pointers.
 #[derive(Clone, Copy)]
 pub struct VehicleHandle<'a, S: Simd, const N: usize> {
     pub state: &'a State<S, N>,
@@ -47,7 +47,8 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
 
     /// Station and lateral position of vehicle `other_slot` in this vehicle's direction of travel [m].
     ///
-    /// `TWO_WAY` is constant, because loops over pairs on one-way roads should not ask for each pair.
+    /// `TWO_WAY` says whether the road has oncoming traffic. It is a constant, so that loops over pairs on one-way
+    /// roads do not test the direction of each pair.
     #[inline(always)]
     pub fn position_of<const TWO_WAY: bool>(self, other_slot: usize) -> (F32<S>, F32<S>) {
         let motion = &self.state.motion;
@@ -60,7 +61,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         in_opposite_frame(self.params, is_oncoming, s, d)
     }
 
-    /// Station and lateral position in the direction of the road [m].
+    /// Station and lateral position in the coordinates of the road, also of an oncoming vehicle [m].
     #[inline(always)]
     pub fn road_position(self) -> (F32<S>, F32<S>) {
         let motion = &self.state.motion;
@@ -71,7 +72,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         in_opposite_frame(self.params, self.vehicle().travel_sign.simd_lt(0.0), s, d)
     }
 
-    /// Velocity along and across the road [m/s].
+    /// Velocity along and across the road, in the vehicle's direction of travel [m/s].
     #[inline(always)]
     pub fn road_velocity(self) -> (F32<S>, F32<S>) {
         let (motion, slot) = (&self.state.motion, self.slot);
@@ -112,7 +113,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         }
     }
 
-    /// `accel`, limited on the way to a lower speed limit [m/s^2].
+    /// `accel`, limited where the driver slows down for a lower speed limit ahead [m/s^2].
     #[inline(always)]
     pub fn limit_accel(self, accel: F32<S>) -> F32<S> {
         if self.params.road.varies_along_road() {

@@ -81,14 +81,15 @@ macro_rules! frame_layout {
         #[allow(non_camel_case_types)]
         enum FieldIndex { $($state),* }
 
-        /// Write sixteen frames of the fields in word `k` of vehicle `i` to the output of one simulation, from frame
-        /// `start`.
+        /// Write sixteen frames of the fields in packed word `k` of the vehicle in `slot` to the output of one
+        /// simulation, from frame `start`.
         #[inline(always)]
-        pub fn put_tile(out: &mut Output<'_>, i: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
+        pub fn put_tile(out: &mut Output<'_>, slot: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
             // Outputs have shape (vehicle, frame).
-            let place = i * out.frames + start;
+            let place = slot * out.frames + start;
+            // Once for each vehicle, with its first word.
             if k == 0 {
-                out.written[i] = out.written[i].max((start + FRAMES_PER_TILE) as i32);
+                out.written[slot] = out.written[slot].max((start + FRAMES_PER_TILE) as i32);
             }
             // Unrolled, with the positions as constants: a loop is slower, because its shifts are not constants.
             $({
