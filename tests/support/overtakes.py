@@ -104,6 +104,14 @@ def against(gap: float, **given: Any) -> Case:
     return case(Track(speed=20.0), Track(s=-60.0, speed=15.0), oncoming, **given)
 
 
+def closing_and_opening() -> Case:
+    """At 30 m/s, a gap that shrinks to 26.61 m at 0.4 m/s, and grows again."""
+    frames = 600
+    leader_speed = np.where(np.arange(frames) < 300, 29.6, 30.4)
+    leader = Track(s=4.4 + 26.61 + 0.4 * 15.0, speed=leader_speed)
+    return case(Track(speed=30.0), leader, frames=frames, events={})
+
+
 def rural(*others: Track, **given: Any) -> Case:
     """The lawful overtake on a two-way road for 110 km/h, past a car at 20 m/s."""
     given = {"road": two_way_road()} | given

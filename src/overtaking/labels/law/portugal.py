@@ -63,6 +63,7 @@ from overtaking.labels.law.rule import (
     Tolerance,
 )
 from overtaking.labels.law.texts import edition, with_texts
+from overtaking.model.verdicts import Severity
 
 
 def _highway_code_kmh(value: float) -> Quantity:
@@ -106,7 +107,8 @@ L2 = Rule(
     title="Continuous line",
     gloss="A continuous line must be neither trodden on nor crossed; of a continuous and a broken"
     " line side by side the one nearer to the driver rules.",
-    criterion=SolidLines(),
+    # Article 146(o): very serious where the line separates the directions of travel.
+    criterion=SolidLines(severity_between_directions=Severity.VERY_SERIOUS),
     grade=Grade.BY_BREACH,
     required_by=EVERY_POLICY,
     source="pt-signs-2019",

@@ -19,7 +19,6 @@ from overtaking.labels.law.case import (
     ego_may_be,
     is_regaining_gap,
     judged_span,
-    last_driven_frame,
     neighbour_at,
     scans,
     span_after_gap_recovery,
@@ -35,12 +34,14 @@ from overtaking.labels.law.margins import (
     finding_over_span,
     margins_within_span,
     minimum_over,
+    reduce_span,
 )
 from overtaking.labels.law.measurement_errors import (
     GAP_ERROR_FORMULA,
     MeasurementErrors,
     deciding_frame,
     gap_error,
+    propagated_error,
 )
 from overtaking.labels.law.numbers import GAP_REGAIN_TIME
 from overtaking.labels.law.remedies import (
@@ -68,6 +69,8 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import Case, Finding
 
 _LEADER = NeighbourRole.LEADER
+
+_NO_ERROR = np.float32(0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,23 +254,36 @@ class FinedTimeDistance(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The smallest time that was left decides."""
-        speed, span = case.signals.speed, span_after_gap_recovery(case)
-        is_judged = _has_settled_leader(case) & (speed > self.min_speed.f32)
-        is_judged &= span.mask(np.arange(len(speed)), speed.shape[1])
-        is_too_near = is_judged & (case.signals.gap[:, _LEADER] < self._min_gap(speed))
-        frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
-        duration = _run_lengths(is_too_near).astype(np.float32) * frame_duration
-        # The bound keeps the time finite; it does not matter above `min_speed`.
-        time_for_distance = self.max_distance.f32 / np.maximum(speed, np.float32(1.0))
-        margin = np.minimum(self.max_duration.f32, time_for_distance) - duration
-        minimum = minimum_over(np.where(is_judged, margin, UNCONSTRAINED), span)
+        span = span_after_gap_recovery(case)
+        margin = self._margins(case)
+        minimum = minimum_over(margin, span)
         return finding_from_margins(
-            span.is_nonempty & is_judged.any(axis=1),
+            span.is_nonempty & (margin < UNCONSTRAINED).any(axis=1),
             minimum.min_margin,
             minimum.first_frame,
             minimum.last_frame,
             longest=minimum.longest_run,
         )
+
+    ERROR_FORMULA: ClassVar[str] = (
+        "sqrt(2 p^2 + q^2), p half the difference of the margins with a gap larger and smaller by "
+        "sp in all frames, q the same with a speed of the ego higher and lower by sv"
+    )
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of the time that was left, as both ends of a gap that is too small move [s]."""
+        del finding
+        span = span_after_gap_recovery(case)
+
+        def margin_with(
+            ego_position_error: F32, leader_position_error: F32, speed_error: F32
+        ) -> F32:
+            margin = self._margins(case, leader_position_error - ego_position_error, speed_error)
+            # Where an error ends the duty, all of the time is left.
+            return reduce_span(np.minimum, np.minimum(margin, self.max_duration.f32), span)
+
+        sizes = errors.position_std, errors.position_std, errors.speed_std
+        return np.where(span.is_nonempty, propagated_error(margin_with, *sizes), np.float32(0.0))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A gap that is large enough, in the frame in which most of it is missing."""
@@ -279,6 +295,34 @@ class FinedTimeDistance(Criterion):
         missing_gap = self._min_gap(speed) - gap
         worst = int(missing_gap.argmax())
         return more_gap(breach, _LEADER, frames[worst], -missing_gap[worst])
+
+    def _margins(
+        self,
+        case: Case,
+        error_of_gap: F32 | np.float32 = _NO_ERROR,
+        error_of_speed: F32 | np.float32 = _NO_ERROR,
+    ) -> F32:
+        """Time that was left in each frame, `UNCONSTRAINED` where the duty does not hold.
+
+        Args:
+            case: The batch.
+            error_of_gap: Error of the gap to the leader in all frames [m].
+            error_of_speed: Error of the ego's speed in all frames [m/s].
+
+        Returns:
+            Shape (simulation, time) [s].
+        """
+        speed, span = case.signals.speed + error_of_speed, span_after_gap_recovery(case)
+        is_judged = _has_settled_leader(case) & (speed > self.min_speed.f32)
+        is_judged &= span.mask(np.arange(len(speed)), speed.shape[1])
+        gap = case.signals.gap[:, _LEADER] + error_of_gap
+        is_too_near = is_judged & (gap < self._min_gap(speed))
+        frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
+        duration = _run_lengths(is_too_near).astype(np.float32) * frame_duration
+        # The bound keeps the time finite; it does not matter above `min_speed`.
+        time_for_distance = self.max_distance.f32 / np.maximum(speed, np.float32(1.0))
+        margin = np.minimum(self.max_duration.f32, time_for_distance) - duration
+        return np.where(is_judged, margin, UNCONSTRAINED)
 
     def _min_gap(self, speed: F32) -> F32:
         """Gap at each speed below which the driver is fined [m]."""
@@ -445,8 +489,7 @@ class SlowVehicleDistance(Criterion):
         # This duty has no exception after a cut-in, unlike the other distances: all frames in which
         # the ego is driven are judged.
         span = judged_span(case)
-        last = np.minimum(span.last, last_driven_frame(case))
-        span = FrameSpan(first=span.first, last=np.where(has_duty, last, span.first - 1))
+        span = FrameSpan(first=span.first, last=np.where(has_duty, span.last, span.first - 1))
         simulation, frame = span.instants()
         is_judged = signals.speed[simulation, frame] <= self.max_speed.f32
         is_judged &= signals.neighbour_slot[simulation, _LEADER, frame] != NO_VEHICLE

@@ -39,8 +39,15 @@ _SOLID_MARKS = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolidLines(Criterion):
-    """No corner of the ego is beyond a line that is continuous for it."""
+    """No corner of the ego is beyond a line that is continuous for it.
 
+    Attributes:
+        severity_between_directions: Severity of a breach of the line between the directions of
+            travel, where the law grades breaches by the line; others are then light. None where the
+            grade of the rule states the severity of all.
+    """
+
+    severity_between_directions: Severity | None = None
     unit: str = "m"
     applies_without_attempt: bool = True
 
@@ -78,10 +85,11 @@ class SolidLines(Criterion):
         first, last, longest = breach_frames_in(span, rows, np.logical_or.reduce(is_over))
         applies = span.is_nonempty & (min_margin < UNCONSTRAINED)
         finding = finding_from_margins(applies, min_margin, first, last, longest=longest)
-        # Very serious where the line separates the directions of travel, else light.
+        if self.severity_between_directions is None:
+            return finding
         separates_directions = road.is_two_way and road.num_lanes in solid
-        is_beyond_road = (distances[-1] + tolerance < 0) & separates_directions
-        severity = np.where(is_beyond_road, Severity.VERY_SERIOUS, Severity.LIGHT)
+        is_beyond_directions = (distances[-1] + tolerance < 0) & separates_directions
+        severity = np.where(is_beyond_directions, self.severity_between_directions, Severity.LIGHT)
         is_illegal = finding.verdict == Verdict.ILLEGAL
         return finding.replace(
             severity=np.where(is_illegal, severity, Severity.NONE).astype(np.uint8)
@@ -236,10 +244,8 @@ class RightmostLanesForTrucks(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The fastest lane that the ego used decides."""
-        signals, road = case.signals, case.trajectories.road
-        is_truck = ego_may_be(case, VehicleKind.TRUCK)
-        is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
-        if not (is_motorway and is_truck.any() and road.num_lanes >= self.min_lanes.f32):
+        signals, is_truck = case.signals, ego_may_be(case, VehicleKind.TRUCK)
+        if not (self._is_on_wide_motorway(case) and is_truck.any()):
             return finding_not_applicable(signals.num_simulations)
         span, num_open_lanes = judged_span(case), self.num_open_lanes.f32
         applies = is_truck & span.is_nonempty
@@ -257,7 +263,8 @@ class RightmostLanesForTrucks(Criterion):
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Half a lane where the centre of the ego is one error from the last open lane [lanes]."""
-        del finding
+        if not self._is_on_wide_motorway(case):
+            return np.zeros_like(finding.margin)
         road, span = case.trajectories.road, judged_span(case)
         borders = as_f32(road.overtaking_sign * road.lane_boundaries)
         border = borders[int(self.num_open_lanes.f32)]
@@ -271,3 +278,9 @@ class RightmostLanesForTrucks(Criterion):
         lanes = signed_lane(breach.case.signals.lane)[0, breach.frames]
         worst, needed = int(lanes.argmax()), int(self.num_open_lanes.f32) - 1
         return single_change(RemedyQuantity.LANE, lanes[worst], needed, breach.frames[worst])
+
+    def _is_on_wide_motorway(self, case: Case) -> bool:
+        """Whether the road is or may be a motorway with enough lanes for the rule."""
+        road = case.trajectories.road
+        is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
+        return is_motorway and road.num_lanes >= self.min_lanes.number

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from overtaking.core.arrays import F32, I32, IndexArray
+from overtaking.core.arrays import F32, I32, IndexArray, Mask
 from overtaking.core.float32_math import TWO, minimum
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.beliefs import belief_at, return_percept
@@ -72,7 +72,7 @@ from overtaking.labels.law.safe_distance import (
     margin_to_leader,
 )
 from overtaking.labels.signals import encounters_at
-from overtaking.labels.snapshots import METRES_PER_MM, at_frame, vehicle_snapshot
+from overtaking.labels.snapshots import at_frame, vehicle_snapshot
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.safety_measures import Encounter
@@ -358,7 +358,7 @@ class RightLaneUse(Criterion):
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of the gap in the lane to the right at the first frame [m]."""
         del finding
-        return _gap_in_right_lane_error(case, np.maximum(case.events.first, 0), errors)
+        return _gap_in_right_lane_error(case, case.events.first, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """One lane to the right."""
@@ -441,19 +441,20 @@ class NoForcedBraking(Criterion):
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of the braking in the frame in which it is hardest [m/s^2]."""
+        is_after_lane_change = _is_after_lane_change(case)
 
         def margin(simulation: IndexArray, frame: IndexArray) -> F32:
             follower = encounters_at(case, NeighbourRole.FOLLOWER, simulation, frame)
-            margin = ABRUPT_BRAKING.f32 - _forced_braking(follower)
-            return np.where(follower.valid, margin, UNCONSTRAINED)
+            is_judged = follower.valid & is_after_lane_change[simulation, frame]
+            return np.where(is_judged, _braking_margin(follower), UNCONSTRAINED)
 
         frame = deciding_frame(manoeuvre(case), margin, finding)
         follower = neighbour_at(case, NeighbourRole.FOLLOWER, frame)
 
-        def braking_with(*errors_of_both: F32) -> F32:
-            return _forced_braking(encounter_with_error(follower, *errors_of_both, is_ahead=False))
+        def margin_with(*errors_of_both: F32) -> F32:
+            return _braking_margin(encounter_with_error(follower, *errors_of_both, is_ahead=False))
 
-        return propagated_error(braking_with, *errors_of_two_vehicles(errors))
+        return propagated_error(margin_with, *errors_of_two_vehicles(errors))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A gap to the follower at which it need not brake hard."""
@@ -468,9 +469,26 @@ class NoForcedBraking(Criterion):
         return more_gap(breach, neighbour, frames[worst], gap[worst] - needed[worst])
 
 
-def _forced_braking(follower: Encounter) -> F32:
-    """Braking by which the follower avoids a collision, at most `MAX_FORCED_BRAKING` [m/s^2]."""
-    closing_speed = np.maximum(follower.closing_speed, np.float32(0.0))
-    # The step of recorded positions, 1 mm, as the smallest gap keeps the quotient finite.
-    gap = np.maximum(follower.gap, METRES_PER_MM)
-    return np.minimum(closing_speed * closing_speed / (TWO * gap), MAX_FORCED_BRAKING.f32)
+def _is_after_lane_change(case: Case) -> Mask:
+    """Whether the ego has changed lane in the manoeuvre within the last `OBSTRUCTION_TIME`.
+
+    Returns:
+        Shape (simulation, time). As in the compiled scan, the frame of the change counts, and
+        changes before the manoeuvre do not.
+    """
+    lane, span = case.signals.lane, manoeuvre(case)
+    num_simulations, num_frames = lane.shape
+    frame = np.arange(num_frames)
+    is_change = np.zeros(lane.shape, np.bool_)
+    is_change[:, 1:] = lane[:, 1:] != lane[:, :-1]
+    is_change &= span.mask(np.arange(num_simulations), num_frames)
+    num_frames_after = num_frames_in(case, OBSTRUCTION_TIME.f32)
+    # Without a change so far, the last one is earlier than any frame could remember.
+    last_change = np.where(is_change, frame, -num_frames_after - 1)
+    return frame - np.maximum.accumulate(last_change, axis=1) <= num_frames_after
+
+
+def _braking_margin(follower: Encounter) -> F32:
+    """Allowed braking minus the braking by which the follower avoids a collision [m/s^2]."""
+    forced = np.minimum(drac(follower.gap, follower.closing_speed), MAX_FORCED_BRAKING.f32)
+    return ABRUPT_BRAKING.f32 - forced

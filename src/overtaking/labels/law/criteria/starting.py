@@ -416,23 +416,18 @@ class NoOtherOvertaking(Criterion):
         has_attempt = case.events.has_attempt
         # Only attempts are looked up: in a batch, most simulations may lack one.
         others = _others_at_attempt(case)
-        ego_lane = _ego_lane_at_attempt(case)[:, None]
-        # `ego_lead` is positive for vehicles behind the ego.
-        is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
-        is_left_follower = is_behind & (others.lane == ego_lane + 1)
-        is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
-
+        is_follower, is_left_follower = self._followers(case, others)
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         arrival = self._first_arrival(case, others, is_left_follower)
         arrival = np.where(has_begun, np.float32(0.0), arrival)
         # Where no follower moves left, one with unknown indicators may still indicate: the verdict
         # is then open. `finding_at_frame` keeps breaches decided.
-        is_doubtful = is_follower.any(axis=1) & ("indicators" in case.trajectories.unknown)
+        is_doubtful = np.any(is_follower, axis=1) & ("indicators" in case.trajectories.unknown)
         to_batch = partial(scatter, simulations=has_attempt, count=len(has_attempt))
         return finding_at_frame(
             case.events.attempt,
             to_batch(arrival - self.min_arrival.f32),
-            to_batch((is_left_follower | is_follower).any(axis=1)),
+            to_batch(np.any(is_left_follower | is_follower, axis=1)),
             doubtful=to_batch(is_doubtful),
         )
 
@@ -442,9 +437,9 @@ class NoOtherOvertaking(Criterion):
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of the arrival of the next vehicle on the left [s]."""
+        del finding
         others, has_attempt = _others_at_attempt(case), case.events.has_attempt
-        is_left_follower = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
-        is_left_follower &= others.lane == _ego_lane_at_attempt(case)[:, None] + 1
+        is_follower, is_left_follower = self._followers(case, others)
 
         def arrival_with(
             ego_position_error: F32,
@@ -462,16 +457,28 @@ class NoOtherOvertaking(Criterion):
             return self._first_arrival(case, measured, is_left_follower)
 
         error = propagated_error(arrival_with, *errors_of_two_vehicles(errors))
-        error = scatter(error, has_attempt, len(has_attempt))
-        # An arrival in 0 s: a follower has begun to pull out, or a vehicle is beside the ego.
-        has_begun = finding.margin <= -self.min_arrival.f32
-        return np.where(has_begun, np.float32(0.0), error)
+        # A follower that has begun to pull out decides whatever the vehicles on the left do.
+        has_begun = self._has_begun_to_pull_out(case, others, is_follower)
+        error = np.where(has_begun, np.float32(0.0), error)
+        return scatter(error, has_attempt, len(has_attempt))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A later arrival of the next vehicle on the left; it is 0 s for one that has begun."""
         needed = self.min_arrival.f32
         actual = float(needed) + breach.margin
         return single_change(RemedyQuantity.ARRIVAL, actual, needed, breach.first_frame)
+
+    def _followers(self, case: Case, others: OtherVehicles) -> tuple[Mask, Mask]:
+        """Followers within `reach` in the lane of the ego, and all vehicles behind on the left.
+
+        Returns:
+            Each of shape (attempt, vehicle).
+        """
+        ego_lane = _ego_lane_at_attempt(case)[:, None]
+        # `ego_lead` is positive for vehicles behind the ego.
+        is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
+        is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
+        return is_follower, is_behind & (others.lane == ego_lane + 1)
 
     def _has_begun_to_pull_out(self, case: Case, others: OtherVehicles, is_follower: Mask) -> Mask:
         """Whether any follower moves to the left, or indicates to, at each attempt, (attempt,)."""

@@ -69,6 +69,19 @@ ApproachLength = Callable[[ZoneKind], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _ForbiddenZones:
+    """Stretches of road in which the ego must not overtake, in some simulations.
+
+    Attributes:
+        intervals: The stretches, with the road before them that counts.
+        applies: The simulations to which they apply, shape (simulation,).
+    """
+
+    intervals: list[RoadInterval]
+    applies: Mask
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NoOvertakingZones(Criterion):
     """The ego overtakes in no dangerous place, and no vehicle that itself overtakes.
 
@@ -101,22 +114,14 @@ class NoOvertakingZones(Criterion):
             or "road_kind" in trajectories.unknown
         ):
             return finding_not_applicable(case.signals.num_simulations)
-        all_simulations = np.ones(case.signals.num_simulations, np.bool_)
-        has_several_lanes = all_simulations & (trajectories.road.num_lanes > 1)
-        is_waived = has_several_lanes & ~opposing_lane_span(case).is_nonempty
-        return _combined_findings(
-            [
-                _keeps_out_of(case, self._intervals(case, _ALWAYS_FORBIDDEN), all_simulations),
-                _keeps_out_of(case, self._intervals(case, _WAIVED_ON_SEVERAL_LANES), ~is_waived),
-                _target_keeps_its_side(case),
-            ]
-        )
+        findings = [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
+        return _combined_findings([*findings, _target_keeps_its_side(case)])
 
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of a position along the road, or of the return where that decides [m]."""
-        return _zone_margin_error(case, finding, errors, _approach_lengths(self.approach_length))
+        return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """Before or after the place, or with the target on its own side of the road."""
@@ -131,8 +136,22 @@ class NoOvertakingZones(Criterion):
             )
         return _overtake_elsewhere(breach)
 
-    def _intervals(self, case: Case, kinds: Iterable[ZoneKind]) -> list[RoadInterval]:
-        return zone_intervals(case, kinds, _approach_lengths(self.approach_length))
+    def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
+        """The places, some of which are waived on several lanes."""
+        num_simulations = case.signals.num_simulations
+        has_several_lanes = np.full(num_simulations, case.trajectories.road.num_lanes > 1)
+        is_waived = has_several_lanes & ~opposing_lane_span(case).is_nonempty
+        approach_length = _approach_lengths(self.approach_length)
+        return [
+            _ForbiddenZones(
+                intervals=zone_intervals(case, _ALWAYS_FORBIDDEN, approach_length),
+                applies=np.ones(num_simulations, np.bool_),
+            ),
+            _ForbiddenZones(
+                intervals=zone_intervals(case, _WAIVED_ON_SEVERAL_LANES, approach_length),
+                applies=~is_waived,
+            ),
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,6 +197,22 @@ class NoOvertakingSigns(Criterion):
             return finding_from_margins(
                 may_have_sign, np.zeros(len(attempt), np.float32), attempt, attempt
             )
+        return _combined_findings(
+            [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
+        )
+
+    ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
+
+    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
+        """Error of a position along the road, or of the return where that decides [m]."""
+        return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
+
+    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
+        """Before or after the stretch."""
+        return _overtake_elsewhere(breach)
+
+    def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
+        """The stretches of each sign, in simulations whose ego and target it is about."""
         has_target = case.target.slot != NO_VEHICLE
         has_several_tracks = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
@@ -190,17 +225,8 @@ class NoOvertakingSigns(Criterion):
             applies_by_sign[ZoneKind.NO_OVERTAKING_MOTORCYCLE] = (
                 ego_may_be(case, VehicleKind.MOTORCYCLE) & has_target
             )
-        return _keeps_out_of_zones(case, applies_by_sign, _approach_lengths(_APPROACH_LENGTH))
-
-    ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
-
-    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of a position along the road, or of the return where that decides [m]."""
-        return _zone_margin_error(case, finding, errors, _approach_lengths(_APPROACH_LENGTH))
-
-    def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """Before or after the stretch."""
-        return _overtake_elsewhere(breach)
+        # A sign forbids from its place on, so its stretch has no approach.
+        return _zones_by_kind(case, applies_by_sign, approach_length=lambda _: 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,25 +260,31 @@ class NoOvertakingAtCrossings(Criterion):
         """The smallest distance from a crossing decides."""
         if not case.trajectories.road.course:
             return finding_not_applicable(case.signals.num_simulations)
-        has_target = case.target.slot != NO_VEHICLE
-        applies_by_kind = {
-            ZoneKind.PEDESTRIAN_CROSSING: has_target,
-            ZoneKind.LEVEL_CROSSING: has_target & target_may_be(case, bicycle=False),
-        }
-        return _keeps_out_of_zones(case, applies_by_kind, self._approach_lengths())
+        return _combined_findings(
+            [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
+        )
 
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of a position along the road, or of the return where that decides [m]."""
-        return _zone_margin_error(case, finding, errors, self._approach_lengths())
+        return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """Before or after the crossing."""
         return _overtake_elsewhere(breach)
 
-    def _approach_lengths(self) -> ApproachLength:
-        return _approach_lengths(self.pedestrian_approach_length, self.level_approach_length)
+    def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
+        """Crossings of pedestrians for all targets, level crossings for motor vehicles."""
+        has_target = case.target.slot != NO_VEHICLE
+        applies_by_kind = {
+            ZoneKind.PEDESTRIAN_CROSSING: has_target,
+            ZoneKind.LEVEL_CROSSING: has_target & target_may_be(case, bicycle=False),
+        }
+        approach_length = _approach_lengths(
+            self.pedestrian_approach_length, self.level_approach_length
+        )
+        return _zones_by_kind(case, applies_by_kind, approach_length)
 
 
 def _approach_lengths(approach: Quantity, before_rails: Quantity | None = None) -> ApproachLength:
@@ -268,39 +300,33 @@ def _approach_lengths(approach: Quantity, before_rails: Quantity | None = None) 
     return lambda kind: lengths.get(kind, 0.0)
 
 
-def _keeps_out_of(case: Case, intervals: list[RoadInterval], applies: Mask) -> Finding:
-    """The ego does not overtake in some intervals, in the simulations to which they apply."""
-    span, margin = overtaking_span(case), distance_to_intervals(case, intervals)
-    rows = np.flatnonzero(applies & span.is_nonempty)
-    is_in_span = span.mask(rows, margin.shape[1])
-    min_margin = np.full(len(applies), UNCONSTRAINED)
-    min_margin[rows] = np.where(is_in_span, margin[rows], UNCONSTRAINED).min(axis=1)
-    first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
-    return finding_from_margins(
-        applies & span.is_nonempty & (min_margin < UNCONSTRAINED),
-        min_margin,
-        first,
-        last,
-        longest=longest,
-    )
-
-
-def _keeps_out_of_zones(
+def _zones_by_kind(
     case: Case, applies_by_kind: Mapping[ZoneKind, Mask], approach_length: ApproachLength
-) -> Finding:
-    """The ego does not overtake in places of some kinds.
+) -> list[_ForbiddenZones]:
+    """Zones of some kinds.
 
     Args:
         case: The batch.
         applies_by_kind: The simulations to which each kind applies, shape (simulation,).
         approach_length: As for `zone_intervals`.
     """
-    return _combined_findings(
-        [
-            _keeps_out_of(case, zone_intervals(case, [kind], approach_length), applies)
-            for kind, applies in applies_by_kind.items()
-        ]
-    )
+    return [
+        _ForbiddenZones(intervals=zone_intervals(case, [kind], approach_length), applies=applies)
+        for kind, applies in applies_by_kind.items()
+    ]
+
+
+def _keeps_out_of(case: Case, zones: _ForbiddenZones) -> Finding:
+    """The ego does not overtake in these zones."""
+    span, margin = overtaking_span(case), distance_to_intervals(case, zones.intervals)
+    applies = zones.applies & span.is_nonempty
+    rows = np.flatnonzero(applies)
+    is_in_span = span.mask(rows, margin.shape[1])
+    min_margin = np.full(len(applies), UNCONSTRAINED)
+    min_margin[rows] = np.where(is_in_span, margin[rows], UNCONSTRAINED).min(axis=1)
+    first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
+    is_judged = applies & (min_margin < UNCONSTRAINED)
+    return finding_from_margins(is_judged, min_margin, first, last, longest=longest)
 
 
 def _target_keeps_its_side(case: Case) -> Finding:
@@ -348,7 +374,10 @@ def _combined_findings(findings: list[Finding]) -> Finding:
 
 
 def _zone_margin_error(
-    case: Case, finding: Finding, errors: MeasurementErrors, approach_length: ApproachLength
+    case: Case,
+    finding: Finding,
+    errors: MeasurementErrors,
+    forbidden_zones: Iterable[_ForbiddenZones],
 ) -> F32:
     """Error of a position along the road, and of the return where that decides [m].
 
@@ -356,9 +385,11 @@ def _zone_margin_error(
     an error of the lateral position moves the end of the overtake.
     """
     end, position_error = overtaking_span(case).last, np.float32(errors.position_std)
-    distance = distance_to_intervals(case, zone_intervals(case, ZoneKind, approach_length))
-    return_decides = np.abs(at_frame(distance, end) - finding.margin) < SAME_MARGIN_M
-    return_decides &= end == opposing_lane_span(case).last
+    decides_at_end = np.zeros(len(end), np.bool_)
+    for zones in forbidden_zones:
+        distance = at_frame(distance_to_intervals(case, zones.intervals), end)
+        decides_at_end |= zones.applies & (np.abs(distance - finding.margin) < SAME_MARGIN_M)
+    return_decides = decides_at_end & (end == opposing_lane_span(case).last)
     return_error = at_frame(case.signals.speed, end) * return_time_error(case, errors)
     both_errors = np.sqrt(position_error * position_error + return_error * return_error)
     return np.where(return_decides, both_errors, position_error)
