@@ -94,13 +94,13 @@ def evaluate(
     Args:
         driver: The driver to evaluate: a `Driver`, or a name in `BUILTIN_DRIVERS`.
         profile: Profile of the scenes: a name, a TOML file or a specification (the content of such
-            a file, as an object). If the package has a variant of the name with the suffix `-risk`,
-            the variant is used instead. The default is a variant already.
+            a file, as an object). If the package has a profile of this name with the suffix
+            `-risk`, that variant is used instead; the default is such a variant.
         num_simulations: Number of scenes, 1 to 1,000,000.
         seed: Seed of the random numbers of the scenes, 0 <= seed < 2**64.
         references: Drivers to compare it with. All names must differ, also from the evaluated one.
-        natural: Whether to use the named profile itself and not its variant, such as `motorway`, in
-            which dangerous scenes are rare.
+        natural: Whether to use the named profile itself, such as `motorway`, instead of its
+            variant. Dangerous scenes are rare in it.
         overrides: New values of keys of the specification, such as
             `{"traffic.vehicles": "2..6"}`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.

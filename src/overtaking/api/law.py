@@ -4,37 +4,37 @@ The *check* of a *rule* is a function that takes a `Case` (recorded simulations 
 and returns a `Finding` (for each simulation a verdict and a *margin*, the distance to the limit,
 negative in a breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and
 `de` (Germany). A *policy*, such as `paper`, `default` or `strict`, names the rules of a pack that a
-legal overtake must keep, and how far each may be exceeded. The *class* of a simulation, such as
-`Success_L` (completed, legal), therefore depends on the policy. *Profile*: the named setting of
-road and traffic that a data set was drawn from; it has a default policy.
+legal overtake must keep, and the amount by which the limit of each may be exceeded. The *class* of
+a simulation, such as `Success_L` (completed, legal), therefore depends on the policy. *Profile*:
+the named setting of road and traffic that a data set was drawn from; it has a default policy.
 
 A pack of the user, in a module of the user:
 
     import numpy as np
     from overtaking import law
 
-    def slow(case: law.Case) -> law.Finding:
+    def check_speed(case: law.Case) -> law.Finding:
         # A margin at all frames of a span: from 3 s before the overtake to 3 s after it.
-        return law.always(np.float32(25.0) - case.signals.speed, law.manoeuvre(case))
+        return law.finding_over_span(np.float32(25.0) - case.signals.speed, law.manoeuvre(case))
 
     SLOW = law.Rule(
         id="my.1@2026",
         code="S1",
-        law="none",
+        article="none",
         title="Slowly",
         gloss="Overtake at no more than 25 m/s.",
         predicate="During the manoeuvre: speed <= 25 m/s.",
         unit="m/s",
         grade=law.Grade.LIGHT,
-        check=slow,
+        check=check_speed,
     )
     PACK = law.Pack(name="mine", version="mine-1", rules=(SLOW,))
 
 `overtaking.label(trajectories, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
-`code` names the rule in tables and policies; `law`, `title`, `gloss`, `predicate`, `unit` (of the
-margin) and `grade` (the severity of a breach) appear in reports. `id` and `version` are stored with
-the verdicts, so that a reader knows which text of the rule decided them. Their form is free; the
-packs of this package write the year of the law after "@".
+`code` names the rule in tables and policies; `article`, `title`, `gloss`, `predicate`, `unit` (of
+the margin) and `grade` (the severity of a breach) appear in reports. `id` and `version` are stored
+with the verdicts, so that a reader knows which text of the rule decided them. Their form is free;
+the packs of this package write the year of the law after "@".
 """
 
 import importlib

@@ -87,8 +87,8 @@ def compare_simulators(
     spec = profiles.load_specification(profile, overrides)
     used_road = resolve_road(road or spec.road)
     used_simulators = [get_simulator(name) for name in _check_simulator_names(simulators)]
-    # All get the same batch. A simulator takes `chunk_size` scenarios at a time; the smallest of
-    # these numbers suits all.
+    # All simulators get the same batch. Each takes at most its `chunk_size` scenarios at a time, so
+    # the batch has the smallest of these sizes.
     chunk_size = min(simulator.chunk_size for simulator in used_simulators)
     parts: list[Comparison] = []
     for first in range(0, num_simulations, chunk_size):
@@ -118,12 +118,12 @@ def dataset_statistics(
     Args:
         dataset: The data set, or its folder or URL.
         policy: `paper`, `default` or `strict`; None for the policy of the profile.
-        reading: How the features (the columns that describe a simulation) are measured; with an
-            overtake, always at its start. Without an overtake, `paper` takes means over the
-            simulation, as in the paper; so the classes differ already because they are measured
-            differently. `matched` draws an instant instead, such that the waiting times until it
-            are distributed like those before overtakes. None for `paper` with the policy `paper`,
-            else `matched`.
+        reading: Definition of the features (the columns that describe a simulation) in simulations
+            without an overtake; in all others, features describe its start. `paper` takes means
+            over the simulation, as in the paper, which is a difference between the classes by
+            itself. `matched` draws an instant, such that the waiting times until it are distributed
+            like the waiting times before overtakes. None for `paper` with the policy `paper`, else
+            `matched`.
         weighted: Whether each simulation counts by its weight, a column of the data set. Weights
             restore natural shares where rare cases were drawn more often.
 
@@ -201,8 +201,8 @@ def reproduce_study(
 ) -> "Reproduction":
     """Compare every number in the text of the paper with simulations of its experiment.
 
-    Its data set is one sample of 276 simulations. Many sets of this size (replicates) show how much
-    each number varies by chance, and so which numbers of the paper the model does not explain.
+    The paper's data set is one sample of 276 simulations. Many sets of this size (replicates) show
+    how much each number varies by chance, and which numbers of the paper the model cannot explain.
 
     Args:
         study: `pinto2023`, the only study so far; it is also the name of the profile.

@@ -51,9 +51,9 @@ def available_processors() -> int:
     num_installed = os.cpu_count() or 1
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else num_installed
     with suppress(OSError, ValueError):  # No such file, or "max": no limit.
-        time, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
-        # Rounded down: with one thread more, all would be paused for a part of each period.
-        return max(1, min(allowed, int(time) // int(period)))
+        quota, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
+        # Rounded down: with one more thread, Linux would pause all of them for part of each period.
+        return max(1, min(allowed, int(quota) // int(period)))
     return allowed
 
 
@@ -96,11 +96,11 @@ _ADDRESS_SPACE, _DATA_AND_STACK = 0, 5
 # Option of `mallopt` in glibc's malloc.h: the number of arenas, from which threads take memory.
 _M_ARENA_MAX = -8
 
-# How to recognize an error that a limit caused: by the number of an OSError, or by a part of the
-# text of an error of a library, which has no number.
-_MEMORY_ERRORS = (errno.ENOMEM,)
-_THREAD_ERRORS = (errno.EAGAIN,)
-_FILE_ERRORS = (errno.EMFILE, errno.ENFILE)
+# `refusal_of` recognizes an error that a limit caused by the `errno` of an OSError, or by a part of
+# its text, because errors of libraries have no `errno`.
+_MEMORY_ERRNOS = (errno.ENOMEM,)
+_THREAD_ERRNOS = (errno.EAGAIN,)
+_FILE_ERRNOS = (errno.EMFILE, errno.ENFILE)
 
 _THREAD_TEXTS = (
     "can't start new thread",  # Python
@@ -170,12 +170,12 @@ def check_memory(size: int, where: str, next_step: str) -> None:
     Raises:
         SystemLimitError: The machine, a limit of the process or a limit of its cgroup leaves less.
     """
-    for free, limit_text in _memory_limits():
-        if size > free:
+    for remaining, limit_text in _remaining_memory():
+        if size > remaining:
             raise SystemLimitError(
                 what="memory",
                 where=where,
-                expected=f"at most the {_size_text(free)} {limit_text}",
+                expected=f"at most the {_size_text(remaining)} {limit_text}",
                 got=f"work that needs {_size_text(size)}",
                 next_step=next_step,
             )
@@ -196,9 +196,9 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
         return None
     text = str(error)
     number = error.errno if isinstance(error, OSError) else None
-    if isinstance(error, MemoryError) or number in _MEMORY_ERRORS:
+    if isinstance(error, MemoryError) or number in _MEMORY_ERRNOS:
         return memory_error(where, text)
-    if number in _FILE_ERRORS:
+    if number in _FILE_ERRNOS:
         return SystemLimitError(
             what="open files",
             where=where,
@@ -206,7 +206,7 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
             got=text,
             next_step=MORE_FILES,
         )
-    if number in _THREAD_ERRORS or any(part in text for part in _THREAD_TEXTS):
+    if number in _THREAD_ERRNOS or any(part in text for part in _THREAD_TEXTS):
         return thread_error(where, text)
     if any(part in text for part in _MEMORY_TEXTS):
         return memory_error(where, text)
@@ -298,8 +298,8 @@ def _reduce_reservations() -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
-def _memory_limits() -> Iterator[tuple[int, str]]:
-    """Memory that each limit leaves to this process [bytes], and words for it in a message.
+def _remaining_memory() -> Iterator[tuple[int, str]]:
+    """Memory that each limit leaves to this process [bytes], and words for the limit in a message.
 
     The words follow a size: "at most the 16.0 GB" "of this machine".
     """

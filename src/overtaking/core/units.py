@@ -2,13 +2,14 @@
 
 Values in the code are in SI units and their names have no suffix. Other units occur at the edges:
 
-- names of columns and keys in files tell the unit by a suffix (`NAME_SUFFIXES`), also an SI unit;
+- names of columns and keys in files end in a suffix for the unit, also for SI units
+  (`NAME_SUFFIXES`);
 - trajectories are recorded as integers, in small units such as mm (`INTEGER_UNITS`);
-- the constants of the model, in the TOML files of `overtaking/knowledge/data` ("knowledge"), state
-  units as texts such as `km/h`; when they are read, `unit_converter` converts them to SI, except
-  those whose name ends in one of `UNCONVERTED_SUFFIXES`;
-- commands and functions of the API take speeds in km/h and angles in degrees (`mps_from_kmh` and
-  its kind).
+- the constants of the model, in the TOML files of `overtaking/knowledge/data`, state units as texts
+  such as `km/h`; the reader of these files converts them to SI with `unit_converter`, except
+  constants whose name ends in one of `UNCONVERTED_SUFFIXES`;
+- commands and functions of the API take speeds in km/h and angles in degrees, which functions such
+  as `mps_from_kmh` convert.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ INTEGER_UNITS = {
     "0.1 mrad": ("rad", 10_000),
     "0.1 mrad/s": ("rad/s", 10_000),
 }
-"""For each unit of recorded integers, the SI unit and its size in the small one: 1 m is 1000 mm."""
+"""For each unit of recorded integers, its SI unit and the number of small units in it: 1000 mm are
+1 m."""
 
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
@@ -114,8 +116,8 @@ _OTHER_SYMBOLS = {
     "percent": ("1", 1.0, 100.0),
 }
 
-# Commands and the API convert these two units with the same functions. So 120 km/h in a TOML file
-# and 120 km/h in a command have the same bits.
+# Commands and the API convert these two units with the same functions, so that 120 km/h in a TOML
+# file and in a command have the same bits.
 _SHARED_CONVERSIONS: dict[str, Callable[[float], float]] = {
     "km/h": mps_from_kmh,
     "deg": rad_from_deg,

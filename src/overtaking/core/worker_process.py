@@ -170,7 +170,8 @@ _MAX_PRINTED_BYTES = 4096
 """Length of the end of the printed text that is stored. Chosen: an exception and its cause fit."""
 
 _MAX_WAIT = 1.0
-"""Longest time of one wait [s]; longer ones are split. On Windows, Ctrl-C waits for their ends."""
+"""Longest time of one wait [s]; longer ones are split, because on Windows Ctrl-C takes effect only
+between two waits. Chosen."""
 
 
 class WorkerEnded:

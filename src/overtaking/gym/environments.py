@@ -47,12 +47,12 @@ from overtaking.sim.external_driver import MAX_ACTION_REPEAT, OBSERVATION_SOURCE
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 MAX_ENVS = 1_000_000
-"""Largest number of environments; more is a typing error."""
+"""Largest number of environments. Chosen: a larger number is a typing error."""
 
 MAX_INDEX = 2**62
 """Largest scenario index of a first episode and of the option `scenario_index` of `reset`.
 
-`info` states indices as int64, up to 2^63. The larger indices of later episodes fit in between.
+`info` states indices as int64, which ends at 2^63. The range from 2^62 on is for later episodes.
 """
 
 RENDER_MODES = ("rgb_array",)

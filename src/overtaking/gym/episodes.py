@@ -63,7 +63,7 @@ _STAGE = EgoColumns._fields.index("stage")
 class SampledScenarios:
     """Scenarios that were drawn together, with the numbers that the engine computes from.
 
-    No dataclass: `sort_refs` uses batches as keys of a dictionary, each equal only to itself.
+    Not a dataclass: `sort_refs` uses batches as keys of a dictionary, and each equals only itself.
 
     Attributes:
         scenario: The batch of scenarios.
@@ -442,9 +442,9 @@ class EpisodeBatch:
         stepper = EngineStepper(params, self._kind, observes_truth=self._settings.observes_truth)
         stepper.observe_start()
         # The stepper advances all rows together, but their episodes have different ages. So each
-        # row starts its episode again when as many decisions remain as the episode has had, and all
-        # reach their present states at the same time. Before, the row runs with actions of zero,
-        # whose result is discarded. Rows with start 0 have begun already.
+        # row starts its episode again when as many decisions remain as the episode has had, so that
+        # all rows reach their present states at the same time. Until then, the row runs with
+        # actions of zero, and its states are discarded. Rows with start 0 have begun already.
         duration = int(self.num_decisions.max())
         start = duration - self.num_decisions
         # The last turn only begins the episodes that have had no decision yet; no step follows.

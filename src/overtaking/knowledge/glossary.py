@@ -13,7 +13,7 @@ from overtaking.knowledge.toml_reader import read_records
 TERM_GROUPS = {
     "classes": "Classes",  # Results of an overtake, such as `Success_L`: completed and legal.
     "policies": "Policies",  # Sets of traffic rules that a legal overtake must keep.
-    "readings": "Readings of the features",  # Each defines the instant that features describe.
+    "readings": "Readings of the features",  # Definitions of the instant that features describe.
     "features": "Features",
     "vehicles": "Vehicle classes",
     "road": "On the road",

@@ -73,8 +73,8 @@ def sight_facts() -> SightFacts:
 def general_limits() -> GeneralLimits:
     """The limits that article 27 of the Portuguese highway code sets for roads without a sign.
 
-    They hold for any map that states no limit, from whatever country: a choice that agrees with the
-    law by which recordings are judged unless the user names another one.
+    They hold for maps of all countries that state no limit. This choice agrees with Portuguese law,
+    by which recordings are judged unless the user names another law.
     """
     return read_record(GeneralLimits, _FILE, "general_limits")
 

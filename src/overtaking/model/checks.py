@@ -96,9 +96,9 @@ def check_batch(batch: Any, where: str, name: str = "") -> None:
 def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
     """Decorate a function so that each call first checks its arguments against their annotations.
 
-    The function gets integers as Python's, because NumPy's overflow, and iterables as tuples,
-    because some can be read only once. If it has a parameter `progress`, its progress appears in
-    notebooks.
+    The function receives integers as Python's integers, because NumPy's integers overflow, and
+    iterables as tuples, because some can be read only once. If it has a parameter `progress`, a
+    notebook shows its progress.
 
     Args:
         function: A function. Default values, parameters without an annotation, and `**kwargs` are

@@ -9,10 +9,10 @@ model, the compiled engine and the reference in Python, fill the rows in the ord
 action in `ACTION_KINDS`; `Actions` is the record of the answers, from which a simulation can be
 repeated. All observed values are float32, also codes and flags, so that they form one table.
 
-The model driver goes on to perceive and judge the traffic while an external driver drives. "The
-driver" in the descriptions of columns is this model driver, whose beliefs are observed; only
-`requested_accel` and `wanted_side` follow the last action. The target is the vehicle that the ego
-overtakes; the leader is the vehicle ahead in its lane.
+The model driver continues to perceive and judge the traffic while an external driver drives. "The
+driver" in the descriptions of columns is this model driver, whose beliefs the external driver
+observes; only `requested_accel` and `wanted_side` follow the last action. The target is the vehicle
+that the ego overtakes; the leader is the vehicle ahead in its lane.
 """
 
 import hashlib
@@ -52,8 +52,8 @@ class EgoColumns(NamedTuple):
     `stage` are 0 follow, 1 pull out, 2 pass, 3 return, 4 done, 5 abort, 6 crashed. `time_waiting`
     goes back to 0 when an overtake ends. While ego and target are alongside each other,
     `has_passed_target` is 0, and `is_behind_target` compares their centres; without a target both
-    are 0. A simulation starts as if the last lane change had begun 10 s earlier and were over:
-    `time_since_lane_change` counts on from 10 s, and `has_finished_lane_change` is 1.
+    are 0. A simulation starts as if the ego had begun a lane change 10 s before and finished it:
+    `time_since_lane_change` starts at 10 s, and `has_finished_lane_change` is 1.
     """
 
     speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
@@ -298,7 +298,8 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Go on as before; an indicator that is on goes off after as long a time as it was on."""
+    """Stay in the lane, or complete the lane change. An indicator that is on goes off after as long
+    a time as it has been on."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2

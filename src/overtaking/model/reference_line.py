@@ -269,9 +269,9 @@ class ReferenceLine(ContentEquality):
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Convert world coordinates to road coordinates; the inverse of `to_world`.
 
-        Inside a bend a point may lie at a right angle to the line at several stations. The search
-        starts at the nearest of samples of the line, at most 10 m apart, and Newton's method
-        refines it, so the result is the station near that sample.
+        A point inside a bend may lie at a right angle to the line at several stations. The search
+        starts at the nearest of some samples of the line, which are at most 10 m apart, and
+        Newton's method refines it, so the result is the station near that sample.
 
         Args:
             x: World x, any shape [m].
@@ -345,8 +345,9 @@ def _split_by_turn(segment: CurveSegment) -> list[CurveSegment]:
         # The end of the last part is not needed. Most segments have one part, so this condition
         # saves most of the quadratures.
         if number < num_parts:
-            start = map(np.asarray, (heading, curvature, rate, length))
-            displacement = segment_displacement(*start)
+            displacement = segment_displacement(
+                *map(np.asarray, (heading, curvature, rate, length))
+            )
             x, y = x + float(displacement.x), y + float(displacement.y)
             heading += length * (curvature + 0.5 * rate * length)
             curvature = end_curvature

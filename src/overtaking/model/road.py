@@ -54,8 +54,8 @@ MAX_LANES = 8
 """Most driving lanes of a road. Simulators hold parameters of lanes in arrays of this length."""
 
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0
-"""Limits of the width of a driving lane [m]. A car does not fit into a narrower one, and two cars
-fit into a wider one."""
+"""Limits of the width of a driving lane [m]. A car does not fit into a narrower lane, and two cars
+fit side by side into a wider one."""
 
 MAX_NEIGHBOUR_WIDTH = 100.0
 """Largest width of a lane beside the driving lanes [m]. Chosen: wider than the shoulders, verges
@@ -78,8 +78,8 @@ radius of a bend, because near its centre (1) one world position has many coordi
 def _reference_line(segments: tuple[CurveSegment, ...]) -> ReferenceLine:
     """The line of these segments; all callers share its arrays.
 
-    A `Road` cannot keep the line, because it is frozen and the line is no field. The cache holds
-    the lines of 16 roads; chosen: more than a session uses at a time.
+    A `Road` cannot store the line, because it is frozen and the line is not a field. The cache
+    holds the lines of 16 roads; chosen: more than a program uses at a time.
     """
     return ReferenceLine.from_segments(segments)
 
@@ -109,8 +109,8 @@ class Lane:
             file's reference line, positive ids to its left; 0 is the line itself.
         width: Width, the same along the whole road [m].
         kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
-        direction: Direction of its traffic: +1 along the road's `s`, as also for shoulders, or -1
-            against it, as on the opposing lane. The 0 in between has no meaning.
+        direction: Direction of its traffic: +1 along the road's `s`, also for shoulders, or -1
+            against it, on the opposing lane. 0 is not used.
         right_mark: Line on its right in the road's direction of travel, as seen from this lane: of
             a double line the first word of the mark names the line nearer to the lane.
         left_mark: Line on its left in the road's direction of travel, as seen from this lane.

@@ -92,8 +92,8 @@ ANGLE_RESOLUTION = 1e-4  # [rad]
 ACCEL_RESOLUTION = 1e-3  # [m/s^2]
 
 _MAX_POSITION_STEPS = 2.0e9
-"""Positions are clipped to this many millimetres, 2,000 km, as in the engines. No valid road gets
-so far. The largest int32, 2**31 - 1, is no float32: it would round up and overflow."""
+"""Positions are clipped to this many millimetres, 2,000 km, as in the engines. No valid road is
+so long. The largest int32, 2**31 - 1, is no float32: it would be rounded up and overflow."""
 
 
 class Stage(IntEnum):
@@ -147,7 +147,7 @@ class PerceivedVehicle(IntEnum):
 class States(Batch):
     """Recorded states, as integers; shape (simulation, vehicle, time).
 
-    Where `Trajectories.state_mask` is false, they are undefined. `wheel_angle` is the angle of the
+    Where `Trajectories.state_mask` is False, they are undefined. `wheel_angle` is the angle of the
     steered front wheels. `lane` and `lights` declare no column, because tables compute columns of
     other forms from them.
 
@@ -584,8 +584,8 @@ class Trajectories(IdentityBatch):
     @property
     def state_mask(self) -> NDArray[np.bool_]:
         """Whether a vehicle has a recorded state in a frame, shape (simulation, vehicle, time)."""
-        is_in_batch = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
-        return is_in_batch if self.is_recorded is None else is_in_batch & self.is_recorded
+        has_vehicle = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
+        return has_vehicle if self.is_recorded is None else has_vehicle & self.is_recorded
 
     @property
     def known_kinds(self) -> Mask:

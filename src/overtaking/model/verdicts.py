@@ -58,7 +58,7 @@ class Severity(IntEnum):
 class OvertakeClass(IntEnum):
     """Class of a simulation: the paper's five classes (0 to 4) and three further ones.
 
-    A policy may do without the further ones. Then `SUCCESS_U` counts as `SUCCESS_L`, `CENSORED` as
+    A policy may omit the further classes. Then `SUCCESS_U` counts as `SUCCESS_L`, `CENSORED` as
     `UNSUCCESS_NCOL`, and `UNSUCCESS_DEP` as `UNSUCCESS_NCOL`, or as `NO_ATTEMPT` if the ego had
     begun no overtake. Data sets store the integers, so a new class gets the next one.
     """

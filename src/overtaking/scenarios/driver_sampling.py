@@ -65,8 +65,8 @@ SPEED_TRAITS = {
     ),
     "wants_to_overtake": FieldSpec("Whether an ego wants to drive faster than its leader at all"),
 }
-"""Traits from which desired speeds are computed; the last two count in placed traffic alone. They
-are not fields of `DriverTraits`, so their meanings and units are declared here."""
+"""Traits from which desired speeds are computed; only placed traffic uses the last two. They are
+not fields of `DriverTraits`, so their meanings and units are declared here."""
 
 RECORDED_TRAITS = {
     name: field for name, field in batch_fields(DriverTraits).items() if name != "desired_speed"
@@ -108,8 +108,8 @@ class Population:
         Drivers between the extremes have distributions with interpolated parameters, which only
         distributions of the same kind share.
         """
-        # "another list" below: a trait is missing, or the extremes differ in traits or order.
         for name in ALL_TRAITS:
+            # Also refuses extremes that list the same traits in another order, which decides draws.
             if name not in self.careful or list(self.careful) != list(self.reckless):
                 raise _file_error(name, "each trait in both extremes, in one order", "another list")
             kind, reckless_kind = self.careful[name].kind, self.reckless[name].kind
@@ -293,8 +293,8 @@ def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverT
 def max_placed_desired_speed(drivers: DriversSection, traffic: PlacedTraffic) -> float:
     """Largest desired speed that `drivers_from_speeds` can give a driver [m/s].
 
-    Decides how long the road must be so that no vehicle leaves it. A specification cannot fix or
-    scale the traits of `SPEED_TRAITS`, so their distributions bound them.
+    The sampler makes the road so long that no vehicle leaves it at this speed. A specification
+    cannot fix or scale the traits of `SPEED_TRAITS`, so their distributions bound them.
 
     Args:
         drivers: Section `[drivers]` of the specification.

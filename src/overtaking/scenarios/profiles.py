@@ -1,10 +1,11 @@
 """Loads specifications of scenarios from profiles, files and overrides.
 
-A *specification* states everything from which scenarios are drawn: traffic, weather, drivers, ... A
-*profile* is a TOML file with a specification; some are part of the package and have a name, such as
-`motorway`. An *override* replaces one value, as `--set traffic.vehicles=2..6` does on the command
-line. `load_specification` combines them into a checked `Specification`. In this module a *table* is
-the unchecked content of a TOML file or of a part of it, and `where` names its source in errors.
+A *specification* states the distributions of traffic, weather and drivers, and all other values
+from which scenarios are drawn. A *profile* is a TOML file with a specification; some are part of
+the package and have a name, such as `motorway`. An *override* replaces one value, as
+`--set traffic.vehicles=2..6` does on the command line. `load_specification` combines them into a
+checked `Specification`. In this module a *table* is the unchecked content of a TOML file or of a
+part of it, and `where` names its source in errors.
 """
 
 from __future__ import annotations

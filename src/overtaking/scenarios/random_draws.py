@@ -2,8 +2,8 @@
 
 A scenario is drawn from the seed of its data set and its *scenario index*, a 64-bit number. Each
 purpose has a *stream* of random numbers of its own, for example the weather, or the lanes and
-stations at the start (the *layout*). So an additional draw for the weather leaves the layout as it
-is. `SampleBlock` gives the samplers of this package their streams.
+stations at the start (the *layout*). An additional draw for the weather therefore does not change
+the layout. `SampleBlock` gives the samplers of this package their streams.
 
 *Importance sampling* draws rare scenarios more often. A specification may have *components*, which
 change the distributions of some random numbers; the *profile* is the specification without them.
@@ -154,9 +154,9 @@ class SampleBlock:
         So the first vehicles stay the same if a simulation gets more slots.
 
         Args:
-            stream: `Stream.VEHICLE`, `Stream.DRIVER` or another one of which each slot has its own.
-                The slot is added to its number. These numbers are 256 apart, and no scenario has
-                more than 32 slots.
+            stream: `Stream.VEHICLE`, `Stream.DRIVER` or another purpose with a stream for each
+                slot. The slot is added to its number. These numbers are 256 apart, and no scenario
+                has more than 32 slots.
             num_slots: Number of slots.
         """
         slots = np.uint32(stream) + np.arange(num_slots, dtype=np.uint32)
@@ -252,7 +252,7 @@ def identity_transform(name: str, profile_number: F32) -> F32:
 
 
 class ProposalSampler:
-    """Replaces random numbers as the proposal of a specification asks, and weighs each simulation.
+    """Replaces random numbers by the proposal of a specification, and weighs each simulation.
 
     The *proposal* is a mixture: each simulation is drawn from component k with probability
     `share[k]`, and from the profile, without a change, with the remaining probability, which is

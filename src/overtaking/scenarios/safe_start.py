@@ -187,8 +187,8 @@ class RoadSpeeds:
 
         Args:
             s: Stations in the vehicles' own directions, shape (simulation,) [m].
-            lane: Lanes; a number beyond the lanes of the road's own direction tells that a vehicle
-                is oncoming. Shape (simulation,).
+            lane: Lanes, shape (simulation,). A number beyond the lanes of the road's own direction
+                means that the vehicle is oncoming.
             slot: Slots of the vehicles, shape (simulation,).
         """
         simulation = np.arange(len(slot))
@@ -212,7 +212,7 @@ class RoadSpeeds:
         is_oncoming = lane >= self.road.num_own_lanes
         limit = allowed_speed(constants, self.road, s, is_oncoming)
         desired_speed = adapted_speed(factors, limit)
-        # The speeds to be limited already follow from `speed_limit`; only lower limits count here.
+        # The callers' speeds already obey `speed_limit`, so only lower limits matter here.
         desired_speed = np.where(limit < self.speed_limit, desired_speed, np.float32(np.inf))
         in_bend = bend_speed(constants, self.road, self.max_lateral_accel, s, is_oncoming)
         return minimum(in_bend, desired_speed)
@@ -223,8 +223,8 @@ def assumed_start_decel(
 ) -> F32:
     """Deceleration that a driver can count on when braking from a speed, positive [m/s^2].
 
-    Friction is lowest at the highest speed, so its value at the start of braking is on the safe
-    side for the rest of it. Puddles count with the share of the lane that they cover.
+    Friction is lowest at the highest speed, so its value at the start of braking is a lower bound
+    for the rest. Puddles are weighted by the share of the lane that they cover.
 
     Args:
         vehicles: Vehicles, shape (simulation, vehicle).

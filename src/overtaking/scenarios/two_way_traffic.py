@@ -78,7 +78,7 @@ oncoming vehicle is in sight almost at once, the computed deadline is zero or ne
 
 _DRAWS_PER_DESIRED_SPEED = 2
 """Random numbers that `_desired_speeds` takes from its stream for each vehicle but the ego. The
-flows come after them in the same stream, so `flows_per_second` skips as many."""
+flows follow in the same stream, so `flows_per_second` first skips these numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,8 +262,8 @@ def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
 def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
     """Move the vehicles on the road to the first slots: a scenario has no empty slot before others.
 
-    They stay in the order in which they were drawn. In the slots behind them, `vehicles.valid` is
-    false; these slots keep the numbers of the vehicles that are left out.
+    They stay in the order in which they were drawn. In all later slots `vehicles.valid` is False;
+    these slots hold the vehicles that are left out.
 
     Args:
         drawn: A vehicle in each slot.
@@ -377,10 +377,10 @@ def _states_at_speed(layout: VehicleLayout, slots: DrawnSlots, speed: F32) -> St
 def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSlots) -> F32:
     """Time at which a simulation ends if the ego has not begun to overtake, (simulation,) [s].
 
-    Only a fixed number of oncoming vehicles is drawn. The deadline comes `OVERTAKE_DURATION` before
+    Only a fixed number of oncoming vehicles is drawn. The deadline is `OVERTAKE_DURATION` before
     the ego can see the empty road behind the last of them, so that a common overtake which begins
-    at the deadline still meets complete traffic. Both vehicles count with the highest desired
-    speed; higher speeds while overtaking are left out, a choice.
+    at the deadline still meets complete traffic. Both vehicles are assumed to drive at the highest
+    desired speed; higher speeds during an overtake are neglected, a choice.
 
     Args:
         block: The simulations that are drawn together.
@@ -416,7 +416,7 @@ def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
 def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
     """Mean free speed of the vehicles, which converts headways into distances [m/s].
 
-    The ego and slow vehicles are not counted apart: a choice.
+    The types of the ego and the lower speeds of slow vehicles do not enter: a choice.
     """
     # Versions of Python differ in the last bit of a `sum` in float64; float32 rounds it off.
     total = sum(traffic.types.values())

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
-"""Where the sun of a preset is low enough to dazzle, it stands within this angle of the direction
-of travel [rad], a choice: 10 degrees. In the study, the preset ClearSunset has the sun at the
-driver's eye level."""
+"""If the sun of a preset is low enough to dazzle, its direction is within this angle of the
+direction of travel [rad]. A choice: 10 degrees, because in the study the sun of the preset
+ClearSunset is at the driver's eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
 """Smallest cloudiness with rain [%], 60: the smallest among the study's presets with rain. Under so

@@ -49,7 +49,7 @@ def _constant_field(path: str) -> Any:
 
 
 def _inverse_field(path: str) -> Any:
-    """A dataclass field whose default is one over an entry: the step multiplies by it."""
+    """A dataclass field whose default is one over an entry; the step multiplies by it."""
     return field(default_factory=lambda: ONE / constant(path))
 
 
@@ -83,14 +83,15 @@ class ModelConstants:
         min_effective_gap: Smaller gaps count as this in car following [m].
         jerk_up: Fastest growth of the acceleration, from zero or more [m/s^3].
         jerk_down: Fastest fall of the acceleration for moderate braking [m/s^3].
-        brake_ramp: The wanted braking divided by this is the fastest fall of the acceleration, if
-            it exceeds `jerk_down` [s].
+        brake_ramp: Time in which a driver builds up strong braking: the acceleration falls at the
+            desired deceleration divided by this time, if that exceeds `jerk_down` [s].
         stop_lamp_max_time_gap: Time gap above which a driver ignores stop lamps of its leader [s].
-        stop_lamp_full_time_gap: Time gap below which it brakes as its braking leader demands [s].
+        stop_lamp_full_time_gap: Time gap below which a driver fully adopts the braking that its
+            braking leader demands [s].
         jerk_release: Fastest growth of the acceleration while it is negative [m/s^3].
-        coolness: The car-following model can brake harder than is needed for a leader that keeps
-            its acceleration. Then this is the weight of the needed braking, and 1 minus it the
-            weight of the model's [1].
+        coolness: The car-following model (IIDM) can brake harder than a leader of constant
+            acceleration requires. This is then the weight of the required braking, and 1 minus it
+            the weight of the IIDM's (Treiber and Kesting 2013) [1].
         signalling_time_gap: Share of the desired time gap that a driver keeps while it signals to
             pull out [1].
         corridor_margin: A vehicle occupies a lane that it overlaps by more than this [m].
@@ -119,8 +120,8 @@ class ModelConstants:
             [m/s^2].
         abort_imposed_factor: Factor on the braking accepted for the follower; more braking cancels
             the lane change [1].
-        patience_floor: Smallest factor on the demands of a driver; it falls from 1 during a wait
-            [1].
+        patience_floor: Smallest factor on the gaps and speed gains that a driver demands; the
+            factor falls from 1 while the driver waits behind a slower leader [1].
         close_time_gap: A leader within this many desired time gaps is close enough to overtake [1].
         waiting_time_gap: A driver behind a slower leader waits if its time gap is shorter [s].
         accelerate_gain: Factor on the acceleration while passing [1].
@@ -139,7 +140,7 @@ class ModelConstants:
         unseen_gap: Gap that a driver believes in where it has noticed no vehicle [m].
         initial_time_in_view: Time for which vehicles in view count as seen at the start [s].
         lamp_decel: Deceleration that stop lamps suggest, until looming shows it [m/s^2].
-        error_fade_time: TTC below which errors of judgement fade [s].
+        error_fade_time: TTC below which errors of judgement become smaller [s].
         urgent_time: TTC below which drivers react with their shorter, urgent reaction time [s].
         brake_memory: Number of decisions over which drivers judge the braking of a leader [1].
         stop_lamp_decel: Deceleration from which the stop lamps are lit [m/s^2].
@@ -170,8 +171,8 @@ class ModelConstants:
         position_gain: Lateral acceleration per lateral error in steering [1/s^2].
         velocity_gain: Lateral acceleration per error of the lateral speed [1/s].
         yaw_gain: Gain on the wanted lateral acceleration minus speed times yaw rate [1].
-        slip_share: Largest front slip angle that drivers steer, divided by friction / cornering
-            stiffness per load [1].
+        slip_share: Largest front slip angle that drivers steer, over the ratio of the friction
+            coefficient to the cornering stiffness per load [1].
         wind_lag: Time constant with which drivers steer against side wind [s].
         steering_lag: Time constant of the wheel angle [s].
         steering_rate: Largest speed of the wheel angle [rad/s].

@@ -1,7 +1,7 @@
 """Parameters of drivers in a simulation step: desired speeds, car following, passing.
 
-In go the traits of the drivers (`Scenario.drivers`), the weather and the road. Out come float32
-arrays by field name: fields of `VehicleParameters`, one number per vehicle, and of
+The functions take the traits of the drivers (`Scenario.drivers`), the weather and the road. They
+return float32 arrays by field name: fields of `VehicleParameters`, one number per vehicle, and of
 `SimulationParameters`, one number per simulation. The simulation step reads both;
 `step_parameters.step_parameters` collects them once before a simulation. Numbers of the model come
 from `knowledge/data` (`constant`).
@@ -11,9 +11,9 @@ number of a vehicle in its simulation; the ego, the vehicle under study, has slo
 
 A scenario may replace the physical effects of its weather by random lateral pushes
 (`Scenario.pushes`). Then the *effective* weather, to which drivers react, is a dry, clear day. In
-all other scenarios it is the weather as recorded. There is one exception: oncoming vehicles are
-seen and judged as by night if the recorded weather is at night. It is a choice, which matters only
-on two-way roads with pushes; no scenario of the package has both.
+all other scenarios it is the recorded weather. There is one exception: if the recorded weather is
+at night, drivers see and judge oncoming vehicles as by night. This choice matters only on two-way
+roads with pushes; no profile of the package has both.
 """
 
 from typing import NamedTuple

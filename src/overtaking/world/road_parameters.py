@@ -1,11 +1,11 @@
 """The road in a simulation step: borders of lanes, and tables of sight, lines, geometry and limits.
 
-In goes a `Road`, out come `RoadParameters`, which the reference simulator and the compiled engine
-read. Road coordinates are the station s along the road and the lateral position d. A `Road` counts
-d to the left; here d counts towards the overtaking side, so that left-hand traffic is the mirror
-image of right-hand traffic. *Against* the road means in the direction of oncoming traffic. Oncoming
-vehicles have a *frame*, a coordinate system, of their own, turned by half a circle: s becomes
-length - s, d becomes `edge_sum` - d.
+`road_parameters` converts a `Road` to `RoadParameters`, which the reference simulator and the
+compiled engine read. Road coordinates are the station s along the road and the lateral position d.
+A `Road` counts d to the left; here d counts towards the overtaking side, so that left-hand traffic
+is the mirror image of right-hand traffic. *Against* the road means in the direction of oncoming
+traffic. Oncoming vehicles have their own *frame*, a coordinate system turned by half a circle: s
+becomes length - s, d becomes `edge_sum` - d.
 
 `Road.course` holds everything that changes along the road: segments of the reference line, grade,
 sight distances that a map states, speed limits, marks of the centre line. `constant` reads a number

@@ -1,9 +1,9 @@
 """Film of water on the road, friction of tyres, and stopping distances.
 
-In go weather percentages of the driving simulator CARLA, positions, speeds and tyres; out come
-films of water in mm and friction coefficients. The lanes have a *film* that rain feeds and that
-runs off from the crown, the highest line of the road, and puddles on top of the film, which are a
-fixed pattern along each wheel path.
+The functions compute films of water in mm and friction coefficients from weather percentages of the
+driving simulator CARLA, positions, speeds and tyres. Rain feeds a *film* on the lanes, which runs
+off from the crown, the highest line of the road. Puddles lie on top of the film, in a fixed pattern
+along each wheel path.
 
 Numbers of the model come from `knowledge/data/weather.toml` (`constant`) and, where the simulation
 step needs them, from `ModelConstants`. All functions are element by element: arguments are float32
@@ -33,8 +33,8 @@ _PHASE_STEP_1 = np.float32(0.618_034)
 _PHASE_STEP_2 = np.float32(0.381_966)
 
 _MAX_DISTANCE = np.float32(1e6)
-"""Longer distances count as this in `stoppable_speed`, so that infinite sight gives a finite speed.
-No vehicle is so fast that it needs more. Chosen [m]."""
+"""Longer distances count as this in `stoppable_speed`, so that infinite sight gives a finite speed
+[m]. Chosen: no vehicle is so fast that it needs more."""
 
 
 def rain_rate(rain: F32) -> F32:

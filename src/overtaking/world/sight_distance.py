@@ -1,11 +1,11 @@
 """How far a road is visible round bends and over crests.
 
-In goes a `Road`; out come sight distances at its *stations*, which are points at equal spacing
-along the road. The simulation step reads them as tables (`road_parameters`), and rules of the law
-compare them with limits.
+The functions compute sight distances of a `Road` at its *stations*, which are points at equal
+spacing along the road. The simulation step reads them as tables (`road_parameters`), and rules of
+the law compare them with limits.
 
-A map may state the sight distances of its road (`RoadCourse.sight`). Where it does not, they follow
-from the reference line and the grade of the road:
+A map may state the sight distances of its road (`RoadCourse.sight`). Otherwise they follow from the
+reference line and the grade of the road:
 
 - In a bend, an obstacle called *wall* stands on the inner side, at a clearance from the middle of
   the nearest lane. A driver sees the lane as far as a straight line passes the wall. On a circle of
@@ -41,10 +41,10 @@ _EYES_PER_BLOCK = 512
 2 MB, however long the road is."""
 
 _MIN_AHEAD = 1e-3
-"""Points less far ahead than this count as not ahead: their bearing divides by the distance [m]."""
+"""Nearer points count as not ahead, because `_bearing` divides by the distance ahead [m]."""
 
 _HIDES_NOTHING = 1e9
-"""Bearing of a part of the wall that hides no point of the path: larger than theirs [1]."""
+"""Bearing of a part of the wall that hides no point: larger than the bearing of every point [1]."""
 
 _NOT_AHEAD_MARGIN = -1.0
 """Margin of a point of the path that is not ahead, as after a bend by more than a right angle:
@@ -238,8 +238,8 @@ def _stations_ahead(road: Road, direction: int) -> tuple[F64, int]:
 def _sight_round_bends(road: Road, direction: int, clearance: float) -> F64:
     """Sight past walls beside the outermost lanes, in the order of the road, (station,) [m].
 
-    Left and right of the road stands a wall all along it. The one on the inner side of a bend
-    limits the sight; the other one hides no point.
+    A wall stands on each side along the whole road. The wall on the inner side of a bend limits the
+    sight; the other one hides no point.
 
     Args:
         road: A road with a curved reference line.

@@ -1,8 +1,8 @@
 """All inputs of the simulation step, computed once from a batch of scenarios.
 
-In goes a `Scenario`, many simulations on one road; out come `StepParameters`, which the reference
-simulator in Python and the compiled engine read. They hold values that stay constant during a
-simulation. To change a value, go to the module that computes it: `vehicle_parameters`,
+`step_parameters` converts a `Scenario`, many simulations on one road, to `StepParameters`, which
+the reference simulator in Python and the compiled engine read. They hold values that stay constant
+during a simulation. To change a value, go to the module that computes it: `vehicle_parameters`,
 `driver_parameters`, `weather_parameters` or `road_parameters`.
 
 A *step* is 10 ms, a *decision* is one of 20 instants per second at which drivers decide, a *frame*
@@ -76,13 +76,15 @@ class VehicleParameters(NamedTuple):
         front_drive: Share of the drive force at the front axle [1].
         half_track: Half the distance of the left and right wheels [m].
         understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
-        moment_angle: Wheel angle per yaw moment that it balances [rad/(N m)].
+        moment_angle: Wheel angle per yaw moment, such as the moment of side wind, to hold a
+            straight course [rad/(N m)].
         side_lag: Time constant with which the body's side slip follows the wheels, per speed: mass
             over the sum of the axles' cornering stiffnesses in N/rad [s^2/m].
         two_wheeler: Flag of a vehicle that leans instead of steering.
         side_wind: Largest side force of the wind per squared air speed [N s^2/m^2].
-        wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles,
-            in the limit of wind from the front; times the cosine of the wind's angle otherwise [m].
+        wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles
+            if the wind comes from the front; for another direction the step multiplies it by the
+            cosine of the wind's angle to the vehicle [m].
         wind_arm: Distance of that middle ahead of the centre of gravity [m].
         tyre_wear: Tread wear, 0 new to 1 worn [1].
         has_truck_tyres: Flag of a truck: its tyres and the height of its driver's eye differ.
@@ -98,7 +100,7 @@ class VehicleParameters(NamedTuple):
         passing_speed: Desired speed while passing [m/s].
         time_gap: Desired time gap behind a leader [s].
         min_gap: Desired gap at standstill [m].
-        accel: Everyday acceleration [m/s^2].
+        accel: Largest acceleration that the driver uses on a free road [m/s^2].
         decel: Comfortable deceleration, positive [m/s^2].
         idm_interaction: Factor of speed times closing speed in the desired gap of the intelligent
             driver model [s^2/m].

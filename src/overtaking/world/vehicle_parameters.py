@@ -1,10 +1,10 @@
 """Parameters of vehicles in a simulation step: masses, forces, levers, lamps, starts.
 
-In go the bodies of the vehicles (`Scenario.vehicles`), their starts and the weather; out come
-arrays by the name of their field of `step_parameters.VehicleParameters`, one number per vehicle.
-`step_parameters.step_parameters` collects them once before a simulation, together with the fields
-that `driver_parameters` computes. `ModelConstants` holds the numbers of the model that the step
-reads; `constant` reads any number of the model from `knowledge/data`.
+`vehicle_parameters` takes the bodies of the vehicles (`Scenario.vehicles`), their starts and the
+weather. It returns fields of `step_parameters.VehicleParameters`, each an array with one number per
+vehicle. `step_parameters.step_parameters` collects them once before a simulation, together with the
+fields that `driver_parameters` computes. `ModelConstants` holds the numbers of the model that the
+step reads; `constant` reads any number of the model from `knowledge/data`.
 
 Lateral positions count towards the overtaking side, stations `s` along the direction of travel.
 The cornering stiffness of an axle is its side force per slip angle, C_f in front and C_r at the
@@ -108,9 +108,9 @@ def understeer_gradient(vehicles: VehicleSpecs, constants: ModelConstants) -> F3
 
 
 def moment_angle(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
-    """Wheel angle per yaw moment that it balances on a straight course, as of side wind.
+    """Wheel angle per yaw moment, such as the moment of side wind, to hold a straight course.
 
-    (1 / C_f + 1 / C_r) / l with the wheelbase l. It follows from the equations of the steady
+    It is (1 / C_f + 1 / C_r) / l with the wheelbase l, and follows from the equations of the steady
     single-track model (one wheel per axle) at a yaw rate of 0.
 
     Args:
@@ -168,7 +168,7 @@ def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
         "half_length": HALF * vehicles.length,
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
-        # The switch of shelter is not here: `wake` changes a constant of the step instead.
+        # The switch `wake` of this effect changes a constant of the step instead.
         "blocks_view": is_tall & effects.occlusion,
         "shelters_wind": is_tall,
         "spray": vehicles.spray_factor,
@@ -191,11 +191,11 @@ def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
     vehicles = scenario.vehicles
     # `unlawful_presence` is the flag of bicycles, which the law bans from motorways. A study that
     # the package repeats (Pinto, Dutra and Fonseca 2023) has them on its motorway at 50 to
-    # 120 km/h: they shall be able to hold the speed at which they start.
+    # 120 km/h, so their top speed is raised to the speed at which they start.
     raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
     return {
         "launch_force": vehicles.mass * vehicles.launch_accel,
-        # `power_share` is the share that is left on average, because gear changes interrupt the
+        # `power_share` is the mean share of the power at the wheels; gear changes interrupt the
         # drive.
         "power": constant("model.dynamics.power_share") * vehicles.power,
         "drag": constants.half_air_density * vehicles.drag_area,

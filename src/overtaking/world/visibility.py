@@ -1,11 +1,11 @@
 """Extinction of air, contrast, lamps and glare: how far an object is visible.
 
-In go weather percentages of the driving simulator CARLA, the sun, and lamps; out come extinction
-coefficients, thresholds of perception, and ranges, the distances up to which a driver sees an
-object. Ranges follow the laws of Koschmieder (objects by daylight) and of Allard (lamps). The
-*extinction coefficient* is the share of light that air takes from a beam per metre; times the
-distance it is the *optical depth*. The *meteorological optical range* is the distance at which a
-contrast falls to 5 %.
+The functions compute extinction coefficients, thresholds of perception, and ranges, the distances
+up to which a driver sees an object. They take weather percentages of the driving simulator CARLA,
+the position of the sun, and lamps. Ranges follow the laws of Koschmieder (objects by daylight) and
+of Allard (lamps). The *extinction coefficient* is the share of light that air takes from a beam per
+metre; times the distance it is the *optical depth*. The *meteorological optical range* is the
+distance at which a contrast falls to 5 %.
 
 `constant` reads the numbers, with their sources, from `knowledge/data/weather.toml`. It returns SI
 values, so angles in radians, unless the name of the number ends in another unit, such as `_deg`.

@@ -1,10 +1,10 @@
 """Weather and light of each simulation as parameters of the step: water, wind and sight.
 
-In goes a batch of scenarios with weather percentages of the driving simulator CARLA; out come
-`SceneConditions`, float32 arrays of shape (simulation,) in physical units. They are most of the
-`SimulationParameters`, which the simulation step reads, and the base of the speeds and reactions in
-`driver_parameters`. The formulas are in `road_surface` and `visibility`; `constant` reads numbers
-from `knowledge/data`.
+`scene_conditions` converts a batch of scenarios, with weather in percentages of the driving
+simulator CARLA, to `SceneConditions`, float32 arrays of shape (simulation,) in physical units. They
+are most of the `SimulationParameters`, which the simulation step reads, and the base of the speeds
+and reactions in `driver_parameters`. The formulas are in `road_surface` and `visibility`;
+`constant` reads numbers from `knowledge/data`.
 
 Some scenarios repeat a published study (Pinto, Dutra and Fonseca 2023). There random lateral
 *pushes* and a reduced field of vision replace the physical effects of weather (`Scenario.pushes`).
@@ -87,7 +87,7 @@ class SimulationParameters(NamedTuple):
         puddle_phase_2: Phase of the second wave, in (0, 1) [1].
         max_lateral_accel: Largest lateral acceleration that drivers choose at the friction that
             they assume [m/s^2].
-        forced_decision: `ForcedDecision` of the ego, 0 for a free decision.
+        forced_decision: `ForcedDecision` of the ego; 0 leaves the decision to its driver.
         ring_length: Length of a road that closes on itself, 0 for a road with ends [m].
         inverse_ring_length: One over that length, 0 for a road with ends [1/m].
         oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
@@ -96,8 +96,8 @@ class SimulationParameters(NamedTuple):
             grow visibly [m/s].
         urgent_change_duration: Duration of the shortest lane change in an emergency [s].
         rain_slowing: Reduction of speed by a fully cautious driver in this rain [m/s].
-        stoppable_speed: Speed from which a driver stops before a lit vehicle that comes in sight
-            [m/s].
+        stoppable_speed: Largest speed from which a driver can stop before a lit vehicle that comes
+            in sight [m/s].
 
     Every array has shape (simulation,).
     """
@@ -487,7 +487,7 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict
 def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F32]:
     """Fields that limit sight in a scenario with pushes; empty in all others.
 
-    The result replaces two fields of `_sight_ahead`. In all light no lamp counts as visible:
+    The result replaces two fields of `_sight_ahead`. No lamp is visible, by day or at night:
     otherwise lamps would show vehicles beyond a reduced field of vision.
     """
     if scenario.pushes is None or not effects.range:
