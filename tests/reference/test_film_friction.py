@@ -220,7 +220,7 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
     b = bench(*cars, friction=None, sky={"puddles": 90.0})
     b.decide()
     d, s = float(b.state.motion.d[0, 0]), b.state.motion.s[0]
-    number = lambda name: getattr(b.q, name)  # noqa: E731
+    number = lambda name: getattr(b.simulations, name)  # noqa: E731
     width = 0.5 * 6.0  # Two wheel paths to each lane of 6 m.
     for side, grip in (
         (0.5, b.state.friction_and_wind.mu_left[0]),

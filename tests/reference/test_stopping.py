@@ -90,7 +90,7 @@ def test_on_a_film_the_distance_is_the_integral_over_the_table():
     cases = list(product((0.0, 0.2, 0.6, 1.0, 1.5), (20.0, 30.0, 36.0)))
     body = NO_RESISTANCE | {"peak_decel": 20.0}
     b = bench(*[Vehicle(speed=speed, body=body) for _, speed in cases], friction=None)
-    b.q.min_wet_film[:] = np.array([film_mm for film_mm, _ in cases], np.float32)
+    b.simulations.min_wet_film[:] = np.array([film_mm for film_mm, _ in cases], np.float32)
     expected = [braking_distance(speed, film_mm) for film_mm, speed in cases]
     np.testing.assert_allclose(stop(b, 20.0), expected, rtol=SAME)
 

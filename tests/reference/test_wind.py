@@ -27,7 +27,7 @@ def blown(
     vehicle = Vehicle(kind=kind, speed=speed_kmh * KMH, body=body)
     b = bench(vehicle, sky={"wind": peak * percent, "wind_direction": ACROSS})
     b.decide()
-    return float(b.state.friction_and_wind.wind_force[0, 0] * b.p.inverse_mass[0, 0])
+    return float(b.state.friction_and_wind.wind_force[0, 0] * b.vehicles.inverse_mass[0, 0])
 
 
 # At 30, 60 and 100 % mean wind, then at 1.45 times that; rounded to two digits.

@@ -1,4 +1,4 @@
-"""A test bench: vehicles on an endless plain, steered by the test instead of a driver."""
+"""A test bench: vehicles on an endless plane, which a test steers instead of a driver."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LANE = 7
 """Its centre lies 3 m from d = 0, where float32 is finest."""
 
 DECISION = 0.05
-"""Between two decisions, and so the longest step [s]."""
+"""Time between two decisions, the longest step [s]."""
 
 RECORDED = ("s", "d", "heading", "vx", "vy", "yaw_rate", "accel_lon", "accel_lat")
 
@@ -34,25 +34,25 @@ Action = Callable[["Bench", float], None]
 
 @dataclass(slots=True, kw_only=True)
 class Bench:
-    """Vehicles of a batch, one to a simulation, and the state that they are in.
+    """Vehicles of a batch, one in each simulation, and their state.
 
     Attributes:
-        given: Parameters of the batch.
+        params: Parameters of the batch.
         state: Current state, arrays of shape (1, simulation).
-        c: Constants; their `step` may have been changed.
-        p: Vehicle parameters by name.
-        q: Simulation parameters by name.
-        grips: Whether friction follows from the weather at each decision.
-        blows: Whether the wind does.
+        constants: Constants; their `step` may have been changed.
+        vehicles: Vehicle parameters by name, as in `params`.
+        simulations: Simulation parameters by name, as in `params`.
+        updates_friction: Whether friction follows from the weather at each decision.
+        updates_wind: Whether the wind follows from the weather at each decision.
     """
 
-    given: StepParameters
+    params: StepParameters
     state: State
-    c: ModelConstants
-    p: VehicleParameters
-    q: SimulationParameters
-    grips: bool
-    blows: bool
+    constants: ModelConstants
+    vehicles: VehicleParameters
+    simulations: SimulationParameters
+    updates_friction: bool
+    updates_wind: bool
 
     def drive(self, duration: float, action: Action | None = None) -> dict[str, F64]:
         """Advance by `duration` seconds.
@@ -63,10 +63,10 @@ class Bench:
                 call; it moves the wheel and the pedals of the state.
 
         Returns:
-            What happened: `t` of shape (step + 1,) and the fields of `RECORDED` of shape
+            Times `t` of shape (step + 1,) and the fields of `RECORDED` of shape
             (step + 1, simulation), the start included.
         """
-        step = float(self.c.step)
+        step = float(self.constants.step)
         count = round(duration / step)
         decision = round(DECISION / step)
         rows = {name: [getattr(self.state.motion, name)[0].copy()] for name in RECORDED}
@@ -82,30 +82,30 @@ class Bench:
         return history | {"t": np.arange(count + 1) * step}
 
     def move(self, wheel: F64) -> None:
-        """Advance everything by one step with this wheel angle in its middle."""
-        vehicle_dynamics.advance_motion(self.state, self.given, wheel, self.c.step)
+        """Advance all vehicles by one step with this wheel angle in the middle of the step."""
+        vehicle_dynamics.advance_motion(self.state, self.params, wheel, self.constants.step)
 
     def steer(self, side_accel: F64) -> F64:
-        """Let drivers steer for one step; the wheel angle in its middle."""
-        return steering.steer(self.state, self.given, side_accel, self.c.step)
+        """Let drivers steer for one step; return the wheel angle in the middle of the step."""
+        return steering.steer(self.state, self.params, side_accel, self.constants.step)
 
     def drive_one(self, wheel: F64) -> dict[str, float]:
-        """Advance the first simulation, and whatever else is there, by one step."""
+        """Advance all simulations by one step, and return the motion of the first."""
         self.move(wheel)
         return {name: float(getattr(self.state.motion, name)[0, 0]) for name in RECORDED}
 
     def hold(self, *, wheel: float | F64 = 0.0, accel: float | F64 = 0.0) -> None:
-        """Put the wheels, one angle or one for each simulation, and the pedals somewhere."""
+        """Set wheel angle and requested acceleration, one for all or one for each simulation."""
         zero = np.zeros_like(self.state.motion.s)
         self.state.controls.wheel_angle = zero + np.asarray(wheel, np.float32)
         self.state.controls.requested_accel = zero + np.asarray(accel, np.float32)
 
     def decide(self) -> None:
-        """What the world does to the vehicles at a decision."""
-        if self.grips:
-            road_conditions.update_friction(self.state, self.given)
-        if self.blows:
-            road_conditions.update_wind(self.state, self.given)
+        """Update friction and wind, as the simulation does at a decision."""
+        if self.updates_friction:
+            road_conditions.update_friction(self.state, self.params)
+        if self.updates_wind:
+            road_conditions.update_wind(self.state, self.params)
 
 
 def bench(
@@ -118,8 +118,9 @@ def bench(
 
     Args:
         vehicles: One for each simulation; their lanes do not matter.
-        friction: Of each simulation, or None for that of the weather at each decision.
-        sky: Differences of the weather from a clear sky; with it the wind blows, without gusts.
+        friction: Friction of each simulation; None for the friction in the weather at each
+            decision.
+        sky: Differences of the weather from a clear sky; with them the wind blows, without gusts.
         step: Time step [s].
     """
     world = scenario(
@@ -128,21 +129,21 @@ def bench(
         weather=sky,
         num_slots=1,
     )
-    given = step_parameters(world, EnabledEffects(gusts=False, wake=False))
+    params = step_parameters(world, EnabledEffects(gusts=False, wake=False))
     # Stability control has a test of its own.
-    constants = given.constants.replace(step=step, stability_threshold=1e9)
-    state = State.at_start(given)
+    constants = params.constants.replace(step=step, stability_threshold=1e9)
+    state = State.at_start(params)
     if friction is not None:
         state.friction_and_wind.mu_left = state.motion.s * np.float32(0.0) + np.asarray(
             friction, np.float32
         )
         state.friction_and_wind.mu_right = state.friction_and_wind.mu_left.copy()
     return Bench(
-        given=replace(given, constants=constants),
+        params=replace(params, constants=constants),
         state=state,
-        c=constants,
-        p=given.vehicles,
-        q=given.simulations,
-        grips=friction is None,
-        blows=sky is not None,
+        constants=constants,
+        vehicles=params.vehicles,
+        simulations=params.simulations,
+        updates_friction=friction is None,
+        updates_wind=sky is not None,
     )

@@ -198,13 +198,13 @@ def looped(step: float) -> np.ndarray:
     state.controls.requested_accel = zero + of_each("accel")
     rows = []
     decision = round(DECISION / step)
-    at_decisions = replace(test.given, constants=test.c.replace(decision=DECISION))
+    at_decisions = replace(test.params, constants=test.constants.replace(decision=DECISION))
     for k in range(round(LONG / step)):
         if k % decision == 0:
             rows.append([getattr(state.motion, name)[0].copy() for name in KEPT])
             blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
             steering.update_wind_trim(state, at_decisions, k)
-        test.move(test.steer(np.full_like(test.q.max_lateral_accel, most)))
+        test.move(test.steer(np.full_like(test.simulations.max_lateral_accel, most)))
     return np.array(rows).transpose(2, 0, 1)
 
 
@@ -214,8 +214,8 @@ def blow(test: Bench, wind: np.ndarray) -> None:
     angle = np.arctan2(wind, speed)
     pressure = speed * speed + wind * wind
     lift = np.sin(np.minimum(np.float32(1.2) * angle, np.float32(0.5 * math.pi)))
-    test.state.friction_and_wind.wind_force = test.p.side_wind * pressure * lift
-    arm = test.p.wind_centre * np.cos(angle) + test.p.wind_arm
+    test.state.friction_and_wind.wind_force = test.vehicles.side_wind * pressure * lift
+    arm = test.vehicles.wind_centre * np.cos(angle) + test.vehicles.wind_arm
     test.state.friction_and_wind.wind_moment = test.state.friction_and_wind.wind_force * arm
 
 

@@ -1,4 +1,4 @@
-"""Branches: what is refused, and that a change of weather takes effect from its frame on."""
+"""Branches: rejected interventions, and effects from the frame of an intervention on."""
 
 from __future__ import annotations
 
@@ -15,39 +15,41 @@ from overtaking.sim import engine, reference
 from overtaking.sim.branching import ForcedDecision, branch
 
 
-def world(**changes: float):
+def lone_ego(**changes: float):
     alone = Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 30.0})
     return scenario([alone], road=wide_road(), **{"horizon": 10.0, **changes})
 
 
 @pytest.mark.parametrize("frame", [-1, 201, 1_000_000])
-def test_a_frame_that_no_simulation_has_is_refused(frame: int):
+def test_a_frame_beyond_all_simulations_is_rejected(frame: int):
     with pytest.raises(ConfigError, match=f"frame: expected 0 to 200, .*got {frame}"):
-        branch(world(), frame)
+        branch(lone_ego(), frame)
 
 
 def test_a_change_of_weather_takes_effect_from_its_frame_on():
-    calm = world()
+    calm = lone_ego()
     gale = calm.weather.replace(
         wind=np.full(1, 80.0, np.float32), wind_direction=np.full(1, 1.57, np.float32)
     )
     undisturbed = engine.simulate(calm)
-    ran = branch(calm, 60, weather=gale)
+    recording = branch(calm, 60, weather=gale)
     before = slice(0, 60)
-    np.testing.assert_array_equal(ran.states.d[0, 0, before], undisturbed.states.d[0, 0, before])
-    blown = ran.states.d[0, 0, 60:100] - undisturbed.states.d[0, 0, 60:100]
-    assert blown.max() > 100  # mm, to the left, where the wind blows to.
+    np.testing.assert_array_equal(
+        recording.states.d[0, 0, before], undisturbed.states.d[0, 0, before]
+    )
+    blown = recording.states.d[0, 0, 60:100] - undisturbed.states.d[0, 0, 60:100]
+    assert blown.max() > 100  # mm, to the left, the leeward side.
 
 
 @pytest.mark.ci
-def test_engine_and_reference_branch_alike():
-    one = branch(world(), 20, decision=ForcedDecision.PULL_OUT)
-    two = branch(world(), 20, decision=ForcedDecision.PULL_OUT, run=reference.run)
-    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
+def test_engine_and_reference_give_equal_branches():
+    branched = branch(lone_ego(), 20, decision=ForcedDecision.PULL_OUT)
+    by_reference = branch(lone_ego(), 20, decision=ForcedDecision.PULL_OUT, run=reference.run)
+    np.testing.assert_array_equal(branched.trace_hash, by_reference.trace_hash)
 
 
 def test_a_branch_beyond_the_end_changes_nothing():
-    short = world(attempt_deadline=5.0)
+    short = lone_ego(attempt_deadline=5.0)
     undisturbed = engine.simulate(short)
     assert undisturbed.num_frames.tolist() == [101]
     np.testing.assert_array_equal(
@@ -56,7 +58,7 @@ def test_a_branch_beyond_the_end_changes_nothing():
 
 
 def traffic():
-    """An ego, a slower leader and somebody behind, in drizzle."""
+    """An ego, a slower leader, and a follower in the next lane."""
     cars = [
         Vehicle(s=100.0, lane=1, speed=30.0, driver={"desired_speed": 35.0}),
         Vehicle(s=160.0, lane=1, speed=22.0, driver={"desired_speed": 22.0}),
@@ -77,16 +79,18 @@ CHANGES = (
 
 
 @pytest.mark.ci
-def test_engine_and_reference_make_many_changes_alike():
-    one = branch(traffic(), interventions=CHANGES)
-    two = branch(traffic(), interventions=CHANGES, run=reference.run)
-    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
-    for name in one.states.__slots__:
-        np.testing.assert_array_equal(getattr(one.states, name), getattr(two.states, name))
+def test_engine_and_reference_give_equal_branches_of_many_interventions():
+    branched = branch(traffic(), interventions=CHANGES)
+    by_reference = branch(traffic(), interventions=CHANGES, run=reference.run)
+    np.testing.assert_array_equal(branched.trace_hash, by_reference.trace_hash)
+    for name in branched.states.__slots__:
+        np.testing.assert_array_equal(
+            getattr(branched.states, name), getattr(by_reference.states, name)
+        )
 
 
 @pytest.mark.parametrize("cut", range(len(CHANGES) + 1))
-def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
+def test_a_branch_of_a_branch_equals_a_branch_with_both_interventions(cut: int):
     first = branch(traffic(), interventions=CHANGES[:cut])
     both = branch(first, interventions=CHANGES[cut:])
     whole = branch(traffic(), interventions=CHANGES)
@@ -95,18 +99,20 @@ def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
     assert both.branch_origin.interventions == CHANGES
 
 
-def test_the_order_in_which_changes_are_given_does_not_matter():
-    late = branch(traffic(), interventions=CHANGES[::-1])
+def test_the_order_of_interventions_at_different_frames_makes_no_difference():
+    reversed_order = branch(traffic(), interventions=CHANGES[::-1])
     np.testing.assert_array_equal(
-        late.trace_hash, branch(traffic(), interventions=CHANGES).trace_hash
+        reversed_order.trace_hash, branch(traffic(), interventions=CHANGES).trace_hash
     )
 
 
 @pytest.mark.parametrize("run", [engine.run, pytest.param(reference.run, marks=pytest.mark.ci)])
-def test_nothing_changed_is_the_undisturbed_simulation(run):
-    one = branch(traffic(), interventions=[Intervention(frame=17), Intervention(frame=40)], run=run)
-    np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)
-    assert one.branch_origin is None
+def test_a_branch_without_intervention_equals_the_simulation(run):
+    branched = branch(
+        traffic(), interventions=[Intervention(frame=17), Intervention(frame=40)], run=run
+    )
+    np.testing.assert_array_equal(branched.trace_hash, engine.simulate(traffic()).trace_hash)
+    assert branched.branch_origin is None
 
 
 def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
@@ -121,23 +127,23 @@ def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
     assert after.s[0, 0, 40] == before.s[0, 0, 40]
 
 
-def test_a_change_at_the_start_is_another_start():
+def test_an_intervention_at_frame_0_changes_the_start():
     moved = traffic()
-    place = moved.start_s.copy()
-    place[0, 1] += np.float32(7.0)
-    moved = moved.replace(start_s=place)
-    one = branch(traffic(), interventions=[Intervention(slot=1, position_change=7.0)])
-    np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
+    start_s = moved.start_s.copy()
+    start_s[0, 1] += np.float32(7.0)
+    moved = moved.replace(start_s=start_s)
+    branched = branch(traffic(), interventions=[Intervention(slot=1, position_change=7.0)])
+    np.testing.assert_array_equal(branched.trace_hash, engine.simulate(moved).trace_hash)
 
 
-def test_who_is_removed_is_not_there_and_met_by_nobody():
+def test_a_removed_vehicle_has_no_states_and_no_neighbours():
     run = branch(traffic(), interventions=[Intervention(frame=100, slot=1, remove=True)])
     assert run.state_mask[0, 1, :100].all()
     assert not run.state_mask[0, 1, 100:].any()
     assert not run.states.s[0, 1, 100:].any()
     alone = branch(traffic(), interventions=[Intervention(slot=1, remove=True)])
     assert not alone.state_mask[0, 1].any()
-    # Behind the slower leader it cannot drive as it wants; alone it does.
+    # The slower leader keeps the ego below its desired speed; without it the ego reaches it.
     assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
     assert 34_000 < alone.states.speed[0, 0, 250] <= 35_000
 
@@ -151,37 +157,40 @@ def test_who_is_removed_is_not_there_and_met_by_nobody():
         (Intervention(without=("sun",)), "without: expected .*rain.*got sun"),
     ],
 )
-def test_a_change_that_cannot_be_made_is_refused(change: Intervention, message: str):
+def test_an_impossible_intervention_is_rejected(change: Intervention, message: str):
     with pytest.raises(ConfigError, match=message):
         branch(traffic(), interventions=[change])
 
 
 @pytest.mark.parametrize("change", [*CHANGES, Intervention(weather=traffic().weather.replace())])
-def test_a_change_survives_being_written_down(change: Intervention):
+def test_an_intervention_survives_json(change: Intervention):
     again = Intervention.from_dict(json.loads(json.dumps(change.to_dict())))
     assert again.to_dict() == change.to_dict()
-    ran = [branch(traffic(), interventions=[one]).trace_hash for one in (change, again)]
-    np.testing.assert_array_equal(*ran)
+    recording = [
+        branch(traffic(), interventions=[intervention]).trace_hash
+        for intervention in (change, again)
+    ]
+    np.testing.assert_array_equal(*recording)
 
 
-def test_valid_changes_that_are_invalid_together_are_refused():
+def test_valid_interventions_that_are_invalid_together_are_rejected():
     slower, faster = Intervention(speed_change=-20.0), Intervention(speed_change=70.0)
     for changes in ((slower, slower), (faster, faster)):
         with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
-            branch(world(), interventions=changes)  # From 30 m/s.
+            branch(lone_ego(), interventions=changes)  # From 30 m/s.
         with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
-            branch(branch(world(), interventions=changes[:1]), interventions=changes[1:])
+            branch(branch(lone_ego(), interventions=changes[:1]), interventions=changes[1:])
     later = Intervention(frame=50, speed_change=70.0)
     with pytest.raises(ConfigError, match=r"^branch: .*_speed: expected 0 to 150 m/s"):
-        branch(world(), interventions=(faster, later))
+        branch(lone_ego(), interventions=(faster, later))
 
 
-def test_changes_at_one_frame_are_judged_by_their_common_result():
+def test_interventions_at_one_frame_are_checked_by_their_common_result():
     changes = (Intervention(speed_change=-40.0), Intervention(speed_change=30.0))
-    assert branch(world(), interventions=changes).scenario.start_speed[0, 0] == 20.0
+    assert branch(lone_ego(), interventions=changes).scenario.start_speed[0, 0] == 20.0
 
 
-def test_a_simulation_that_a_policy_drives_is_not_branched():
+def test_a_simulation_of_an_external_driver_is_not_branched():
     driven = engine.simulate(traffic()).replace(actions=Actions.empty(1))
     with pytest.raises(ConfigError, match="expected one in which the model drives the ego"):
         branch(driven, 3)

@@ -42,7 +42,7 @@ def test_the_tables_of_an_empty_batch_have_no_rows():
     assert {table.num_rows for table in tables.values()} == {0}
 
 
-def test_a_negative_frame_is_refused_for_an_empty_batch():
+def test_a_negative_frame_is_rejected_for_an_empty_batch():
     with pytest.raises(ot.OvertakingError, match="frame"):
         ot.branch(empty_scenarios("rural"), -1)
 

@@ -1,4 +1,4 @@
-"""A policy is asked, its answers are checked, rounded and carried out."""
+"""External drivers: their answers are checked, rounded, recorded and carried out."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def scenes() -> ot.Scenario:
 
 @pytest.fixture(scope="module")
 def calm(scenes: ot.Scenario) -> ot.Scenario:
-    """The same without wind, which another driver has to steer against."""
+    """The same scenarios without wind, against which an external driver would have to steer."""
     return scenes.replace(weather=scenes.weather.replace(wind=np.zeros(6, np.float32)))
 
 
@@ -70,37 +70,39 @@ def test_a_speed_is_reached(calm):
     np.testing.assert_allclose(end[sound], 20.0, atol=2.0)
 
 
-def test_a_wish_for_a_lane_is_signalled_first_and_ends_in_its_middle(scenes):
+def test_a_requested_lane_change_is_indicated_first_and_ends_in_the_middle_of_the_lane(scenes):
     run = ot.drive(scenes, constant(0.0, 1.0), observation="human")
     states = run.states
-    for one in range(6):
-        moved = np.flatnonzero(states.lane[one, 0] > states.lane[one, 0, 0])
-        if states.lane[one, 0, 0] == run.road.num_lanes - 1:
+    for row in range(6):
+        moved = np.flatnonzero(states.lane[row, 0] > states.lane[row, 0, 0])
+        if states.lane[row, 0, 0] == run.road.num_lanes - 1:
             continue
         assert moved.size
-        uses = scenes.drivers.uses_indicator[one, 0] > 0
-        shown = np.flatnonzero(states.lights[one, 0] & 3)
-        assert (shown[:1] < moved[0] - 20).all() == uses or not uses
+        uses = scenes.drivers.uses_indicator[row, 0] > 0
+        indicated = np.flatnonzero(states.lights[row, 0] & 3)
+        assert (indicated[:1] < moved[0] - 20).all() == uses or not uses
 
 
 def test_a_trajectory_is_followed(calm):
-    begin = dict[str, np.ndarray]()
+    start = dict[str, np.ndarray]()
 
     def wave(observation: ot.Observation) -> np.ndarray:
-        """Steady speed, and half a metre towards the fast side of where it began."""
+        """Points at constant speed, half a metre to the overtaking side of the start position."""
         times, ahead = np.array([0.5, 1.0, 1.5, 2.0]), observation.ego.speed
-        at = begin.setdefault("lateral", observation.ego.lateral_position.copy())
-        aside = np.where(observation.is_running, at + 0.5 - observation.ego.lateral_position, 0.0)
+        start_position = start.setdefault("lateral", observation.ego.lateral_position.copy())
+        aside = np.where(
+            observation.is_running, start_position + 0.5 - observation.ego.lateral_position, 0.0
+        )
         points = [(ahead * t, aside) for t in times]
         return np.stack([number for pair in points for number in pair], axis=1)
 
     run = ot.drive(calm, wave, observation="truth", action="trajectory", action_repeat=4)
     last = run.num_frames - 1
     d = run.states.d[np.arange(6), 0] * 1e-3
-    went = np.abs(d[np.arange(6), last] - d[:, 0])
+    distance = np.abs(d[np.arange(6), last] - d[:, 0])
     sound = run.contacts.time[:, 0] == 0
     assert sound.sum() >= 4
-    np.testing.assert_allclose(went[sound], 0.5, atol=0.05)
+    np.testing.assert_allclose(distance[sound], 0.5, atol=0.05)
     change = speeds(run)[np.arange(6), last] - speeds(run)[:, 0]
     assert (np.abs(change[sound]) < 0.5).all()
     assert run.actions
@@ -108,67 +110,74 @@ def test_a_trajectory_is_followed(calm):
 
 
 @pytest.fixture(scope="module")
-def silent(scenes: ot.Scenario) -> ot.Scenario:
-    """The same with drivers who use no indicator."""
+def without_indicators(scenes: ot.Scenario) -> ot.Scenario:
+    """The same scenarios with drivers that use no indicator."""
     drivers = scenes.drivers
     return scenes.replace(
         drivers=drivers.replace(uses_indicator=np.zeros_like(drivers.uses_indicator))
     )
 
 
-def shown(run: ot.Trajectories) -> np.ndarray:
-    """Side that each ego shows: 1 the fast one, -1 the slow one, 0 none, (simulation, time)."""
+def indicated_side(run: ot.Trajectories) -> np.ndarray:
+    """Side that each ego indicates, (simulation, time): 1 overtaking side, -1 kerb side, 0 none."""
     lights = run.states.lights[:, 0]
-    left, right = ((lights & one) != 0 for one in (Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT))
+    left, right = ((lights & lamp) != 0 for lamp in (Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT))
     return run.road.overtaking_sign * (left.astype(int) - right)
 
 
-def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
-    def out(observation: ot.Observation) -> np.ndarray:
-        """Show it from 1 s on, move over after 3 s."""
+def test_a_move_with_an_acceleration_is_indicated_before_it_begins(without_indicators):
+    def pull_out(observation: ot.Observation) -> np.ndarray:
+        """Indicate from 1 s on, pull out after 3 s."""
         move = [ot.Move.KEEP, ot.Move.INDICATE_PULL_OUT, ot.Move.PULL_OUT][
             (observation.time >= 1.0) + int(observation.time >= 3.0)
         ]
         return np.tile([0.2, move], (len(observation.is_running), 1))
 
-    run = ot.drive(silent, out, observation="human", action="accel_move")
+    run = ot.drive(without_indicators, pull_out, observation="human", action="accel_move")
     free = run.states.lane[:, 0, 0] < run.road.num_lanes - 1
     free &= (run.collided_with == NO_VEHICLE).all(axis=1)
     assert free.sum() >= 3
-    assert not shown(run)[free, :20].any()
-    assert (shown(run)[free, 20:80] == 1).all()
+    assert not indicated_side(run)[free, :20].any()
+    assert (indicated_side(run)[free, 20:80] == 1).all()
     assert (run.stage[free, :60] == Stage.FOLLOW).all()
     assert (run.stage[free, 60] == Stage.PULL_OUT).all()
-    # The scenario's drivers, who use none, show nothing.
-    mute = ot.drive(
-        silent, lambda observation: out(observation)[:, 1], observation="human", action="decision"
+    # With the action space `decision` the model driver indicates, which uses no indicator here.
+    by_decisions = ot.drive(
+        without_indicators,
+        lambda observation: pull_out(observation)[:, 1],
+        observation="human",
+        action="decision",
     )
-    assert not shown(mute)[free].any()
+    assert not indicated_side(by_decisions)[free].any()
     rolls = run.states.accel_lon[free, 0, 40:60] * 1e-3
     np.testing.assert_allclose(rolls, 0.2, atol=0.05)
 
 
-def test_who_steers_shows_what_it_asks_for(silent):
+def test_a_steering_driver_sets_the_indicator_itself(without_indicators):
     sides = np.array([1, 0, -1])
 
-    def signals(observation: ot.Observation) -> np.ndarray:
+    def alternate_sides(observation: ot.Observation) -> np.ndarray:
         side = sides[observation.decision_index // 30 % 3]
         return np.tile([0.0, 0.0, side], (len(observation.is_running), 1))
 
-    run = ot.drive(silent, signals, observation="truth", action="accel_steer_signal")
+    run = ot.drive(
+        without_indicators, alternate_sides, observation="truth", action="accel_steer_signal"
+    )
     sound = (run.stage != Stage.CRASHED) & run.frame_mask
-    wanted = np.broadcast_to(sides[np.arange(sound.shape[1]) // 30 % 3], sound.shape)
+    expected_sides = np.broadcast_to(sides[np.arange(sound.shape[1]) // 30 % 3], sound.shape)
     assert sound.sum() > 300
-    np.testing.assert_array_equal(shown(run)[sound], wanted[sound])
-    plain = ot.drive(silent, constant(0.0, 0.0), observation="truth", action="accel_steer")
-    assert not shown(plain)[:, :60].any()
+    np.testing.assert_array_equal(indicated_side(run)[sound], expected_sides[sound])
+    plain = ot.drive(
+        without_indicators, constant(0.0, 0.0), observation="truth", action="accel_steer"
+    )
+    assert not indicated_side(plain)[:, :60].any()
     assert run.actions
     assert run.actions.kind == "accel_steer_signal"
 
 
 def test_answers_beyond_the_limits_are_counted(scenes):
     def often(observation: ot.Observation) -> np.ndarray:
-        """The first ego asks for too much every other time, the second at the limit, and so on."""
+        """Every second answer of ego 0 and all of ego 2 exceed a limit; ego 1 stays at limits."""
         answer = np.zeros((6, 2))
         answer[0, 0] = 25.0 if observation.decision_index % 8 == 0 else 0.0
         answer[1] = (np.nextafter(20.0, 21.0), 1.0)
@@ -179,13 +188,13 @@ def test_answers_beyond_the_limits_are_counted(scenes):
     assert run.actions
     clipped = run.actions.num_clipped
     assert clipped is not None
-    asked = -(-(run.num_frames - 1) // 4)
-    assert abs(int(clipped[0]) - asked[0] / 2) <= 1
-    assert abs(int(clipped[2]) - asked[2]) <= 1
+    decision_indices = -(-(run.num_frames - 1) // 4)
+    assert abs(int(clipped[0]) - decision_indices[0] / 2) <= 1
+    assert abs(int(clipped[2]) - decision_indices[2]) <= 1
     assert not clipped[[1, 3, 4, 5]].any()
 
 
-def test_what_acts_is_what_is_recorded(scenes):
+def test_recorded_actions_repeat_the_simulation(scenes):
     finer = ot.drive(scenes, constant(0.123_4, 0.0), observation="human")
     rounded = ot.drive(scenes, constant(0.123, 0.0), observation="human")
     np.testing.assert_array_equal(finer.trace_hash, rounded.trace_hash)
@@ -201,21 +210,21 @@ def test_what_acts_is_what_is_recorded(scenes):
     assert far.actions.values.max() == 20_000
 
 
-def test_an_answer_holds(scenes):
-    asked = list[int]()
+def test_an_answer_holds_for_action_repeat_decisions(scenes):
+    decision_indices = list[int]()
 
-    def policy(observation: ot.Observation) -> np.ndarray:
-        asked.append(observation.decision_index)
-        return np.tile([0.01 * len(asked), 0.0], (6, 1))
+    def driver(observation: ot.Observation) -> np.ndarray:
+        decision_indices.append(observation.decision_index)
+        return np.tile([0.01 * len(decision_indices), 0.0], (6, 1))
 
-    run = ot.drive(scenes, policy, observation="human", action_repeat=7)
-    assert asked == list(range(0, 121, 7))[: len(asked)]
+    run = ot.drive(scenes, driver, observation="human", action_repeat=7)
+    assert decision_indices == list(range(0, 121, 7))[: len(decision_indices)]
     assert run.actions
     first = run.actions.values[:, :14, 0]
     np.testing.assert_array_equal(first, np.repeat([10, 20], 7) + np.zeros((6, 14)))
 
 
-def test_a_policy_draws_the_same_in_every_batch(scenes):
+def test_a_driver_draws_the_same_numbers_in_every_batch(scenes):
     def draws(observation: ot.Observation) -> np.ndarray:
         return np.stack(
             [
@@ -249,7 +258,7 @@ def changes_its_mind(observation: ot.Observation) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("policy", "says"),
+    ("driver", "message"),
     [
         (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError in .*: of"),
         (fails, f"in test_external_driver.py, line {fails.__code__.co_firstlineno + 1}: of mine"),
@@ -264,9 +273,9 @@ def changes_its_mind(observation: ot.Observation) -> np.ndarray:
         (lambda _: None, "numbers, got an array of object"),
     ],
 )
-def test_what_is_no_answer_is_one_clear_error(scenes, policy, says):
-    with pytest.raises(DriverError, match=says) as raised:
-        ot.drive(scenes, policy, observation="human")
+def test_an_invalid_answer_raises_one_clear_error(scenes, driver, message):
+    with pytest.raises(DriverError, match=message) as raised:
+        ot.drive(scenes, driver, observation="human")
     assert "\n" not in str(raised.value)
 
 
@@ -274,12 +283,12 @@ def test_what_is_no_answer_is_one_clear_error(scenes, policy, says):
     "wrong",
     [{"observation": "everything"}, {"action": "fly"}, {"action_repeat": 0}, {"simulator": "sumo"}],
 )
-def test_an_argument_that_cannot_be_used_is_refused(scenes, wrong):
+def test_an_invalid_argument_is_rejected(scenes, wrong):
     with pytest.raises(ConfigError):
         ot.drive(scenes, constant(0.0, 0.0), **({"observation": "human"} | wrong))
 
 
-def test_what_is_observed_is_never_assumed(scenes):
+def test_the_observation_has_no_default(scenes):
     with pytest.raises(ConfigError, match="observation: expected human, truth or a Sensor"):
         ot.drive(scenes, constant(0.0, 0.0))
 
@@ -294,7 +303,7 @@ def test_a_driver_states_its_observation_and_action_itself(scenes):
 
 
 def test_every_action_names_its_numbers():
-    assert {name: len(one.parts) for name, one in ACTION_SPACES.items()} == {
+    assert {name: len(space.parts) for name, space in ACTION_SPACES.items()} == {
         "accel_lane": 2,
         "speed_lane": 2,
         "accel_steer": 2,
@@ -306,69 +315,73 @@ def test_every_action_names_its_numbers():
 
 
 class TestSensor:
-    def sensed(self, scenes, decisions=40, **changes):
-        """The truth at some decisions, and what a sensor tells of it."""
-        given = step_parameters(scenes)
+    def measure(self, scenes, decisions=40, **changes):
+        """True columns at some decisions, and the columns that a sensor measures."""
+        params = step_parameters(scenes)
         sensor = Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | changes)
-        sensing = SensorArray(sensor, scenes, given)
+        sensors = SensorArray(sensor, scenes, params)
         truth = np.zeros((decisions, 6, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)), np.float32)
         columns = NeighbourColumns._make(np.moveaxis(truth, -1, 0))
         columns.is_detected[...] = 1.0
         columns.gap[...] = np.linspace(5.0, 200.0, decisions)[:, None, None]
         columns.closing_speed[...] = 5.0
-        active = np.ones(6, bool)
-        told = np.stack([sensing.measure(one, active, k) for k, one in enumerate(truth)])
-        return columns, NeighbourColumns._make(np.moveaxis(told, -1, 0))
+        is_running = np.ones(6, bool)
+        measured = np.stack(
+            [sensors.measure(true_values, is_running, k) for k, true_values in enumerate(truth)]
+        )
+        return columns, NeighbourColumns._make(np.moveaxis(measured, -1, 0))
 
-    def test_it_sees_as_far_as_it_does(self, scenes):
+    def test_ranges_are_the_stated_ones(self, scenes):
         clear = scenes.replace(
             weather=scenes.weather.replace(
                 rain=np.zeros(6, np.float32), fog=np.zeros(6, np.float32)
             )
         )
-        truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
+        truth, measured = self.measure(clear, latency=0.0, missed=0.0, gap_error=0.0)
         ahead = np.array([name.endswith(("leader", "oncoming")) for name in NEIGHBOUR_ROLES])
         half = step_parameters(clear).vehicles.at_slots(0).half_length[:, None]
         within = truth.gap + half <= np.where(ahead, 150.0, 80.0)
-        np.testing.assert_array_equal(told.is_detected > 0, within)
-        np.testing.assert_array_equal(told.gap[within], truth.gap[within])
+        np.testing.assert_array_equal(measured.is_detected > 0, within)
+        np.testing.assert_array_equal(measured.gap[within], truth.gap[within])
 
-    def test_it_sees_less_far_in_rain(self, scenes):
+    def test_rain_shortens_the_ranges(self, scenes):
         heavy = scenes.weather.replace(rain=np.full(6, 100.0, np.float32))
-        _, told = self.sensed(scenes.replace(weather=heavy), missed=0.0, gap_error=0.0)
-        assert told.gap[told.is_detected > 0].max() <= 0.8 * 150.0
+        _, measured = self.measure(scenes.replace(weather=heavy), missed=0.0, gap_error=0.0)
+        assert measured.gap[measured.is_detected > 0].max() <= 0.8 * 150.0
 
-    def test_it_tells_late(self, scenes):
-        _, now = self.sensed(scenes, latency=0.0)
-        _, late = self.sensed(scenes, latency=0.15)
+    def test_measurements_are_as_old_as_the_latency(self, scenes):
+        _, now = self.measure(scenes, latency=0.0)
+        _, late = self.measure(scenes, latency=0.15)
         np.testing.assert_array_equal(late.gap[3:], now.gap[:-3])
 
-    def test_it_errs_and_misses_as_often_as_it_does(self, scenes):
-        given = {"range_ahead": 500.0, "range_behind": 500.0, "rain_loss": 0.0, "fog_loss": 0.0}
-        truth, told = self.sensed(scenes, 400, latency=0.0, missed=0.1, gap_error=0.5, **given)
-        seen = told.is_detected > 0
-        assert abs(seen.mean() - 0.9) < 0.01  # 19,200 draws: a standard error of 0.002
-        error = (told.gap - truth.gap)[seen]
+    def test_errors_and_misses_have_the_stated_frequency(self, scenes):
+        no_losses = {"range_ahead": 500.0, "range_behind": 500.0, "rain_loss": 0.0, "fog_loss": 0.0}
+        truth, measured = self.measure(
+            scenes, 400, latency=0.0, missed=0.1, gap_error=0.5, **no_losses
+        )
+        detected_shares = measured.is_detected > 0
+        assert abs(detected_shares.mean() - 0.9) < 0.01  # 19,200 draws: a standard error of 0.002
+        error = (measured.gap - truth.gap)[detected_shares]
         assert abs(error.mean()) < 0.02
         assert abs(error.std() - 0.5) < 0.02
 
-    def test_a_file_says_what_it_is(self, tmp_path, repository):
+    def test_a_file_describes_a_sensor(self, tmp_path, repository):
         assert Sensor.from_file(repository / "examples" / "radar.toml").range_ahead > 0.0
         wrong = tmp_path / "sensor.toml"
         wrong.write_text("range_ahead = 100.0\n", encoding="utf-8")
         with pytest.raises(ConfigError, match="latency"):
             Sensor.from_file(wrong)
 
-    def test_impossible_numbers_are_refused(self):
+    def test_impossible_numbers_are_rejected(self):
         with pytest.raises(ConfigError, match="missed"):
             Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | {"missed": 1.5})
 
-    def test_a_policy_may_see_by_it(self, scenes):
-        seen = list[float]()
+    def test_a_driver_may_observe_through_a_sensor(self, scenes):
+        detected_shares = list[float]()
 
-        def policy(observation: ot.Observation) -> np.ndarray:
-            seen.append(float((observation.leader.is_detected > 0).mean()))
+        def driver(observation: ot.Observation) -> np.ndarray:
+            detected_shares.append(float((observation.leader.is_detected > 0).mean()))
             return np.zeros((6, 2))
 
-        ot.drive(scenes, policy, observation=RADAR)
-        assert 0.0 < np.mean(seen) < 1.0
+        ot.drive(scenes, driver, observation=RADAR)
+        assert 0.0 < np.mean(detected_shares) < 1.0

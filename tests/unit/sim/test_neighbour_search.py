@@ -1,11 +1,11 @@
-"""Who drives around whom, against a plain search over every pair."""
+"""The neighbours of each vehicle, compared with a plain search over all pairs."""
 
 from __future__ import annotations
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.minds import Moment, moment
+from tests.support.traffic_instant import TrafficInstant, traffic_instant
 from tests.support.worlds import Vehicle
 
 LANES, WIDTH, MARGIN = 3, 3.5, 0.2
@@ -19,31 +19,33 @@ vehicles = st.builds(
 )
 
 
-def searched(m: Moment, me: int, role: int) -> tuple[int, float]:
-    """Slot and gap of the neighbour in a role, by looking at everyone in turn."""
+def search_all_pairs(instant: TrafficInstant, observer: int, role: int) -> tuple[int, float]:
+    """Slot and gap of the neighbour in a role, by a test of every vehicle."""
     number = lambda values, i: float(values[i, 0])  # noqa: E731
-    lane = number(m.state.lane_choice.lane, me) + (0, 1, -1)[role // 2]
+    lane = number(instant.state.lane_choice.lane, observer) + (0, 1, -1)[role // 2]
     low, high = -LANES * WIDTH + lane * WIDTH, -LANES * WIDTH + (lane + 1) * WIDTH
-    best, nearest = -1, float("inf")
+    nearest_slot, nearest_distance = -1, float("inf")
     for other in range(8):
-        if other == me or not number(m.p.valid, other):
+        if other == observer or not number(instant.vehicles.valid, other):
             continue
-        d, half = number(m.state.motion.d, other), number(m.p.half_width, other)
+        d, half = number(instant.state.motion.d, other), number(instant.vehicles.half_width, other)
         if d + half <= low + MARGIN or d - half >= high - MARGIN:
             continue
-        away = number(m.state.motion.s, other) - number(m.state.motion.s, me)
-        if (away >= 0.0) != (role % 2 == 0) or abs(away) >= nearest:
+        distance = number(instant.state.motion.s, other) - number(instant.state.motion.s, observer)
+        if (distance >= 0.0) != (role % 2 == 0) or abs(distance) >= nearest_distance:
             continue
-        best, nearest = other, abs(away)
-    if best < 0:
+        nearest_slot, nearest_distance = other, abs(distance)
+    if nearest_slot < 0:
         return -1, float("inf")
-    lengths = number(m.p.half_length, me) + number(m.p.half_length, best)
-    return best, nearest - lengths
+    lengths = number(instant.vehicles.half_length, observer) + number(
+        instant.vehicles.half_length, nearest_slot
+    )
+    return nearest_slot, nearest_distance - lengths
 
 
-def roles_of(m: Moment, me: int) -> list[int]:
+def roles_of(instant: TrafficInstant, observer: int) -> list[int]:
     """The roles whose lane exists."""
-    lane = int(m.state.lane_choice.lane[me, 0])
+    lane = int(instant.state.lane_choice.lane[observer, 0])
     return [role for role in range(6) if 0 <= lane + (0, 1, -1)[role // 2] < LANES]
 
 
@@ -53,75 +55,77 @@ def roles_of(m: Moment, me: int) -> list[int]:
     shifts=st.lists(st.floats(-3.0, 3.0), min_size=8, max_size=8),
 )
 @settings(max_examples=60)
-def test_neighbours_are_those_that_a_plain_search_finds(
-    traffic: list[Vehicle], shifts: list[float]
-):
-    m = moment(traffic)
+def test_neighbours_equal_those_of_a_plain_search(traffic: list[Vehicle], shifts: list[float]):
+    instant = traffic_instant(traffic)
     for i in range(len(traffic)):
-        m.state.motion.d[i] += shifts[i]
-    near = m.neighbours()
-    for me in range(len(traffic)):
-        for role in roles_of(m, me):
-            slot, gap = searched(m, me, role)
-            assert int(near.slot[role, me, 0]) == slot
+        instant.state.motion.d[i] += shifts[i]
+    neighbours = instant.neighbours()
+    for observer in range(len(traffic)):
+        for role in roles_of(instant, observer):
+            slot, gap = search_all_pairs(instant, observer, role)
+            assert int(neighbours.slot[role, observer, 0]) == slot
             if slot >= 0:
-                # Float32 of places up to 200 m.
-                assert abs(float(near.gap[role, me, 0]) - gap) < 1e-4
+                # Rounding of float32 positions up to 200 m.
+                assert abs(float(neighbours.gap[role, observer, 0]) - gap) < 1e-4
 
 
-def test_who_straddles_a_line_is_seen_from_both_lanes():
-    m = moment([Vehicle(s=0.0, lane=0), Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
-    m.state.motion.d[2] = -2.0 * WIDTH  # On the line between lanes 0 and 1.
-    near = m.neighbours()
-    assert int(near.slot[AHEAD_OF_OWN, 0, 0]) == 2
-    assert int(near.slot[AHEAD_OF_OWN, 1, 0]) == 2
+def test_a_vehicle_on_a_line_is_in_both_lanes():
+    instant = traffic_instant(
+        [Vehicle(s=0.0, lane=0), Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)]
+    )
+    instant.state.motion.d[2] = -2.0 * WIDTH  # On the line between lanes 0 and 1.
+    neighbours = instant.neighbours()
+    assert int(neighbours.slot[AHEAD_OF_OWN, 0, 0]) == 2
+    assert int(neighbours.slot[AHEAD_OF_OWN, 1, 0]) == 2
 
 
-def test_treading_on_a_line_is_not_being_in_the_lane():
-    m = moment([Vehicle(s=0.0, lane=0), Vehicle(s=40.0, lane=1)])
-    m.state.motion.d[1] = -2.0 * WIDTH + float(m.p.half_width[1, 0]) - 0.15
-    assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
+def test_a_small_overlap_of_a_line_is_not_in_the_lane():
+    instant = traffic_instant([Vehicle(s=0.0, lane=0), Vehicle(s=40.0, lane=1)])
+    instant.state.motion.d[1] = -2.0 * WIDTH + float(instant.vehicles.half_width[1, 0]) - 0.15
+    assert int(instant.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
-def seen_changing(signal: float, done: float, crashed: float = 0.0) -> int:
-    """Whom a driver sees ahead when another has done a part of its change into the lane."""
-    m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)])
-    m.state.lane_choice.lane[1], m.state.controls.indicator[1] = 1.0, signal
-    m.state.path.elapsed[1], m.state.path.duration[1] = 5.0 * done, 5.0
-    m.state.motion.is_wreck[1] = crashed
-    near = m.neighbours()
-    assert int(near.slot[AHEAD_OF_OWN, 2, 0]) == 1  # From where it still is.
-    return int(near.slot[AHEAD_OF_OWN, 0, 0])
+def leader_during_change(signal: float, done: float, crashed: float = 0.0) -> int:
+    """Slot of the leader while another vehicle has done a part of its change into the lane."""
+    instant = traffic_instant(
+        [Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)]
+    )
+    instant.state.lane_choice.lane[1], instant.state.controls.indicator[1] = 1.0, signal
+    instant.state.path.elapsed[1], instant.state.path.duration[1] = 5.0 * done, 5.0
+    instant.state.motion.is_wreck[1] = crashed
+    neighbours = instant.neighbours()
+    assert int(neighbours.slot[AHEAD_OF_OWN, 2, 0]) == 1  # It is still in its old lane, too.
+    return int(neighbours.slot[AHEAD_OF_OWN, 0, 0])
 
 
-def test_who_signals_a_lane_change_is_seen_from_there_before_the_body_arrives():
-    assert seen_changing(signal=1.0, done=0.01) == 1
+def test_an_indicated_lane_change_counts_in_the_new_lane_before_the_body_arrives():
+    assert leader_during_change(signal=1.0, done=0.01) == 1
 
 
-def test_who_does_not_signal_is_seen_from_there_once_it_visibly_moves():
-    assert seen_changing(signal=0.0, done=0.19) == -1
-    assert seen_changing(signal=0.0, done=0.21) == 1
+def test_a_lane_change_without_indicator_counts_once_it_is_visible():
+    assert leader_during_change(signal=0.0, done=0.19) == -1
+    assert leader_during_change(signal=0.0, done=0.21) == 1
 
 
-def test_a_wreck_is_seen_only_where_it_lies():
-    assert seen_changing(signal=1.0, done=0.5, crashed=1.0) == -1
-    assert seen_changing(signal=1.0, done=1.0) == -1  # Nor one that has slid back.
+def test_a_wreck_is_only_in_the_lanes_under_its_body():
+    assert leader_during_change(signal=1.0, done=0.5, crashed=1.0) == -1
+    assert leader_during_change(signal=1.0, done=1.0) == -1  # The body is still in the old lane.
 
 
 def test_an_indicator_alone_is_not_a_lane_change():
-    m = moment([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
-    m.state.controls.indicator[1] = 1.0
-    assert int(m.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
+    instant = traffic_instant([Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0)])
+    instant.state.controls.indicator[1] = 1.0
+    assert int(instant.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
 def test_vehicles_side_by_side_have_a_negative_gap():
-    m = moment([Vehicle(s=10.0, lane=0), Vehicle(s=12.0, lane=1)])
-    near = m.neighbours()
-    assert int(near.slot[2, 0, 0]) == 1  # Ahead, in the faster lane.
-    assert float(near.gap[2, 0, 0]) < 0.0
-    assert int(near.slot[5, 1, 0]) == 0  # And it has the other behind, in the slower one.
+    instant = traffic_instant([Vehicle(s=10.0, lane=0), Vehicle(s=12.0, lane=1)])
+    neighbours = instant.neighbours()
+    assert int(neighbours.slot[2, 0, 0]) == 1  # Ahead, in the lane on the left.
+    assert float(neighbours.gap[2, 0, 0]) < 0.0
+    assert int(neighbours.slot[5, 1, 0]) == 0  # The other is behind, in the lane on the right.
 
 
-def test_empty_slots_are_nobody():
-    near = moment([Vehicle(s=10.0)]).neighbours()
-    assert (near.slot[:, 0] == -1).all()
+def test_empty_slots_are_no_neighbours():
+    neighbours = traffic_instant([Vehicle(s=10.0)]).neighbours()
+    assert (neighbours.slot[:, 0] == -1).all()

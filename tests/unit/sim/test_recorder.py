@@ -36,7 +36,7 @@ def test_numbers_beyond_the_type_are_clamped():
 
 
 @given(st.floats(-100.0, 100.0))
-def test_angles_are_brought_into_one_turn(angle: float):
+def test_angles_are_wrapped_into_one_turn(angle: float):
     value = float(wrap_angle(np.float32(angle)))
     # Pi in float32 is above pi by 1e-7; 16 turns of rounding.
     assert -math.pi - 1e-5 <= value <= math.pi + 1e-5
@@ -105,7 +105,7 @@ def test_a_trace_hash_differs_for_every_simulation():
     assert len(hashes) == 16
 
 
-def test_empty_slots_do_not_touch_the_hash():
+def test_empty_slots_do_not_change_the_hash():
     cars = [Vehicle(s=0.0), Vehicle(s=50.0)]
     one = engine.simulate(scenario(cars, num_slots=2, horizon=2.0))
     two = engine.simulate(scenario(cars, num_slots=8, horizon=2.0))

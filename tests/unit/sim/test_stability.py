@@ -1,4 +1,4 @@
-"""Stability control: it takes back a yaw rate that the wheel does not ask for, and no other."""
+"""Stability control corrects only a yaw rate that the wheel angle does not request."""
 
 from __future__ import annotations
 
@@ -15,49 +15,53 @@ THRESHOLD = 0.06
 SPEED = 30.0
 
 
-def moment(r: float, wheel: float = 0.0, friction: float = 0.9) -> float:
-    """The yaw moment at 30 m/s, as a share of the largest."""
+def yaw_moment_share(yaw_rate: float, wheel: float = 0.0, friction: float = 0.9) -> float:
+    """Yaw moment of stability control at 30 m/s, as a share of the largest moment."""
     b = bench(Vehicle(speed=SPEED), friction=friction)
-    given = replace(b.given, constants=b.c.replace(stability_threshold=THRESHOLD))
-    b.state.motion.yaw_rate[:] = r
+    params = replace(b.params, constants=b.constants.replace(stability_threshold=THRESHOLD))
+    b.state.motion.yaw_rate[:] = yaw_rate
     angle = np.full_like(b.state.motion.s, wheel)
-    found = float(
-        vehicle_dynamics._stability_control(b.state, given, b.state.motion.vx, angle)[0, 0]
+    yaw_moment = float(
+        vehicle_dynamics._stability_control(b.state, params, b.state.motion.vx, angle)[0, 0]
     )
-    wheel_force = friction * 9.81 * float(b.p.mass[0, 0]) / 4.0
-    return found / (wheel_force * float(b.p.half_track[0, 0]))
+    wheel_force = friction * 9.81 * float(b.vehicles.mass[0, 0]) / 4.0
+    return yaw_moment / (wheel_force * float(b.vehicles.half_track[0, 0]))
 
 
-def test_a_yaw_rate_near_what_the_wheel_asks_for_is_left_alone():
+def test_stability_control_ignores_small_errors_of_the_yaw_rate():
     b = bench(Vehicle(speed=SPEED))
-    understeer, wheelbase = float(b.p.understeer[0, 0]), float(b.p.wheelbase[0, 0])
-    asked = SPEED * 0.01 / (wheelbase + understeer * SPEED**2)
+    understeer, wheelbase = float(b.vehicles.understeer[0, 0]), float(b.vehicles.wheelbase[0, 0])
+    requested_rate = SPEED * 0.01 / (wheelbase + understeer * SPEED**2)
     for off in (-0.9, 0.0, 0.9):
-        assert moment(asked + off * THRESHOLD, wheel=0.01) == 0.0
-    assert moment(asked + 1.1 * THRESHOLD, wheel=0.01) < 0.0 < moment(asked - 1.1 * THRESHOLD, 0.01)
+        assert yaw_moment_share(requested_rate + off * THRESHOLD, wheel=0.01) == 0.0
+    assert (
+        yaw_moment_share(requested_rate + 1.1 * THRESHOLD, wheel=0.01)
+        < 0.0
+        < yaw_moment_share(requested_rate - 1.1 * THRESHOLD, 0.01)
+    )
 
 
 @pytest.mark.parametrize("friction", [0.9, 0.3])
-def test_it_brakes_one_wheel_at_most(friction: float):
-    assert moment(2.0, friction=friction) == pytest.approx(-1.0, rel=1e-5)
-    assert moment(-2.0, friction=friction) == pytest.approx(1.0, rel=1e-5)
+def test_stability_control_brakes_at_most_one_wheel(friction: float):
+    assert yaw_moment_share(2.0, friction=friction) == pytest.approx(-1.0, rel=1e-5)
+    assert yaw_moment_share(-2.0, friction=friction) == pytest.approx(1.0, rel=1e-5)
 
 
-def test_more_than_friction_allows_is_not_asked_for():
+def test_the_reference_yaw_rate_is_limited_by_friction():
     # At 30 m/s and mu 0.3 a vehicle turns with 0.098 rad/s, however far the wheel is turned.
-    reach = 0.3 * 9.81 / SPEED
-    assert moment(reach + 0.9 * THRESHOLD, wheel=0.3, friction=0.3) == 0.0
-    assert moment(reach + 1.1 * THRESHOLD, wheel=0.3, friction=0.3) < 0.0
+    friction_rate = 0.3 * 9.81 / SPEED
+    assert yaw_moment_share(friction_rate + 0.9 * THRESHOLD, wheel=0.3, friction=0.3) == 0.0
+    assert yaw_moment_share(friction_rate + 1.1 * THRESHOLD, wheel=0.3, friction=0.3) < 0.0
 
 
 def test_a_skid_ends_sooner():
-    left = {}
+    remaining_rate = {}
     for threshold in (THRESHOLD, 1e9):
         b = bench(Vehicle(speed=SPEED), friction=0.3)
-        constants = b.c.replace(stability_threshold=threshold)
-        b = replace(b, given=replace(b.given, constants=constants))
+        constants = b.constants.replace(stability_threshold=threshold)
+        b = replace(b, params=replace(b.params, constants=constants))
         b.state.motion.yaw_rate[:] = 0.5
         for _ in range(20):
             b.move(np.zeros_like(b.state.motion.s))
-        left[threshold] = abs(float(b.state.motion.yaw_rate[0, 0]))
-    assert left[THRESHOLD] < 0.8 * left[1e9]
+        remaining_rate[threshold] = abs(float(b.state.motion.yaw_rate[0, 0]))
+    assert remaining_rate[THRESHOLD] < 0.8 * remaining_rate[1e9]

@@ -46,7 +46,7 @@ def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     end=st.floats(-8.0, 8.0), duration=st.floats(2.5, 12.0), turn=st.floats(0.0, 1.0),
     back=st.floats(-8.0, 8.0), second=st.floats(2.5, 12.0), at=st.floats(0.0, 1.0),
 )  # fmt: skip
-def test_a_path_is_the_quintic_through_where_the_last_one_was_left(
+def test_a_path_is_the_quintic_from_the_present_point_of_the_last_path(
     end: float, duration: float, turn: float, back: float, second: float, at: float
 ):
     b = bench(Vehicle())
@@ -92,8 +92,8 @@ def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
     rows = {name: [] for name in RECORDED}
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.update_wind_trim(b.state, b.given, k)
-        ran = b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))
+        steering.update_wind_trim(b.state, b.params, k)
+        ran = b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))
         for name, values in rows.items():
             values.append(ran[name])
     return {name: np.array(values) for name, values in rows.items()}
@@ -145,10 +145,10 @@ def test_a_sudden_side_wind_blows_aside_and_is_then_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]), sky=sky)
     centre = float(b.state.motion.d[0, 0])
-    drive_calm = b.blows
-    b.blows = False
+    drive_calm = b.updates_wind
+    b.updates_wind = False
     drive(b, 0.5)
-    b.blows = drive_calm
+    b.updates_wind = drive_calm
     b.decide()
     away = drive_after_start(b, 12.0) - centre
     # Drivers answer after 0.4 s, so the wind is felt, and more by high vehicles.
@@ -161,8 +161,8 @@ def drive_after_start(b: Bench, duration: float) -> np.ndarray:
     places = []
     for k in range(round(duration / DECISION)):
         b.decide()
-        steering.update_wind_trim(b.state, b.given, k + 1)
-        places.append(b.drive_one(b.steer(np.full_like(b.q.max_lateral_accel, 4.0)))["d"])
+        steering.update_wind_trim(b.state, b.params, k + 1)
+        places.append(b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))["d"])
     return np.array(places)
 
 
@@ -171,7 +171,7 @@ def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
     b.state.motion.d = b.state.motion.d + np.float32(30.0)
     before = 0.0
     for _ in range(60):
-        middle = b.steer(np.full_like(b.q.max_lateral_accel, 50.0))
+        middle = b.steer(np.full_like(b.simulations.max_lateral_accel, 50.0))
         wheel = float(b.state.controls.wheel_angle[0, 0])
         assert abs(wheel - before) <= 0.4 * DECISION + 1e-6
         assert float(middle[0, 0]) == pytest.approx(0.5 * (wheel + before), abs=1e-6)
@@ -187,18 +187,18 @@ def test_a_sliding_car_is_steered_into_the_slide():
     b.state.motion.vy = np.full_like(b.state.motion.vy, -9.0)
     b.state.motion.yaw_rate = np.full_like(b.state.motion.yaw_rate, 0.3)
     for _ in range(20):
-        b.steer(np.full_like(b.q.max_lateral_accel, 3.0))
-    slip = (-9.0 + 0.3 * float(b.p.cg_front[0, 0])) / 25.0
+        b.steer(np.full_like(b.simulations.max_lateral_accel, 3.0))
+    slip = (-9.0 + 0.3 * float(b.vehicles.cg_front[0, 0])) / 25.0
     wheel = float(b.state.controls.wheel_angle[0, 0])
     assert wheel < 0.0
     # At most two thirds of the slip at which the tyre slides, 3 mu / C.
     # Five time constants of the hands later.
-    assert wheel - slip <= 2.0 * 0.4 / float(b.p.front_stiffness[0, 0]) + 0.01
+    assert wheel - slip <= 2.0 * 0.4 / float(b.vehicles.front_stiffness[0, 0]) + 0.01
 
 
 def test_a_wreck_is_not_steered():
     b = bench(Vehicle(speed=20.0))
     b.state.motion.is_wreck = np.ones_like(b.state.motion.is_wreck)
     b.state.motion.d = b.state.motion.d + np.float32(2.0)
-    assert float(b.steer(np.full_like(b.q.max_lateral_accel, 4.0))[0, 0]) == 0.0
+    assert float(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0))[0, 0]) == 0.0
     assert float(b.state.controls.wheel_angle[0, 0]) == 0.0

@@ -1,4 +1,4 @@
-"""A moment of traffic written by hand, and what the drivers in it see and believe."""
+"""Traffic at one decision, stated vehicle by vehicle, and the beliefs of its drivers."""
 
 from __future__ import annotations
 
@@ -21,49 +21,49 @@ if TYPE_CHECKING:
     from overtaking.sim.reference.decision_context import Beliefs, Neighbours
     from overtaking.world.weather_parameters import SimulationParameters
 
-CLEAR_MINDED = EnabledEffects(
+PERFECT_PERCEPTION = EnabledEffects(
     gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
     occlusion=False,
 )  # fmt: skip
-"""Everything is seen at once and as it is."""
+"""Drivers detect all vehicles at once and believe the truth; gusts and wind shelter are off."""
 
 
 @dataclass(slots=True, kw_only=True)
-class Moment:
+class TrafficInstant:
     """The state of a batch at a decision.
 
     Attributes:
-        given: Parameters.
-        state: State, changed by `look`.
-        p: Vehicle parameters by name.
-        q: Simulation parameters by name.
+        params: Parameters of the batch.
+        state: State, changed by `perceive`.
+        vehicles: Vehicle parameters by name, as in `params`.
+        simulations: Simulation parameters by name, as in `params`.
         decision: Number of the next decision.
     """
 
-    given: StepParameters
+    params: StepParameters
     state: State
-    p: VehicleParameters
-    q: SimulationParameters
+    vehicles: VehicleParameters
+    simulations: SimulationParameters
     decision: int = 0
 
     def neighbours(self) -> Neighbours:
-        """Who drives around whom."""
-        return find_neighbours(self.state, self.given)
+        """The neighbours of each vehicle."""
+        return find_neighbours(self.state, self.params)
 
-    def look(self) -> Beliefs:
-        """One decision's worth of everybody looking around."""
+    def perceive(self) -> Beliefs:
+        """The beliefs of all drivers at the next decision; all check their mirrors."""
         perception.record_history(self.state, self.decision)
-        looks = np.ones(self.state.motion.s.shape, np.bool_)
-        believed = perception.form_beliefs(
-            self.state, self.given, self.neighbours(), self.decision, looks
+        checks_mirrors = np.ones(self.state.motion.s.shape, np.bool_)
+        beliefs = perception.form_beliefs(
+            self.state, self.params, self.neighbours(), self.decision, checks_mirrors
         )
         self.decision += 1
-        return believed
+        return beliefs
 
     def context(self) -> DecisionContext:
         """Perception at one decision; all drivers check their mirrors, and none gives way."""
         checks_mirrors, neighbours = np.ones(self.state.motion.s.shape, np.bool_), self.neighbours()
-        beliefs = self.look()
+        beliefs = self.perceive()
         return DecisionContext(
             neighbours=neighbours,
             beliefs=beliefs,
@@ -73,22 +73,24 @@ class Moment:
             decision_index=self.decision - 1,
         )
 
-    def pass_time(self, decisions: int = 1) -> None:
-        """Everybody drives on straight at the same speed."""
+    def advance(self, decisions: int = 1) -> None:
+        """Move all vehicles straight on at constant speed until a later decision."""
         step = np.float32(0.05 * decisions)
         self.state.motion.s = self.state.motion.s + step * self.state.motion.vx
 
 
-def moment(
+def traffic_instant(
     *simulations: list[Vehicle],
-    effects: EnabledEffects = CLEAR_MINDED,
+    effects: EnabledEffects = PERFECT_PERCEPTION,
     road: Road | None = None,
     weather: dict[str, float] | None = None,
     num_slots: int = 8,
-) -> Moment:
+) -> TrafficInstant:
     """Put vehicles on a road; the first of each list is the ego."""
     world = scenario(*simulations, road=road or wide_road(), weather=weather, num_slots=num_slots)
-    given = step_parameters(world, effects)
-    state, p = State.at_start(given), given.vehicles
-    perception.draw_shoulder_check(state, given, p.valid > 0, 0)
-    return Moment(given=given, state=state, p=p, q=given.simulations)
+    params = step_parameters(world, effects)
+    state, vehicles = State.at_start(params), params.vehicles
+    perception.draw_shoulder_check(state, params, vehicles.valid > 0, 0)
+    return TrafficInstant(
+        params=params, state=state, vehicles=vehicles, simulations=params.simulations
+    )
