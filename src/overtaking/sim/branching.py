@@ -83,8 +83,8 @@ def branch(
 ) -> Trajectories:
     """Simulate a batch again with interventions.
 
-    The frames before the first intervention are simulated too, because a recording lacks a part of
-    the state. Without any change the trace hash equals the trace hash of the source.
+    The frames before the first intervention are simulated too, because a recording holds only a
+    part of the state. Without any change the trace hash equals the trace hash of the source.
 
     Args:
         source: A batch of scenarios, or a branch, whose interventions then stay in force.

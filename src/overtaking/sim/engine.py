@@ -52,7 +52,7 @@ def simulate(
             arrays; without buffers each call has its own memory.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU does not have it.
     """
     return run(scenario, step_parameters(scenario), level=level, buffers=buffers)
 
@@ -77,7 +77,7 @@ def run(
         buffers: As in `simulate`.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU does not have it.
     """
     outputs = allocate_outputs(scenario, params, buffers or Buffers())
     checked_level = simd_level(level)
@@ -129,12 +129,12 @@ def engine_inputs(params: StepParameters) -> _core.Inputs:
         num_slots=params.vehicle_table.shape[1],
         seed=params.seed,
         steps_per_frame=params.steps_per_frame,
-        road=road_values(params),
+        road=_road_inputs(params),
         constants=engine_constants(params.constants),
     )
 
 
-def road_values(params: StepParameters) -> dict[str, Any]:
+def _road_inputs(params: StepParameters) -> dict[str, Any]:
     """The fields of `RoadParameters` as numbers and lists, which the engine reads by name."""
     road = params.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]

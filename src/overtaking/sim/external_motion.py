@@ -94,7 +94,7 @@ class ExternallyMovedSimulation:
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU does not have it.
     """
 
     def __init__(

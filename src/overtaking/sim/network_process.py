@@ -47,7 +47,7 @@ class _Network:
 
     Raises:
         _UnusableError: The network has a different input, or its output for zeros is no action.
-        MemoryError: ONNX Runtime lacks memory.
+        MemoryError: The memory limit is too small for ONNX Runtime.
     """
 
     def __init__(self, content: bytes, widths: tuple[int, ...]) -> None:
@@ -93,7 +93,7 @@ class _Network:
 
         Raises:
             _UnusableError: The network fails, or its output is no action.
-            MemoryError: ONNX Runtime lacks memory.
+            MemoryError: The memory limit is too small for ONNX Runtime.
         """
         try:
             action = self._session.run(None, {self._input_name: observation})[0]

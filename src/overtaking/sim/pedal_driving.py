@@ -114,7 +114,7 @@ class PedalDriving:
         level: SIMD level; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU does not have it.
     """
 
     def __init__(self, params: StepParameters, level: str | None = None) -> None:

@@ -139,7 +139,7 @@ def new_stepper(
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it.
+        ConfigError: The SIMD level is unknown, or this CPU does not have it.
     """
     if simulator == "reference":
         # Production loads the reference only on request.

@@ -20,16 +20,16 @@ def accel_after_decision(requested: float, leader: float, old_leader: float = 1e
     instant.state.controls.requested_accel = np.full_like(
         instant.state.controls.requested_accel, requested
     )
-    wanted = [
+    wanted_accel = [
         np.full_like(instant.state.controls.requested_accel, value)
         for value in (leader, old_leader)
     ]
-    acceleration.apply_pedals(instant.state, instant.params, *wanted)
+    acceleration.apply_pedals(instant.state, instant.params, *wanted_accel)
     return float(instant.state.controls.requested_accel[0, 0])
 
 
 @pytest.mark.parametrize(
-    ("requested", "wanted", "jerk"),
+    ("requested", "wanted_accel", "jerk"),
     [
         (0.0, 3.0, "up"),
         (1.0, -1.0, "down"),
@@ -38,11 +38,11 @@ def accel_after_decision(requested: float, leader: float, old_leader: float = 1e
     ],
 )
 def test_requested_acceleration_changes_with_limited_jerk(
-    requested: float, wanted: float, jerk: str
+    requested: float, wanted_accel: float, jerk: str
 ):
-    change = accel_after_decision(requested, wanted) - requested
+    change = accel_after_decision(requested, wanted_accel) - requested
     assert abs(change) == pytest.approx(JERK[jerk] * 0.05, rel=1e-5)
-    assert np.sign(change) == np.sign(wanted - requested)
+    assert np.sign(change) == np.sign(wanted_accel - requested)
 
 
 def test_a_small_change_of_acceleration_is_applied_at_once():
@@ -85,7 +85,7 @@ def test_the_ego_accelerates_more_while_it_passes():
     assert float(passing[1, 0]) == pytest.approx(float(following[1, 0]))
 
 
-def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0) -> bool:
+def brakes_for_the_old_leader(*, gap: float, elapsed: float, duration: float = 5.0) -> bool:
     """Whether a driver at 30 m/s brakes for the leader, at 20 m/s, of the lane that it leaves."""
     length = 4.4
     instant = traffic_instant(
@@ -98,22 +98,22 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     mask = zero == 1.0
     mask[0] = True
     steering.start_path(instant.state, mask, zero + np.float32(high), zero + np.float32(duration))
-    instant.state.path.elapsed[0] = done
+    instant.state.path.elapsed[0] = elapsed
     instant.state.motion.d[0] = float(steering.path_point(instant.state)[0][0, 0])
     accel = acceleration.accel_behind_old_leader(instant.state, instant.params, instant.context())
     return bool(accel[0, 0] < 0.0)
 
 
 def test_a_driver_that_pulls_out_late_brakes_until_the_bodies_are_clear():
-    assert brakes_for_the_old_leader(gap=10.0, done=0.5)
+    assert brakes_for_the_old_leader(gap=10.0, elapsed=0.5)
     # 10 m/s closing, 3 s until clear, 2 s to spare and 2 m at standstill: 52 m.
-    assert not brakes_for_the_old_leader(gap=55.0, done=0.0)
-    assert brakes_for_the_old_leader(gap=49.0, done=0.0)
+    assert not brakes_for_the_old_leader(gap=55.0, elapsed=0.0)
+    assert brakes_for_the_old_leader(gap=49.0, elapsed=0.0)
 
 
 def test_a_driver_beside_its_old_leader_does_not_brake():
     # After 70 % of the path 2.9 of 3.5 m are covered, more than both half widths and the margin.
-    assert not brakes_for_the_old_leader(gap=10.0, done=3.5)
+    assert not brakes_for_the_old_leader(gap=10.0, elapsed=3.5)
 
 
 def test_a_driver_that_keeps_its_lane_does_not_brake_for_the_next_lane():
@@ -133,8 +133,8 @@ def test_traction_control_leaves_driven_axles_most_of_their_side_force(kind: str
         requested_force = np.full_like(load, force)
         axle = vehicle_dynamics.axle_forces(instant.params, instant.state, requested_force, load)
         assert float(axle.force_lon[0, 0]) == pytest.approx(expected * grip, rel=1e-5)
-        rest = np.sqrt(1.0 - expected * expected)
-        assert float(axle.max_lateral_force[0, 0]) == pytest.approx(rest * grip, rel=1e-4)
+        lateral_share = np.sqrt(1.0 - expected * expected)
+        assert float(axle.max_lateral_force[0, 0]) == pytest.approx(lateral_share * grip, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -92,11 +92,11 @@ def test_engine_and_reference_give_equal_branches_of_many_interventions():
 @pytest.mark.parametrize("cut", range(len(CHANGES) + 1))
 def test_a_branch_of_a_branch_equals_a_branch_with_both_interventions(cut: int):
     first = branch(traffic(), interventions=CHANGES[:cut])
-    both = branch(first, interventions=CHANGES[cut:])
-    whole = branch(traffic(), interventions=CHANGES)
-    np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
-    assert both.branch_origin is not None
-    assert both.branch_origin.interventions == CHANGES
+    in_two_parts = branch(first, interventions=CHANGES[cut:])
+    at_once = branch(traffic(), interventions=CHANGES)
+    np.testing.assert_array_equal(in_two_parts.trace_hash, at_once.trace_hash)
+    assert in_two_parts.branch_origin is not None
+    assert in_two_parts.branch_origin.interventions == CHANGES
 
 
 def test_the_order_of_interventions_at_different_frames_makes_no_difference():

@@ -1,4 +1,4 @@
-"""A batch of no simulations is a batch."""
+"""Batches without simulations are simulated, branched, driven and labelled like others."""
 
 from __future__ import annotations
 

@@ -202,9 +202,9 @@ def test_recorded_actions_repeat_the_simulation(scenes):
     assert rounded.actions
     np.testing.assert_array_equal(finer.actions.values, rounded.actions.values)
     assert finer.actions.hashes == rounded.actions.hashes
-    other = ot.drive(scenes, constant(0.124, 0.0), observation="human")
-    assert other.actions
-    assert set(other.actions.hashes).isdisjoint(finer.actions.hashes)
+    different = ot.drive(scenes, constant(0.124, 0.0), observation="human")
+    assert different.actions
+    assert set(different.actions.hashes).isdisjoint(finer.actions.hashes)
     far = ot.drive(scenes, constant(1e9, 0.0), observation="human")
     assert far.actions
     assert far.actions.values.max() == 20_000
@@ -234,9 +234,9 @@ def test_a_driver_draws_the_same_numbers_in_every_batch(scenes):
             axis=1,
         )
 
-    whole = ot.drive(scenes, draws, observation="human")
+    all_rows = ot.drive(scenes, draws, observation="human")
     part = ot.drive(scenes.select(slice(2, 4)), draws, observation="human")
-    np.testing.assert_array_equal(part.trace_hash, whole.trace_hash[2:4])
+    np.testing.assert_array_equal(part.trace_hash, all_rows.trace_hash[2:4])
 
 
 def fails(observation: ot.Observation) -> np.ndarray:

@@ -25,16 +25,16 @@ def search_all_pairs(instant: TrafficInstant, observer: int, role: int) -> tuple
     lane = number(instant.state.lane_choice.lane, observer) + (0, 1, -1)[role // 2]
     low, high = -LANES * WIDTH + lane * WIDTH, -LANES * WIDTH + (lane + 1) * WIDTH
     nearest_slot, nearest_distance = -1, float("inf")
-    for other in range(8):
-        if other == observer or not number(instant.vehicles.valid, other):
+    for slot in range(8):
+        if slot == observer or not number(instant.vehicles.valid, slot):
             continue
-        d, half = number(instant.state.motion.d, other), number(instant.vehicles.half_width, other)
+        d, half = number(instant.state.motion.d, slot), number(instant.vehicles.half_width, slot)
         if d + half <= low + MARGIN or d - half >= high - MARGIN:
             continue
-        distance = number(instant.state.motion.s, other) - number(instant.state.motion.s, observer)
+        distance = number(instant.state.motion.s, slot) - number(instant.state.motion.s, observer)
         if (distance >= 0.0) != (role % 2 == 0) or abs(distance) >= nearest_distance:
             continue
-        nearest_slot, nearest_distance = other, abs(distance)
+        nearest_slot, nearest_distance = slot, abs(distance)
     if nearest_slot < 0:
         return -1, float("inf")
     lengths = number(instant.vehicles.half_length, observer) + number(
@@ -85,13 +85,13 @@ def test_a_small_overlap_of_a_line_is_not_in_the_lane():
     assert int(instant.neighbours().slot[AHEAD_OF_OWN, 0, 0]) == -1
 
 
-def leader_during_change(signal: float, done: float, crashed: float = 0.0) -> int:
+def leader_during_change(signal: float, change_share: float, crashed: float = 0.0) -> int:
     """Slot of the leader while another vehicle has done a part of its change into the lane."""
     instant = traffic_instant(
         [Vehicle(s=0.0, lane=1), Vehicle(s=40.0, lane=0), Vehicle(s=0.0, lane=0)]
     )
     instant.state.lane_choice.lane[1], instant.state.controls.indicator[1] = 1.0, signal
-    instant.state.path.elapsed[1], instant.state.path.duration[1] = 5.0 * done, 5.0
+    instant.state.path.elapsed[1], instant.state.path.duration[1] = 5.0 * change_share, 5.0
     instant.state.motion.is_wreck[1] = crashed
     neighbours = instant.neighbours()
     assert int(neighbours.slot[AHEAD_OF_OWN, 2, 0]) == 1  # It is still in its old lane, too.
@@ -99,17 +99,19 @@ def leader_during_change(signal: float, done: float, crashed: float = 0.0) -> in
 
 
 def test_an_indicated_lane_change_counts_in_the_new_lane_before_the_body_arrives():
-    assert leader_during_change(signal=1.0, done=0.01) == 1
+    assert leader_during_change(signal=1.0, change_share=0.01) == 1
 
 
 def test_a_lane_change_without_indicator_counts_once_it_is_visible():
-    assert leader_during_change(signal=0.0, done=0.19) == -1
-    assert leader_during_change(signal=0.0, done=0.21) == 1
+    assert leader_during_change(signal=0.0, change_share=0.19) == -1
+    assert leader_during_change(signal=0.0, change_share=0.21) == 1
 
 
 def test_a_wreck_is_only_in_the_lanes_under_its_body():
-    assert leader_during_change(signal=1.0, done=0.5, crashed=1.0) == -1
-    assert leader_during_change(signal=1.0, done=1.0) == -1  # The body is still in the old lane.
+    assert leader_during_change(signal=1.0, change_share=0.5, crashed=1.0) == -1
+    assert (
+        leader_during_change(signal=1.0, change_share=1.0) == -1
+    )  # The body is still in the old lane.
 
 
 def test_an_indicator_alone_is_not_a_lane_change():

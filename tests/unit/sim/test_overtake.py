@@ -158,8 +158,8 @@ def test_the_deadline_ends_a_simulation_without_an_attempt():
 
 def test_three_seconds_after_the_overtake_the_simulation_ends():
     recording = run_engine(ego(), other(80.0, 0, 20.0))
-    done = first_frame(recording, Stage.DONE)
-    assert int(recording.num_frames[0]) - 1 - done in (59, 60)
+    done_frame = first_frame(recording, Stage.DONE)
+    assert int(recording.num_frames[0]) - 1 - done_frame in (59, 60)
 
 
 def test_beliefs_are_recorded_at_each_manoeuvre():
@@ -241,7 +241,7 @@ def test_waiting_never_imposes_more_braking_than_the_limit():
 
 
 @pytest.mark.parametrize(
-    ("distance", "leader", "wanted"),
+    ("distance", "leader", "wants_to_overtake"),
     [
         (40.0, 20.0, True),  # Close: 36 m are under 1.5 times its time gap.
         (62.0, 20.0, True),  # The time to collision is just below 6 s.
@@ -249,9 +249,11 @@ def test_waiting_never_imposes_more_braking_than_the_limit():
         (40.0, 32.5, False),  # The gain of speed is too small.
     ],
 )
-def test_it_wants_to_overtake_a_slow_and_near_leader(distance: float, leader: float, wanted: bool):
+def test_it_wants_to_overtake_a_slow_and_near_leader(
+    distance: float, leader: float, wants_to_overtake: bool
+):
     instant, inputs = gap_inputs(ego(), other(distance, 0, leader))
-    assert bool(gap_acceptance.wants_to_overtake(instant.params, inputs)[0]) is wanted
+    assert bool(gap_acceptance.wants_to_overtake(instant.params, inputs)[0]) is wants_to_overtake
 
 
 def branched(decision: ForcedDecision, seconds: float, *vehicles: Vehicle) -> Trajectories:

@@ -76,13 +76,13 @@ def test_vehicles_drift_to_the_side_of_the_wind_and_are_steered_back():
         sample_preset("HardRainNoon", **changes, **{"weather.pushes.accel_mps2": 2.0})
     )
     frames = 100
-    apart = (windy.states.d[:, :2, :frames] - calm.states.d[:, :2, :frames]) / 1000.0
+    displacement = (windy.states.d[:, :2, :frames] - calm.states.d[:, :2, :frames]) / 1000.0
     wheels = windy.scenario.vehicles.kind[:, :2] < 5  # Two-wheelers correct by leaning.
     side = np.sign(np.sin(windy.scenario.weather.wind_direction))[:, None]
-    drift = (apart.mean(axis=2) * side)[wheels]
+    drift = (displacement.mean(axis=2) * side)[wheels]
     assert np.median(drift) > 0.04
     assert (drift > 0.0).mean() > 0.9
-    assert np.abs(apart[wheels]).max() < 1.0, "lane keeping holds the lane"
+    assert np.abs(displacement[wheels]).max() < 1.0, "lane keeping holds the lane"
 
 
 def test_sight_is_cut_by_night_under_clouds_and_towards_the_sun():

@@ -1,4 +1,4 @@
-"""What is written down: rounded once, with the right signs and lights, and hashed."""
+"""Recorded numbers are rounded once, have the right signs and lights, and are hashed."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def test_numbers_are_rounded_once_half_to_even(value: float):
 
 
 def test_ties_go_to_the_even_number():
-    ties = np.array([0.5, 1.5, 2.5, -0.5, -1.5], np.float32)
-    np.testing.assert_array_equal(to_recorded_integers(ties, np.float32(1.0)), [0, 2, 2, 0, -2])
+    halves = np.array([0.5, 1.5, 2.5, -0.5, -1.5], np.float32)
+    np.testing.assert_array_equal(to_recorded_integers(halves, np.float32(1.0)), [0, 2, 2, 0, -2])
 
 
 def test_numbers_beyond_the_type_are_clamped():
-    big = np.array([1e9, -1e9], np.float32)
+    large_values = np.array([1e9, -1e9], np.float32)
     limit = np.float32(32767.0)
     np.testing.assert_array_equal(
-        to_recorded_integers(big, np.float32(1e4), limit), [32767, -32767]
+        to_recorded_integers(large_values, np.float32(1e4), limit), [32767, -32767]
     )
 
 
@@ -72,27 +72,30 @@ def test_bicycles_have_no_lamps():
 def test_stop_lamps_show_braking():
     driver = {"desired_speed": 30.0, "reaction_time": 0.5}
     cars = [Vehicle(s=0.0, speed=30.0, driver=driver), Vehicle(s=60.0, speed=15.0)]
-    ran = engine.simulate(scenario(cars, road=wide_road(lanes=1), horizon=6.0))
-    frames = int(ran.num_frames[0])
-    lit = (ran.states.lights[0, 0, :frames] & Lights.BRAKE) > 0
-    accel = ran.states.accel_lon[0, 0, :frames] / 1000.0
+    recording = engine.simulate(scenario(cars, road=wide_road(lanes=1), horizon=6.0))
+    frames = int(recording.num_frames[0])
+    lit = (recording.states.lights[0, 0, :frames] & Lights.BRAKE) > 0
+    accel = recording.states.accel_lon[0, 0, :frames] / 1000.0
     assert lit.any()
     assert not lit.all()
-    # Asked for at this instant, felt in the next frame.
+    # The request of one frame acts until the next frame.
     assert (accel[1:][lit[:-1]] < -0.3).mean() > 0.95
     assert (accel[1:][~lit[:-1]] > -0.7).all()
 
 
 def test_a_vehicle_that_turns_left_is_recorded_with_positive_signs():
-    # A gale towards the left on someone who wanders there: d grows, the heading is anticlockwise.
+    # A gale pushes a van to the left: d grows, and the heading turns anticlockwise.
     weather = {"wind": 100.0, "wind_direction": math.pi / 2.0}
     world = scenario(
         [Vehicle(kind="V", lane=0, speed=30.0)], road=wide_road(lanes=5), weather=weather
     )
-    ran = engine.simulate(world)
-    d = ran.states.d[0, 0, : ran.num_frames[0]].astype(float)
-    heading, y = (getattr(ran.states, name)[0, 0, : ran.num_frames[0]] for name in ("heading", "y"))
-    # The road runs along x: y is d, and where d grows fast the heading points there.
+    recording = engine.simulate(world)
+    d = recording.states.d[0, 0, : recording.num_frames[0]].astype(float)
+    heading, y = (
+        getattr(recording.states, name)[0, 0, : recording.num_frames[0]]
+        for name in ("heading", "y")
+    )
+    # The road runs along x, so y is d. Where d grows fast, the heading points to the left.
     np.testing.assert_array_equal(y, d)
     rising = np.gradient(d) > 20.0
     assert rising.any()
@@ -107,6 +110,6 @@ def test_a_trace_hash_differs_for_every_simulation():
 
 def test_empty_slots_do_not_change_the_hash():
     cars = [Vehicle(s=0.0), Vehicle(s=50.0)]
-    one = engine.simulate(scenario(cars, num_slots=2, horizon=2.0))
-    two = engine.simulate(scenario(cars, num_slots=8, horizon=2.0))
-    np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
+    with_two_slots = engine.simulate(scenario(cars, num_slots=2, horizon=2.0))
+    with_eight_slots = engine.simulate(scenario(cars, num_slots=8, horizon=2.0))
+    np.testing.assert_array_equal(with_two_slots.trace_hash, with_eight_slots.trace_hash)

@@ -14,7 +14,7 @@ from tests.support.worlds import FOUR_WHEELERS, Vehicle
 from overtaking.sim.reference import steering
 
 SPEEDS = {"S": 33.0, "M": 33.0, "L": 33.0, "V": 30.0, "T": 24.0, "MC": 33.0}
-"""What the classes drive at most in the study [m/s]."""
+"""Largest speeds of the classes in the study of Pinto et al. (2023) [m/s]."""
 
 LANE_WIDTH = 3.5
 
@@ -37,31 +37,40 @@ def quintic(start: tuple[float, float, float], end: float, duration: float) -> n
 
 def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     b.state.path.elapsed = np.full_like(b.state.path.elapsed, time)
-    place, speed = (float(part[0, 0]) for part in steering.path_point(b.state))
-    return place, speed, float(steering.path_accel(b.state)[0, 0])
+    d, speed = (float(part[0, 0]) for part in steering.path_point(b.state))
+    return d, speed, float(steering.path_accel(b.state)[0, 0])
 
 
 @pytest.mark.ci
 @given(
-    end=st.floats(-8.0, 8.0), duration=st.floats(2.5, 12.0), turn=st.floats(0.0, 1.0),
-    back=st.floats(-8.0, 8.0), second=st.floats(2.5, 12.0), at=st.floats(0.0, 1.0),
+    end=st.floats(-8.0, 8.0), duration=st.floats(2.5, 12.0), turn_share=st.floats(0.0, 1.0),
+    back_end=st.floats(-8.0, 8.0), back_duration=st.floats(2.5, 12.0), share=st.floats(0.0, 1.0),
 )  # fmt: skip
 def test_a_path_is_the_quintic_from_the_present_point_of_the_last_path(
-    end: float, duration: float, turn: float, back: float, second: float, at: float
+    end: float,
+    duration: float,
+    turn_share: float,
+    back_end: float,
+    back_duration: float,
+    share: float,
 ):
     b = bench(Vehicle())
     b.state.path.coefficients[:] = 0.0
-    everyone = np.ones_like(b.state.motion.s, bool)
+    all_vehicles = np.ones_like(b.state.motion.s, bool)
     zero = np.zeros_like(b.state.motion.s)
-    steering.start_path(b.state, everyone, zero + np.float32(end), zero + np.float32(duration))
-    left = follow_path(b, turn * duration)
-    steering.start_path(b.state, everyone, zero + np.float32(back), zero + np.float32(second))
-    np.testing.assert_allclose(follow_path(b, 0.0), left, atol=1e-5)  # Nothing jumps.
-    expected = np.polynomial.Polynomial(quintic(left, back, second))
-    place, speed, accel = follow_path(b, at * second)
-    t = at * second
+    steering.start_path(b.state, all_vehicles, zero + np.float32(end), zero + np.float32(duration))
+    start = follow_path(b, turn_share * duration)
+    steering.start_path(
+        b.state, all_vehicles, zero + np.float32(back_end), zero + np.float32(back_duration)
+    )
+    np.testing.assert_allclose(
+        follow_path(b, 0.0), start, atol=1e-5
+    )  # No jump in position, speed or acceleration.
+    expected = np.polynomial.Polynomial(quintic(start, back_end, back_duration))
+    d, speed, accel = follow_path(b, share * back_duration)
+    t = share * back_duration
     # Float32 coefficients, and powers of up to 12 s.
-    assert place == pytest.approx(expected(t), abs=2e-3)
+    assert d == pytest.approx(expected(t), abs=2e-3)
     assert speed == pytest.approx(expected.deriv()(t), abs=2e-3)
     assert accel == pytest.approx(expected.deriv(2)(t), abs=4e-3)
 
@@ -88,14 +97,14 @@ def test_the_peaks_of_a_lane_change_are_those_of_the_literature(duration: float)
 
 
 def drive(b: Bench, duration: float) -> dict[str, np.ndarray]:
-    """Let the driver steer, without wander, and hold the speed."""
+    """Let the driver steer at constant speed, without wandering."""
     rows = {name: [] for name in RECORDED}
     for k in range(round(duration / DECISION)):
         b.decide()
         steering.update_wind_trim(b.state, b.params, k)
-        ran = b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))
+        motion = b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))
         for name, values in rows.items():
-            values.append(ran[name])
+            values.append(motion[name])
     return {name: np.array(values) for name, values in rows.items()}
 
 
@@ -104,11 +113,11 @@ def test_every_class_returns_to_its_lane_without_weaving(kind: str):
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]))
     centre = float(b.state.motion.d[0, 0])
     b.state.motion.d = b.state.motion.d + np.float32(0.5)
-    away = drive(b, 15.0)["d"] - centre
-    # A damping ratio of 0.4 lets a step overshoot by a quarter; weaving grows instead.
-    assert away.min() > -0.25 * 0.5
-    assert np.abs(away[160:]).max() < 0.05
-    assert np.abs(away[240:]).max() < 0.02
+    offset = drive(b, 15.0)["d"] - centre
+    # With a damping ratio of 0.4 the overshoot is a quarter of the step; weaving would grow.
+    assert offset.min() > -0.25 * 0.5
+    assert np.abs(offset[160:]).max() < 0.05
+    assert np.abs(offset[240:]).max() < 0.02
 
 
 @pytest.mark.ci
@@ -119,12 +128,12 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     centre = b.state.motion.d.copy()
     zero = np.zeros_like(centre)
     steering.start_path(b.state, zero == 0, centre + LANE_WIDTH, zero + np.float32(duration))
-    ran = drive(b, 16.0)
-    place = ran["d"] - float(centre[0, 0])
-    # Wheels and tyres answer late, and the driver asks for the path as much earlier.
-    assert place.max() < LANE_WIDTH + (0.1 if kind == "T" else 0.06)
-    assert np.abs(place[260:] - LANE_WIDTH).max() < 0.05
-    assert np.abs(ran["accel_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
+    motion = drive(b, 16.0)
+    d = motion["d"] - float(centre[0, 0])
+    # The driver requests the path earlier, by the delay of wheels and tyres.
+    assert d.max() < LANE_WIDTH + (0.1 if kind == "T" else 0.06)
+    assert np.abs(d[260:] - LANE_WIDTH).max() < 0.05
+    assert np.abs(motion["accel_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
 
 
 @pytest.mark.ci
@@ -133,11 +142,11 @@ def test_a_steady_gale_is_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]), sky=sky)
     centre = float(b.state.motion.d[0, 0])
-    away = drive(b, 10.0)["d"] - centre
-    # 12 m/s from the side: the driver answers it from the first frame on, the wheel and the slight
-    # crab angle follow within a second. Nobody corrects the last decimetres.
-    assert np.abs(away).max() < 0.4
-    assert np.abs(away[160:]).max() < 0.2
+    offset = drive(b, 10.0)["d"] - centre
+    # 12 m/s from the side: the driver compensates it from the first frame on, wheel and crab angle
+    # follow within a second. Drivers do not correct the last decimetres.
+    assert np.abs(offset).max() < 0.4
+    assert np.abs(offset[160:]).max() < 0.2
 
 
 @pytest.mark.parametrize("kind", FOUR_WHEELERS)
@@ -145,28 +154,30 @@ def test_a_sudden_side_wind_blows_aside_and_is_then_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}
     b = bench(Vehicle(kind=kind, speed=SPEEDS[kind]), sky=sky)
     centre = float(b.state.motion.d[0, 0])
-    drive_calm = b.updates_wind
+    had_wind = b.updates_wind
     b.updates_wind = False
     drive(b, 0.5)
-    b.updates_wind = drive_calm
+    b.updates_wind = had_wind
     b.decide()
-    away = drive_after_start(b, 12.0) - centre
-    # Drivers answer after 0.4 s, so the wind is felt, and more by high vehicles.
-    assert 0.05 < away.max() < 1.0
-    assert np.abs(away[200:]).max() < 0.2
+    offset = drive_after_start(b, 12.0) - centre
+    # Drivers compensate after 0.4 s, so the wind displaces vehicles, high ones more.
+    assert 0.05 < offset.max() < 1.0
+    assert np.abs(offset[200:]).max() < 0.2
 
 
 def drive_after_start(b: Bench, duration: float) -> np.ndarray:
-    """The same as `drive`, but not from the first frame on, when the wind is held already."""
-    places = []
+    """As `drive`, but after the first decision, at which drivers compensate the wind at once."""
+    lateral_positions = []
     for k in range(round(duration / DECISION)):
         b.decide()
         steering.update_wind_trim(b.state, b.params, k + 1)
-        places.append(b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))["d"])
-    return np.array(places)
+        lateral_positions.append(
+            b.drive_one(b.steer(np.full_like(b.simulations.max_lateral_accel, 4.0)))["d"]
+        )
+    return np.array(lateral_positions)
 
 
-def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
+def test_wheels_turn_within_their_rate_and_largest_angle():
     b = bench(Vehicle(speed=20.0))
     b.state.motion.d = b.state.motion.d + np.float32(30.0)
     before = 0.0
@@ -180,8 +191,8 @@ def test_wheels_turn_no_faster_than_hands_and_no_farther_than_their_stops():
 
 
 def test_a_sliding_car_is_steered_into_the_slide():
-    # The tail has come round by 20 degrees to the left: vy < 0, the car yaws to the left. A driver
-    # who only wanted to the left (the path is there) would hold on; the front wheels go right.
+    # The car yaws to the left and slides to the right by 20 degrees (vy < 0). Its path is on the
+    # left, but the front wheels turn to the right, into the slide.
     b = bench(Vehicle(speed=25.0), friction=0.4)
     b.state.motion.d = b.state.motion.d - np.float32(1.0)
     b.state.motion.vy = np.full_like(b.state.motion.vy, -9.0)
@@ -191,8 +202,8 @@ def test_a_sliding_car_is_steered_into_the_slide():
     slip = (-9.0 + 0.3 * float(b.vehicles.cg_front[0, 0])) / 25.0
     wheel = float(b.state.controls.wheel_angle[0, 0])
     assert wheel < 0.0
-    # At most two thirds of the slip at which the tyre slides, 3 mu / C.
-    # Five time constants of the hands later.
+    # At most two thirds of the slip at which the tyre slides, 3 mu / C, after five time constants
+    # of the wheels.
     assert wheel - slip <= 2.0 * 0.4 / float(b.vehicles.front_stiffness[0, 0]) + 0.01
 
 

@@ -1,4 +1,4 @@
-"""What the ego believes at every decision: the simulation itself, not another one."""
+"""Beliefs of the ego at every decision belong to the recorded simulation."""
 
 from __future__ import annotations
 
@@ -17,39 +17,41 @@ def scenario() -> ot.Scenario:
     return ot.sample("pinto2023-physical", num_simulations=6, seed=1)
 
 
-def test_the_ego_is_where_it_was_recorded(scenario: ot.Scenario):
-    runs, told = ot.simulate(scenario), trace_beliefs(scenario)
-    for one, frames in enumerate(runs.num_frames):
-        position = EgoColumns._make(told.ego[:, one].T).s
-        assert np.isfinite(position).sum() == frames  # 20 frames and decisions a second.
-        assert (np.rint(position[:frames] * _MM) == runs.states.s[one, 0, :frames]).all()
+def test_a_trace_has_the_recorded_positions(scenario: ot.Scenario):
+    runs, trace = ot.simulate(scenario), trace_beliefs(scenario)
+    for row, frames in enumerate(runs.num_frames):
+        s = EgoColumns._make(trace.ego[:, row].T).s
+        assert np.isfinite(s).sum() == frames  # 20 frames and decisions a second.
+        assert (np.rint(s[:frames] * _MM) == runs.states.s[row, 0, :frames]).all()
 
 
-def test_an_ego_that_another_driver_drove_does_the_same_again(scenario: ot.Scenario):
+def test_a_trace_repeats_the_actions_of_an_external_driver(scenario: ot.Scenario):
     def brakes(observation: ot.Observation) -> np.ndarray:
         accel = np.full(len(observation.is_running), 0.5 if observation.time < 1.0 else -1.0)
         return np.stack([accel, np.zeros_like(accel)], axis=1)
 
     runs = ot.drive(scenario, brakes, observation="human", action="accel_lane")
-    told = trace_beliefs(scenario, runs.actions)
-    for one, frames in enumerate(runs.num_frames):
-        position = EgoColumns._make(told.ego[:frames, one].T).s
-        assert (np.rint(position * _MM) == runs.states.s[one, 0, :frames]).all()
+    trace = trace_beliefs(scenario, runs.actions)
+    for row, frames in enumerate(runs.num_frames):
+        s = EgoColumns._make(trace.ego[:frames, row].T).s
+        assert (np.rint(s * _MM) == runs.states.s[row, 0, :frames]).all()
 
 
 @pytest.mark.ci
-def test_both_engines_tell_the_same(scenario: ot.Scenario):
-    few = scenario.select(slice(0, 2))
-    few = few.replace(horizon=np.full(2, 1.5, np.float32))
-    ours, readable = (trace_beliefs(few, simulator=name) for name in ("engine", "reference"))
+def test_both_simulators_give_the_same_beliefs(scenario: ot.Scenario):
+    two_scenarios = scenario.select(slice(0, 2))
+    two_scenarios = two_scenarios.replace(horizon=np.full(2, 1.5, np.float32))
+    by_engine, by_reference = (
+        trace_beliefs(two_scenarios, simulator=name) for name in ("engine", "reference")
+    )
     for name in ("ego", "believed", "true"):
-        np.testing.assert_array_equal(getattr(ours, name), getattr(readable, name))
-    assert EgoColumns._make(readable.ego.T).speed.max() > 5.0
+        np.testing.assert_array_equal(getattr(by_engine, name), getattr(by_reference, name))
+    assert EgoColumns._make(by_reference.ego.T).speed.max() > 5.0
 
 
-def test_what_is_not_seen_is_not_believed(scenario: ot.Scenario):
-    told = trace_beliefs(scenario)
-    believed = NeighbourColumns._make(told.believed.T)
-    unseen = believed.is_detected == 0
-    assert (believed.closing_speed[unseen] == 0).all()
-    assert 0.2 < unseen.mean() < 1.0
+def test_undetected_neighbours_have_no_believed_closing_speed(scenario: ot.Scenario):
+    trace = trace_beliefs(scenario)
+    beliefs = NeighbourColumns._make(trace.believed.T)
+    is_undetected = beliefs.is_detected == 0
+    assert (beliefs.closing_speed[is_undetected] == 0).all()
+    assert 0.2 < is_undetected.mean() < 1.0

@@ -1,4 +1,4 @@
-"""How a pass that has begun goes on: past the target, back behind it, or urgently back.
+"""Decisions during a pass: to complete it, to abort it, or to return urgently.
 
 The ego and the others follow the same rules; `slots` selects the rows of the arrays.
 """
@@ -37,11 +37,11 @@ from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 @dataclass(slots=True, kw_only=True)
 class PassContinuation:
-    """How drivers go on with a pass against oncoming traffic; masks of the shape of the slots.
+    """Decisions of passing drivers on a two-way road; masks of the shape of the slots.
 
     Attributes:
         must_abort: The driver falls back behind its target.
-        must_return_urgently: The driver hurries to be back in its lane.
+        must_return_urgently: The driver accelerates and returns as fast as it can.
         accepts_small_gap: The driver returns into a smaller gap than usual.
         fits_into_lane: A driver that falls back will have gaps to its target and to the leader of
             its lane once it has braked.
@@ -54,7 +54,7 @@ class PassContinuation:
 
 
 class TargetLead(NamedTuple):
-    """How far the target's centre is ahead of the driver's [m]."""
+    """Position of the target's centre minus the position of the driver's centre [m]."""
 
     now: F32
     needed: F32  # With the smallest gap that the driver needs behind the target.
@@ -97,7 +97,7 @@ class ReturnSpace(NamedTuple):
 def decide_pass_continuation(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> PassContinuation:
-    """How drivers go on with a pass against oncoming traffic.
+    """Decide whether drivers complete a pass, abort it, or return urgently.
 
     A driver compares three durations: to complete the pass, to be back behind the target, and to
     meet the oncoming vehicle.
@@ -117,19 +117,19 @@ def decide_pass_continuation(
         abort=_time_to_abort(params, vehicle, motion),
         meet=_time_to_meet(context.oncoming.nearest, slots),
     )
-    is_out = state.is_before_return(slots)
+    is_passing = state.is_before_return(slots)
     must_return_now = _must_return_before_next(state, params, context)[slots]
     space = _return_space(params, context, vehicle, motion, slots)
-    must_abort = is_out & (
+    must_abort = is_passing & (
         _aborts_early(params, motion, times)
         | (must_return_now & _is_trapped(params, motion, times, space))
         | (state.overtake.must_abort[slots] > 0)  # Final while the driver is in the other lane.
     )
-    goes_on = (is_out | state.is_in_stage(Stage.RETURN, slots)) & ~must_abort
+    continues = (is_passing | state.is_in_stage(Stage.RETURN, slots)) & ~must_abort
     has_little_time = times.meet - times.complete < params.constants.urgent_return_margin
-    accepts_small_gap = goes_on & (has_little_time | (must_return_now & space.is_cramped))
+    accepts_small_gap = continues & (has_little_time | (must_return_now & space.is_cramped))
     # Crossing a solid line is no danger in itself: the driver hurries, but accepts no small gap.
-    hurries_before_line = goes_on & _would_cross_solid_line(state, params, slots, motion, times)
+    hurries_before_line = continues & _would_cross_solid_line(state, params, slots, motion, times)
     return PassContinuation(
         must_abort=must_abort,
         must_return_urgently=accepts_small_gap | hurries_before_line,

@@ -1,7 +1,7 @@
 """Recorded integers of a batch, rounded from its states, and the hash over them."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,11 +93,11 @@ def _recorded_belief(
     speeds, _ = state.road_velocity()
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
     true_closing_speed = ego_speed - speed if is_leader_role(role) else speed - ego_speed
-    return _belief_and_truth(
+    return _percept_fields(
         slot,
         beliefs.is_detected[role, EGO_SLOT],
-        believed=(beliefs.gap[role, EGO_SLOT], beliefs.closing_speed[role, EGO_SLOT]),
-        true=(neighbours.gap[role, EGO_SLOT], true_closing_speed),
+        believed=_Approach(beliefs.gap[role, EGO_SLOT], beliefs.closing_speed[role, EGO_SLOT]),
+        true=_Approach(neighbours.gap[role, EGO_SLOT], true_closing_speed),
     )
 
 
@@ -105,18 +105,25 @@ def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[s
     """The ego's belief about the oncoming vehicle, and the truth, by field of `Percepts`."""
     slot = oncoming.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
-    return _belief_and_truth(
+    return _percept_fields(
         slot,
         oncoming.is_detected[EGO_SLOT],
-        believed=(oncoming.believed_gap[EGO_SLOT], oncoming.closing_speed[EGO_SLOT]),
-        true=(oncoming.gap[EGO_SLOT], speeds[EGO_SLOT] + value_at_slot(speeds, slot)),
+        believed=_Approach(oncoming.believed_gap[EGO_SLOT], oncoming.closing_speed[EGO_SLOT]),
+        true=_Approach(oncoming.gap[EGO_SLOT], speeds[EGO_SLOT] + value_at_slot(speeds, slot)),
     )
 
 
-def _belief_and_truth(
-    slot: F32, is_detected: Mask, *, believed: tuple[F32, F32], true: tuple[F32, F32]
+class _Approach(NamedTuple):
+    """Gap to a vehicle [m] and closing speed [m/s], believed or true, (simulation,)."""
+
+    gap: F32
+    closing_speed: F32
+
+
+def _percept_fields(
+    slot: F32, is_detected: Mask, *, believed: _Approach, true: _Approach
 ) -> dict[str, NDArray[Any]]:
-    """Fields of `Percepts` of one vehicle, from its gap [m] and closing speed [m/s]."""
+    """Fields of `Percepts` of one vehicle."""
     gap, closing_speed, true_gap, true_closing_speed = (
         to_recorded_integers(value, _INTEGERS_PER_UNIT) for value in (*believed, *true)
     )
