@@ -117,6 +117,9 @@ def engine_inputs(params: StepParameters) -> _core.Inputs:
     The engine reads contiguous parameters in place at each call, so the caller must not change the
     arrays between two calls.
 
+    Args:
+        params: Parameters of a batch.
+
     Raises:
         ValueError: There are more slots than the engine has, or an array has another type.
     """
@@ -200,7 +203,13 @@ def allocate_outputs(
 
 
 def to_trajectories(scenario: Scenario, outputs: dict[str, NDArray[Any]]) -> Trajectories:
-    """The outputs of the engine as a recording, cut after the longest simulation."""
+    """The outputs of the engine as a recording, cut after the longest simulation.
+
+    Args:
+        scenario: The batch of scenarios.
+        outputs: The arrays of `allocate_outputs`, filled by the engine. The recording contains
+            views of them.
+    """
     # A batch of no simulations gets one frame, because labels contain minima over the frames, and
     # NumPy has no minimum over zero frames.
     max_frames = int(outputs["num_frames"].max(initial=1))

@@ -201,7 +201,11 @@ class ExternallyMovedSimulation:
         self._simulation.record(np.stack(motion), float(ego_stage), ego_indicator, step)
 
     def end_at(self, step: int) -> None:
-        """Set the last step of the simulation."""
+        """Set the last step of the simulation.
+
+        Args:
+            step: Number of the step.
+        """
         self._simulation.end_at(step)
 
     def finish(self) -> Trajectories:

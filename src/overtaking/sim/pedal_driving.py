@@ -95,7 +95,14 @@ _FRICTION_AT_START = 0.8  # `State.at_start` of both simulators; the first tick 
 
 
 def driven_vehicles_at_start(num_vehicles: int) -> NDArray[np.float32]:
-    """The table of vehicles that stand at the origin, rows as in `DrivenVehicles`."""
+    """The table of vehicles that stand at the origin.
+
+    Args:
+        num_vehicles: Number of vehicles.
+
+    Returns:
+        Rows of `DrivenVehicles`, shape (field, vehicle).
+    """
     table = np.zeros((len(DrivenVehicles._fields), num_vehicles), np.float32)
     vehicles = DrivenVehicles(*table)
     vehicles.mu_left[:] = vehicles.mu_right[:] = _FRICTION_AT_START

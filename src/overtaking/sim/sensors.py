@@ -80,6 +80,9 @@ class Sensor:
     def from_file(cls, path: str | Path) -> "Sensor":
         """The sensor that a TOML file describes, with one key for each attribute.
 
+        Args:
+            path: The file.
+
         Raises:
             ConfigError: The file cannot be read, a key is missing or unknown, or a value is out of
                 range.
