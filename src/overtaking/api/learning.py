@@ -1,7 +1,7 @@
 """Public functions that learn from a data set what decides an overtake: `overtaking.learning`.
 
 Both learn from the state at the instant when the ego (the vehicle whose overtaking is studied)
-begins an overtake, or could begin one: gaps, speeds, weather and the like. Each simulation is one
+begins an overtake, or could begin one, such as gaps, speeds and weather. Each simulation is one
 example. Examples of the same scenario (the situation at the start) stay together, such as a
 simulation and its repetition with a change. 30 % of the scenarios are held out (not used for
 learning), and all scores are measured on their examples. *Class*: the result of a simulation, such

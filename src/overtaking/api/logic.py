@@ -39,17 +39,17 @@ def ask(
     memory_mib: int = 2048,
     progress: ProgressCallback | None = None,
 ) -> "Answers":
-    """Find the simulations, vehicles and frames for which a condition is true.
+    """Find the simulations, vehicles and frames that satisfy a condition.
 
     Args:
         dataset: The data set, or its folder or URL.
-        query: A condition, such as `overtakes(S,ego,P,F), night(S)`: which vehicles `P` does the
-            ego overtake, in which simulation `S` at night, and at which frame `F` is it back in its
-            lane? The condition must hold within one simulation; simulations cannot be compared.
-            A query cannot read or write files.
+        query: A condition, such as `overtakes(S,ego,P,F), night(S)`: simulations `S` at night,
+            vehicles `P` that the ego overtakes, and frames `F` in which it is back in its lane. The
+            condition must hold within one simulation; a query cannot compare simulations, and
+            cannot read or write files.
         simulation_ids: Numbers of the simulations to query, from 0; None for all.
-        overtake_class: Of these, only simulations with this class, such as `Success_L` (completed
-            and legal); None for all.
+        overtake_class: Class of the simulations to query, such as `Success_L` (completed and
+            legal); None for all.
         policy: The set of rules of law that decides about the class: `paper`, `default` or
             `strict`; None for the default of the profile.
         frame_step: Interval between the positions and speeds among the facts [frames], 1 or more.

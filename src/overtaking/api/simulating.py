@@ -63,8 +63,8 @@ Measured with 400 simulations of the profile `motorway`.
 MAX_SCENARIOS = 100_000_000
 """Largest number of scenarios in a batch, a choice: a larger number is a typing error.
 
-So many scenarios of the profile `motorway` would take 600 GB. Data sets are made in parts and may
-have more.
+That many scenarios of the profile `motorway` take 600 GB. Data sets may have more, because they are
+made in parts.
 """
 
 
@@ -107,7 +107,7 @@ def sample(
     # One scenario shows errors of the specification, and the size of all, before the long work.
     first_row = source.sample(scenario_index[:1])
     check_batch(first_row, "sample", "scenario")
-    # Twice, because the sampler draws blocks and holds them while it joins them to one batch.
+    # Factor 2: the sampler draws blocks, and holds them while it joins them to one batch.
     next_step = "draw fewer at a time, or call generate_dataset"
     check_memory(2 * first_row.nbytes * num_simulations, "sample", next_step)
     return source.sample(scenario_index)

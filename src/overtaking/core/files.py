@@ -38,7 +38,7 @@ def unreadable_error(
 ) -> OvertakingError | None:
     """Translate an exception from reading a file if the system did not let this process read it.
 
-    Such a file may be intact, so the message advises to try again, not to write the file again.
+    Such a file may be intact, so the message advises to try again, and not to replace the file.
 
     Args:
         error: The exception.
@@ -95,7 +95,7 @@ def check_output_path(path: str | Path) -> None:
 def check_regular_file(path: Path) -> Path:
     """Refuse pipes and devices, because reading them might never end.
 
-    A folder passes: opening it raises an error that says more.
+    A folder passes, because the error at its opening is clearer.
 
     Args:
         path: Path of a file or a folder.
@@ -106,7 +106,7 @@ def check_regular_file(path: Path) -> Path:
     Raises:
         FileNotFoundError: The path does not exist, or is a pipe or a device, which callers report
             like a missing file.
-        OSError: The system does not tell the type of the path.
+        OSError: The type of the path cannot be read.
     """
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):

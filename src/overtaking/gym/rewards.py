@@ -66,7 +66,7 @@ RewardFunction = Callable[[EgoObservation, F64, EgoObservation, StepOutcome], F6
 def progress(
     observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
-    """Minus the time lost against driving at the desired speed, shape (env,) [s].
+    """Minus the time lost compared with driving at the desired speed, shape (env,) [s].
 
     The desired speed belongs to the scenario's driver, which the agent replaces. Driving faster
     gains nothing, so the reward is never positive. An accident costs `CRASH_COST` more.
@@ -108,7 +108,7 @@ def progress_legal(
     _check_judged(outcome, "progress_legal")
     ego, leader = next_observation.ego, next_observation.leader
     # The deceleration on a dry road, 8 m/s^2. On a wet road the rule assumes less and demands a
-    # larger gap, but observations do not tell how wet the road is.
+    # larger gap, but observations do not contain the water on the road.
     decel_limit = as_f32(MAX_DECEL.f32)
     min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
     # The lawful gap is 0 at standstill; 1 m avoids the division by 0.

@@ -54,8 +54,7 @@ class VehicleTracks(ContentEquality):
         d: Position of the centre across the road, growing to the left of `s` [m].
         heading: Direction in which the body points, anticlockwise from world x [rad].
         road_angle: Angle from the direction of the road to `heading`, anticlockwise; about pi for
-            an oncoming vehicle [rad]. Whole turns may be added to it or left out, so compare its
-            sine and cosine.
+            an oncoming vehicle [rad]. It may differ by whole turns, so compare its sine and cosine.
         speed: Speed, never negative [m/s].
         accel: Acceleration forwards, without the jumps of speed in collisions [m/s^2].
         yaw_rate: Rate of turning, anticlockwise [rad/s].

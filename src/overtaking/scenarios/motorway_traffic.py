@@ -73,8 +73,8 @@ lane [s]."""
 RELAXING_DECEL = number("sampling.flow.relaxing_decel")
 """Deceleration of a vehicle that rolls without brakes [m/s^2]. A vehicle with a larger gap than its
 driver wants may start faster than its leader. The difference is limited, so that rolling alone
-brings the vehicle to its leader's speed while the gap shrinks to the desired one. So no driver has
-to brake because of the start."""
+brings the vehicle to its leader's speed before the gap is smaller than the desired one. So no
+driver has to brake because of the start."""
 
 PASSING_SPEED_FACTOR = number("sampling.flow.passing_speed_factor")
 """Largest speed while overtaking, over the desired speed [1]."""
@@ -150,7 +150,7 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
         # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, as far
-        # as its followers leave room. The vehicle keeps this share of the room: above 0 only in
+        # as its followers leave space. The vehicle keeps this share of the space: above 0 only in
         # placed traffic, where starts would otherwise pile up at the end of a short zone.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
@@ -252,7 +252,7 @@ def place_around_ego(
     # Importance sampling may replace the number, so that some densities are drawn more often.
     u = block.proposal.transform("density", stream.uniform())
     vehicles_per_metre = scale_to_range(u, *_vehicles_per_metre(flow))
-    # Each lane takes one number, the ego's lane, too, so that all simulations take equally many.
+    # Each lane takes one number, also the ego's, so that all simulations take the same count.
     first_positions = [stream.uniform() for _ in flow.lanes]
     ends = _TrafficEnds(flow, vehicles_per_metre, ego, first_positions)
     end_time = np.float32(block.specification.time.attempt_deadline_s + OVERTAKE_DURATION)
@@ -260,7 +260,7 @@ def place_around_ego(
     valid = [np.ones(len(ego.lane), np.bool_)]
     lanes, stations = [ego.lane], [np.zeros_like(ego.desired_speed)]
     for slot in range(1, max_vehicles):
-        # Needed: an end would come into sight, or the fewest vehicles are not reached.
+        # A vehicle is needed if an end would come into sight, or if there are too few vehicles.
         is_needed = (ends.time < end_time) | (slot < min_vehicles)
         lane, station = ends.add(stream.normal(), is_needed)
         valid.append(is_needed)
@@ -277,7 +277,7 @@ def _check_ends_out_of_sight(block: SampleBlock, flow: FlowTraffic, end_in_sight
 
     Such traffic is so dense that the largest number of vehicles does not fill the distance that the
     ego sees. `two_way_traffic` allows attempts for at least 1 s even then (`MIN_DEADLINE`). Here
-    this would be wrong, because every attempt would meet traffic below the stated density.
+    this would be wrong, because every attempt would meet less traffic than stated.
 
     Args:
         block: The simulations that are drawn together.
@@ -474,8 +474,8 @@ def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:
 class _TrafficEnds:
     """The ends of the traffic, in each lane ahead and behind, and when the ego may see them.
 
-    The estimate takes all vehicles of a lane to drive at the mean speed of the lane. The ego drives
-    at a speed between this mean and its desired speed (`EGO_SPEED_SHARE`). It sees an end as soon
+    The estimate assumes that all vehicles of a lane drive at its mean speed. The ego drives at a
+    speed between this mean and its desired speed (`EGO_SPEED_SHARE`). It sees an end as soon
     as it is within `FlowTraffic.sight_m`, which states a distance behind and one ahead.
     """
 
@@ -573,8 +573,8 @@ class _TrafficEnds:
         times: list[F32] = []
         for lane_index, speed in enumerate(self._speeds):
             speed_difference = self._ego_speed - speed
-            # The ego catches up with the end ahead, the end behind catches up with the ego. An end
-            # that recedes counts with the margin alone.
+            # The ego catches up with the end ahead; the end behind catches up with the ego. For an
+            # end that recedes, the closing speed is the margin.
             closing_ahead = maximum(speed_difference, zero) + margin
             times.append((self._ahead[lane_index] - self._sight_ahead) / closing_ahead)
             closing_behind = maximum(-speed_difference, zero) + margin

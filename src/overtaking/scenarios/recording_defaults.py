@@ -3,8 +3,8 @@
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
 its driver. Importers of recordings (`recordings`, `data.tables.restore`) fill the missing fields
 from here. They list the groups of such fields, for example "weather", in `Trajectories.unknown`, so
-that no result depends on them. The default values depend on recorded quantities alone: a recording
-has the same ones when it is imported and when a file with it is read again.
+that no result depends on them. The default values depend on recorded quantities only, so a
+recording has the same ones at its import and when its file is read again.
 """
 
 from typing import Any
@@ -23,11 +23,11 @@ DEFAULT_KIND = VehicleKind.MEDIUM_CAR
 recording states no type at all, `kinds_by_length` guesses the types."""
 
 _SUN_ALTITUDE = np.float32(0.8)
-"""Height of the sun [rad], 46 degrees, a choice: by day, and too high to dazzle drivers, as the
-model has glare below 18 degrees alone."""
+"""Height of the sun [rad], 46 degrees, a choice: by day, and too high to dazzle drivers, because
+the model has glare only below 18 degrees."""
 
 _SUN_AZIMUTH = np.float32(1.57)
-"""Direction of the sun from the direction of travel [rad], a choice: at its side."""
+"""Direction of the sun from the direction of travel [rad], a choice: 90 degrees to the left."""
 
 
 def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
@@ -73,9 +73,9 @@ def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleS
 
 
 def default_drivers(shape: tuple[int, int]) -> DriverTraits:
-    """Drivers without meaning: each number is 1 in its unit, each flag is false.
+    """Placeholders for drivers: each number is 1 in its unit, each flag is False.
 
-    The number 1 is within the range of every trait, and no formula divides by 0 with it.
+    The number 1 is within the range of every trait, and no formula then divides by 0.
 
     Args:
         shape: Numbers of simulations and vehicles.

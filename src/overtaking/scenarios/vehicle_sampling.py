@@ -1,7 +1,7 @@
 """Draws vehicles: class, colour, length, mass, tyres, and all fields that follow from these.
 
-`sample_vehicles` is called by the samplers of the three kinds of traffic, which pass a function for
-the classes; `typical_vehicles` makes vehicles without random numbers, for recordings. Both return a
+The samplers of the three kinds of traffic call `sample_vehicles` with a function that chooses the
+classes. `typical_vehicles` makes vehicles without random numbers, for recordings. Both return a
 `VehicleSpecs`. *Placed traffic* is one of the three: a few vehicles in a short zone, as in the
 study of Pinto, Dutra and Fonseca (2023). The others are motorways and two-way roads.
 

@@ -77,7 +77,8 @@ class DesiredSpeedFactors(NamedTuple):
         speed_limit_compliance: Share of the excess over a limit that the driver gives up [1].
         caution: Share of the slowing for weather and light that the driver applies [1].
         rain_slowing: Reduction of speed by a fully cautious driver (caution 1) in this rain [m/s].
-        stoppable: Speed from which a driver stops before a lit vehicle that comes in sight [m/s].
+        stoppable: Largest speed from which a driver can stop before a lit vehicle that comes in
+            sight [m/s].
     """
 
     free: F32
@@ -162,8 +163,8 @@ def desired_speed_factors(scenario: Scenario, conditions: SceneConditions) -> De
 def adapted_speed(factors: DesiredSpeedFactors, limit: F32 | np.float32) -> F32:
     """Speed that drivers want under a limit in their weather and light [m/s].
 
-    A fully cautious driver slows by `rain_slowing`, and to `stoppable` if that is slower still. The
-    others slow by their share `caution` of this.
+    A fully cautious driver slows by `rain_slowing`, and further to `stoppable` if that speed is
+    lower still. Other drivers slow by the share `caution` of this reduction.
 
     Args:
         factors: Traits of the drivers and effects of their weather.
@@ -239,9 +240,9 @@ def reaction_to_oncoming(context: StepContext) -> FieldArrays:
       this many sight distances away [1].
     - `time_reserve_share`: time reserve that the driver demands, over the time that passing takes
       [1].
-    - `speed_limit`: the limit that drivers heed while passing, the highest limit of the road [m/s].
-      It is stored for each vehicle, because on a road with several limits the step replaces it by
-      the limit at the position of the vehicle.
+    - `speed_limit`: the limit that drivers observe while passing, the highest limit of the road
+      [m/s]. It is stored for each vehicle, because on a road with several limits the step replaces
+      it by the limit at the position of the vehicle.
     - `edge_shift_when_passed`: lateral shift to the edge of the lane while being passed [m].
     - `speed_factor_when_passed`: factor on the desired speed while being passed [1].
 
@@ -399,8 +400,8 @@ def _sight_of_oncoming(context: StepContext) -> F32:
     """Range at which drivers see an oncoming car of middling colour, shape (simulation,) [m]."""
     conditions = context.conditions
     visible = _visible_range(conditions, constant("model.lights.headlamp"))
-    # By day low beam counts in rain only. In thick fog drivers switch it on, too, but it is left
-    # out: it would raise the range to at most 230 m, still less than a usual pass needs.
+    # By day only rain makes low beam count here. In thick fog drivers switch it on, too, but this
+    # is neglected: it would raise the range to at most 230 m, still less than a usual pass needs.
     with_lamps = maximum(visible.by_contrast, visible.by_lamp)
     by_day = np.where(conditions.rain_rate > 0, with_lamps, visible.by_contrast)
     sight = np.where(context.scenario.weather.night, visible.by_lamp, by_day)
@@ -414,8 +415,8 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
         conditions: Weather and light.
         lamp_intensity: Luminous intensity of its lamps [cd].
     """
-    # `rain_extinction` holds for an observer at rest. A driver that moves meets more rain; all
-    # drivers have the factor of 108 km/h here.
+    # `rain_extinction` holds for an observer at rest. A moving driver meets more rain; the factor
+    # of 108 km/h is used for all drivers here.
     rain_factor = constant("model.speed_choice.rain_sight_factor")
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
     # The sensitivity is the share of contrast that glare leaves over the smallest contrast that
@@ -437,7 +438,7 @@ def _passing(scenario: Scenario) -> FieldArrays:
     demand = scenario.drivers.gap_demand_factor
     sight_factor = constant("model.oncoming.assumed_sight_factor")
     # The root is a choice: with the demand itself as divisor there were more collisions, and
-    # drivers of large demand hardly passed on straight, empty roads.
+    # drivers with a large demand hardly passed on straight, empty roads.
     return {
         "assumed_sight_factor": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
         "time_reserve_share": constant("model.oncoming.time_reserve_share") * demand,

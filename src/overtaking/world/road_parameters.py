@@ -329,7 +329,7 @@ def _drainage_path(borders: F32, crown: np.float32) -> F32:
     road's own lanes, which on a two-way road is the line between the directions.
     """
     centres = (borders[1:] + borders[:-1]) * HALF
-    # A lower limit, as a path of length 0 would be dry in any rain.
+    # The lower limit keeps a path of length 0 from being dry in any rain.
     return np.maximum(np.abs(crown - centres), constant("model.water.min_drainage_path"))
 
 
@@ -340,8 +340,8 @@ def _sight_table(road: Road) -> F32:
     for pairs in (course.sight, course.sight_against):
         # If the map states no sight distance for this direction, it is unlimited everywhere.
         sight = StationTable.from_pairs(pairs or ((0.0, _FAR),))
-        # The step starts at the last station behind a driver. Drivers before the first stated one
-        # find an additional station, before the road: up to the first, the distance is constant.
+        # The step interpolates from the last station behind a driver. An additional station before
+        # the road serves drivers before the first stated one; up to it, the distance is constant.
         rows = [
             np.append(-_FAR, sight.station),
             np.append(sight.value[0], sight.value),

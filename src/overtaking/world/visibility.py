@@ -130,7 +130,7 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     Args:
         sun_altitude: Angle of the sun above the horizon, any shape [rad].
         angle: Horizontal angle between line of sight and sun, 0 to pi [rad].
-        cloudiness: CARLA's cloudiness, 0 to 100 [%]. Behind thick clouds the sun does not dazzle.
+        cloudiness: CARLA's cloudiness, 0 to 100 [%]. Thick clouds prevent glare.
 
     Source:
         Veiling luminance of Stiles and Holladay.
