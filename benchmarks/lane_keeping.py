@@ -21,7 +21,12 @@ from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
 from overtaking.knowledge.toml_reader import constant
-from overtaking.labels.snapshots import lateral_footprint, lateral_speed_at, overtaking_sign
+from overtaking.labels.snapshots import (
+    VehicleInstants,
+    lateral_footprint,
+    lateral_speed_at,
+    overtaking_sign,
+)
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
@@ -131,7 +136,7 @@ def swings(run: Trajectories, slot: int) -> Swings:
 def _lateral_speed(run: Trajectories, slot: int) -> NDArray[Any]:
     """Speed of a vehicle to the left in every frame, shape (simulation, time) [m/s]."""
     row, frame = (each.reshape(-1) for each in np.indices(run.stage.shape))
-    speed = lateral_speed_at(run, row, np.full_like(row, slot), frame)
+    speed = lateral_speed_at(run, VehicleInstants(row, np.full_like(row, slot), frame))
     return speed.reshape(run.stage.shape)
 
 

@@ -26,118 +26,139 @@ from overtaking.model.safety_measures import Encounter
 from overtaking.model.trajectories import NO_VEHICLE, Trajectories
 from overtaking.model.verdicts import Case
 
-One = readable_signals.One
+SingleRun = readable_signals.SingleRun
 
 
-def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[EgoSignals, dict[str, Any]]:
+def extract_signals_and_events(
+    trajectories: Trajectories, _: Mapping[str, Any]
+) -> tuple[EgoSignals, dict[str, Any]]:
     """Signals and events, one simulation after the other."""
-    ones = _ones(run)
-    seen = [readable_signals.signals(one) for one in ones]
-    found = [readable_events.find_events(*pair) for pair in zip(ones, seen, strict=True)]
-    events = {name: np.array([one[name] for one in found], np.int32) for name in found[0]}
-    del events["was_struck"], events["began_before_recording"], events["was_intended"]
-    interval = run.scenario.frame_interval_ms
-    arrays = _padded(run, seen)
-    return EgoSignals(frame_interval_ms=interval, valid=run.frame_mask, **arrays), events
-
-
-def target_signals(run: Trajectories, seen: EgoSignals, vehicle: Any) -> TargetSignals:
-    """Signals of each target; without a target those of the ego, marked invalid."""
-    slots, own = (
-        np.where(vehicle == NO_VEHICLE, 0, vehicle),
-        ("lateral", "right_edge", "left_edge"),
-    )
-    rows = [
-        readable_signals.target_signals(one, _row(seen, one, own), int(slot))
-        for one, slot in zip(_ones(run), slots, strict=True)
+    runs = _runs(trajectories)
+    signals_by_run = [readable_signals.signals_of(run) for run in runs]
+    events_by_run = [
+        readable_events.find_events(run, run_signals)
+        for run, run_signals in zip(runs, signals_by_run, strict=True)
     ]
-    arrays = _padded(run, rows)
+    events = {
+        name: np.array([run_events[name] for run_events in events_by_run], np.int32)
+        for name in events_by_run[0]
+    }
+    # The package finds these three itself.
+    del events["was_struck"], events["began_before_recording"], events["was_intended"]
+    ego_signals = EgoSignals(
+        frame_interval_ms=trajectories.scenario.frame_interval_ms,
+        valid=trajectories.frame_mask,
+        **_padded(trajectories, signals_by_run),
+    )
+    return ego_signals, events
+
+
+def target_signals(
+    trajectories: Trajectories, ego_signals: EgoSignals, target_slot: Any
+) -> TargetSignals:
+    """Signals of each target; without a target those of the ego, marked invalid."""
+    has_target = target_slot != NO_VEHICLE
+    slots = np.where(has_target, target_slot, 0)
+    names = ("lateral_position", "right_edge", "left_edge")
+    rows = [
+        readable_signals.target_signals(run, _signals_of_run(ego_signals, run, names), int(slot))
+        for run, slot in zip(_runs(trajectories), slots, strict=True)
+    ]
+    arrays = _padded(trajectories, rows)
     for name in ("valid", "overlaps"):
-        arrays[name] &= (vehicle != NO_VEHICLE)[:, None]
-    length = run.scenario.vehicles.length[np.arange(len(slots)), slots]
-    return TargetSignals(slot=vehicle, length=length, **arrays)
+        arrays[name] &= has_target[:, None]
+    length = trajectories.scenario.vehicles.length[np.arange(len(slots)), slots]
+    return TargetSignals(slot=target_slot, length=length, **arrays)
 
 
-def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
+def encounters_at(case: Case, role: Any, simulation: Any, frame: Any) -> Encounter:
     """The ego and a neighbour, one instant after the other."""
-    places = np.broadcast_to(np.int64(place), np.shape(rows))
-    found = {name: np.zeros(len(rows), np.float32) for name in _core.FIELD_NAMES["encounters"]}
-    none_there = {"time_gap": 0.0, "ttc": 0.0, "mttc": 0.0}  # Of two vehicles at one place.
-    valid = np.zeros(len(rows), np.bool_)
-    ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}
-    for k, (row, where, frame) in enumerate(zip(rows, places, at, strict=True)):
-        slot = ones[row].neighbour(NeighbourRole(int(where)), int(frame))
-        valid[k] = slot is not None
-        measures: Mapping[str, Any] = none_there
-        if slot is not None:
-            met = [(int(frame), slot)]
-            measures = readable_signals.encounter(ones[row], met, ahead=where % 2 == 0)
-        for name, value in measures.items():
-            found[name][k] = np.ravel(value)[0]
-    return Encounter(valid=valid, **found)
+    roles = np.broadcast_to(np.int64(role), np.shape(simulation))
+    names = _core.FIELD_NAMES["encounters"]
+    measures = {name: np.zeros(len(simulation), np.float32) for name in names}
+    valid = np.zeros(len(simulation), np.bool_)
+    runs = {row: SingleRun(case.trajectories, int(row)) for row in np.unique(simulation)}
+    for index, (row, role_code, t) in enumerate(zip(simulation, roles, frame, strict=True)):
+        slot = runs[row].neighbour(NeighbourRole(int(role_code)), int(t))
+        if slot is None:
+            continue  # All measures stay 0.
+        valid[index] = True
+        ahead = readable_signals.is_ahead(role_code)
+        values = readable_signals.encounter(runs[row], [(int(t), slot)], ahead=ahead)
+        for name, value in values.items():
+            measures[name][index] = value[0]
+    return Encounter(valid=valid, **measures)
 
 
-def answers(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
-    """Everything about stretches of frames, one simulation after the other."""
+def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
+    """All results about spans of frames, one simulation after the other."""
     names = (*signals.SIGNALS_FOR_ENGINE, "left_count")
-    stretched = {name: _frames(span) for name, span in spans.items()}
-    found = []
-    for one in _ones(case.trajectories):
-        own = {name: each[one.number] for name, each in stretched.items()}
-        found.append(readable_scans.answers_of(case, one, _row(case.signals, one, names), own))
+    frames = {name: _frames(span) for name, span in spans.items()}
+    results: list[dict[str, Any]] = []
+    for run in _runs(case.trajectories):
+        run_signals = _signals_of_run(case.signals, run, names)
+        run_spans = {name: span_frames[run.row] for name, span_frames in frames.items()}
+        results.append(readable_scans.scan_results(case, run, run_signals, run_spans))
 
-    def rows(name: str) -> Any:
-        return zip(*(one[name] for one in found), strict=True)
+    def minimum(name: str) -> MarginMinimum:
+        return _margin_minimum([result[name] for result in results])
 
-    def stretch(name: str) -> MarginMinimum:
-        return _stretch([one[name] for one in found])
-
-    due, length = (np.array(each, np.int32) for each in rows("due"))
+    def array(name: str) -> Any:
+        return np.array([result[name] for result in results], np.int32)
 
     def table(name: str, kind: type) -> dict[str, Any]:
-        return {key: np.array([one[name][key] for one in found], kind) for key in found[0][name]}
+        keys = results[0][name]
+        return {key: np.array([result[name][key] for result in results], kind) for key in keys}
 
+    first_frame, num_frames = array("due").T
     return ScanResults(
-        return_opportunity=(due, length),
-        stop_lit=stretch("stop_lit"),
-        stop_unlit=stretch("stop_unlit"),
-        following=stretch("follow"),
-        forced_braking=stretch("braking"),
-        entry_arrival=np.array([one["entry_arrival"] for one in found], np.int32),
-        return_arrival=np.array([one["return_arrival"] for one in found], np.int32),
+        return_opportunity=(first_frame, num_frames),
+        stop_lit=minimum("stop_lit"),
+        stop_unlit=minimum("stop_unlit"),
+        following=minimum("follow"),
+        forced_braking=minimum("braking"),
+        entry_arrival=array("entry_arrival"),
+        return_arrival=array("return_arrival"),
         worst_measures=table("worst", np.float32),
         recorded_sums=table("sums", np.int64),
     )
 
 
-def limited(signal: Any, limit: Any, span: FrameSpan, *, is_most: bool) -> MarginMinimum:
+def minimum_to_limit(signal: Any, limit: Any, span: FrameSpan, *, is_most: bool) -> MarginMinimum:
     """Margins to a limit, one simulation after the other."""
     limits = np.full(len(signal), limit, np.float32)
-    each = zip(signal, limits, _frames(span), strict=True)
-    return _stretch([readable_scans.limited(*one, is_most=is_most) for one in each])
+    return _margin_minimum(
+        [
+            readable_scans.minimum_to_limit(values, row_limit, frames, is_most=is_most)
+            for values, row_limit, frames in zip(signal, limits, _frames(span), strict=True)
+        ]
+    )
 
 
-def bits_within(values: Any, span: FrameSpan) -> tuple[Any, Any]:
-    """Bits that are set ever and always, one simulation after the other."""
-    each = zip(values, _frames(span), strict=True)
-    found = [readable_scans.bits_within(*one) for one in each]
-    ever, always = zip(*found, strict=True)
-    return np.array(ever, np.uint8), np.array(always, np.uint8)
+def flags_any_and_all(values: Any, span: FrameSpan) -> tuple[Any, Any]:
+    """Bits that are set in any frame and in all, one simulation after the other."""
+    flags = [
+        readable_scans.flags_any_and_all(row, frames)
+        for row, frames in zip(values, _frames(span), strict=True)
+    ]
+    any_bits, all_bits = np.array(flags, np.uint8).T
+    return any_bits, all_bits
 
 
-def overlaps(case: Case, span: FrameSpan) -> Alongside:
+def overlaps_in(case: Case, span: FrameSpan) -> Alongside:
     """Frames in which ego and target overlap, from the signals of the target."""
     target = target_signals(case.trajectories, case.signals, case.target.slot)
-    every = np.arange(case.signals.num_simulations)
-    rows, at = np.nonzero(target.overlaps & span.mask(every, case.signals.num_frames))
-    said = {name: getattr(target, name)[rows, at] for name in ("lane", "lateral_gap", "accel")}
-    return Alongside(simulation=rows, frame=at, **said)
+    rows = np.arange(case.signals.num_simulations)
+    is_alongside = target.overlaps & span.mask(rows, case.signals.num_frames)
+    index = simulation, frame = np.nonzero(is_alongside)
+    values = {name: getattr(target, name)[index] for name in ("lane", "lateral_gap", "accel")}
+    return Alongside(simulation=simulation, frame=frame, **values)
 
 
-def _stretch(found: list[readable_scans.Lowest]) -> MarginMinimum:
-    low, first, last, longest = zip(*found, strict=True)
+def _margin_minimum(minima: list[readable_scans.ReferenceMinimum]) -> MarginMinimum:
+    min_margin, first, last, longest = zip(*minima, strict=True)
     return MarginMinimum(
-        min_margin=np.array(low, np.float32),
+        min_margin=np.array(min_margin, np.float32),
         first_frame=np.array(first, np.int32),
         last_frame=np.array(last, np.int32),
         longest_run=np.array(longest, np.int32),
@@ -146,44 +167,46 @@ def _stretch(found: list[readable_scans.Lowest]) -> MarginMinimum:
 
 def _frames(span: FrameSpan) -> list[range]:
     ends = zip(span.first.tolist(), span.last.tolist(), strict=True)
-    return [range(start, stop + 1) for start, stop in ends]
+    return [range(first, last + 1) for first, last in ends]
 
 
-def _ones(run: Trajectories) -> list[One]:
-    return [One(run, number) for number in range(len(run.num_frames))]
+def _runs(trajectories: Trajectories) -> list[SingleRun]:
+    return [SingleRun(trajectories, row) for row in range(len(trajectories.num_frames))]
 
 
-def _row(seen: EgoSignals, one: One, names: tuple[str, ...]) -> dict[str, Any]:
+def _signals_of_run(
+    ego_signals: EgoSignals, run: SingleRun, names: tuple[str, ...]
+) -> dict[str, Any]:
     """Some signals of one simulation in its recorded frames."""
-    return {name: getattr(seen, name)[one.number][..., : one.frames] for name in names}
+    return {name: getattr(ego_signals, name)[run.row][..., : run.num_frames] for name in names}
 
 
-def _padded(run: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _padded(trajectories: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Arrays of all simulations, zero beyond the end of each."""
     arrays: dict[str, Any] = {}
     for name, first in rows[0].items():
-        shape = (len(rows), *first.shape[:-1], run.stage.shape[1])
+        shape = (len(rows), *first.shape[:-1], trajectories.stage.shape[1])
         arrays[name] = np.zeros(shape, first.dtype)
-        for k, row in enumerate(rows):
-            arrays[name][k][..., : row[name].shape[-1]] = row[name]
+        for index, row in enumerate(rows):
+            arrays[name][index][..., : row[name].shape[-1]] = row[name]
     return arrays
 
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
-    signals.extract_signals_and_events: watch,
+    signals.extract_signals_and_events: extract_signals_and_events,
     signals.target_signals: target_signals,
-    signals.encounters_at: encounter,
-    margins.scan_spans: answers,
-    margins.minimum_to_limit: limited,
-    margins.flags_any_and_all: bits_within,
-    case_of_law.overlaps_in: overlaps,
+    signals.encounters_at: encounters_at,
+    margins.scan_spans: scan_spans,
+    margins.minimum_to_limit: minimum_to_limit,
+    margins.flags_any_and_all: flags_any_and_all,
+    case_of_law.overlaps_in: overlaps_in,
 }
-"""Compiled functions and what a person reads instead."""
+"""Functions that call the engine, and their readable twins."""
 
 
 @contextmanager
 def readable() -> Generator[None]:
-    """While it lasts, whoever imported a compiled function calls the readable one."""
+    """Replace each function that calls the engine by its readable twin, in every module."""
     undo: list[Callable[[], None]] = []
     for module in list(sys.modules.values()):
         for name, value in list(vars(module).items()):

@@ -1,7 +1,8 @@
-"""The state when an overtake begins, or might have begun, without what follows.
+"""The state of the ego and its surroundings when an overtake begins, or could have begun.
 
-The instant is `t_a`, or the one of `matched` that stands for it where nothing was attempted. Each
-number comes from the frame of that instant, or from a decision before it.
+The features are measured at the attempt, or at the pseudo attempt of the paper's matched features
+in a simulation without an attempt. Each number comes from that frame or from a decision before it,
+never from a later frame.
 """
 
 import numpy as np
@@ -31,6 +32,8 @@ from overtaking.labels.paper_features import matched_frame
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
     OCCUPANCY_REACH_MM,
+    Instants,
+    VehicleInstants,
     at_frame,
     is_in_lane,
     left_lane_occupancy,
@@ -64,29 +67,28 @@ from overtaking.world.weather_parameters import weather_effects
 _INDICATOR_BITS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
 
 _MIN_SPEED_OF_POWER = np.float32(0.1)
-"""Below this a power would mean an endless force [m/s]."""
+"""Smallest speed at which power limits the force: force is power over speed [m/s]."""
 
 _PERCENT = np.float32(0.01)
 
 
 def attempt_features(case: Case) -> AttemptFeatures:
-    """The features of a batch at each attempt, or at the instant that stands for it."""
+    """The features of a batch, at the attempt or pseudo attempt of each simulation."""
     return attempt_features_at(case, matched_frame(case))
 
 
 def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
-    """The features of a batch at one frame each, whatever happens later.
+    """The features of a batch at one frame of each simulation, independent of later frames.
 
     Args:
-        case: The batch; of its events only `following_begin` and `began_before_recording`
-            are used.
+        case: The batch. Of its events only `following_begin` and `began_before_recording` are read.
         frame: A recorded frame of each simulation, shape (simulation,).
     """
-    rows, frames = np.arange(len(frame)), frame.astype(np.intp)
-    surroundings, left = _surroundings(case, frames), _left_lane_features(case, frames)
-    ego = _ego_state(case, rows, frames)
-    leader = _leader_features(case, rows, frames, ego)
-    limit = at_frame(speed_limit_bounds(case, GENERAL_LIMITS)[1], frame)
+    instants = Instants(np.arange(len(frame)), frame.astype(np.intp))
+    surroundings, left = _surroundings(case, instants), _left_lane_features(case, instants)
+    ego = _ego_state(case, instants)
+    _, highest_limit = speed_limit_bounds(case, GENERAL_LIMITS)
+    leader = neighbour_at(case, NeighbourRole.LEADER, instants.frame)
     decel = decel_for_safe_distance(surroundings.friction)
     margins = stop_margins(
         ego.speed, surroundings.friction, surroundings.sight_lit, surroundings.sight_unlit
@@ -94,15 +96,15 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     return AttemptFeatures(
         frame=frame,
         ego=ego,
-        leader=leader,
+        leader=_leader_features(case, instants, ego),
         left=left,
         oncoming=_opposing_lane_features(case, frame),
         surroundings=surroundings,
         law=LawMarginsOnPullOut(
-            leader=margin_to_leader(*_gap_state(leader.encounter, ego), decel),
+            leader=margin_to_leader(*_gap_state(leader, ego), decel),
             left_leader=entry_margin_ahead(*_gap_state(left.leader, ego), decel),
             left_follower=entry_margin_behind(*_gap_state(left.follower, ego), decel),
-            speed=limit - ego.speed,
+            speed=at_frame(highest_limit, frame) - ego.speed,
             stop_lit=margins["stop_margin_lit"],
             stop_unlit=margins["stop_margin_unlit"],
         ),
@@ -111,13 +113,13 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
 
 
 def available_accel(case: Case, speed: F32) -> F32:
-    """Largest acceleration of each ego on a level road without wind [m/s^2].
+    """Largest acceleration of each ego on a level road without wind, (simulation,) [m/s^2].
 
-    min(launch, P / (m v)) - rho c A v^2 / (2 m) - c_r g; negative above the top speed.
+    It is min(launch, P / (m v)) - rho c A v^2 / (2 m) - c_r g, and negative above the top speed.
 
     Args:
         case: The batch.
-        speed: Of each ego, shape (simulation,) [m/s].
+        speed: Speed of each ego, shape (simulation,) [m/s].
     """
     bodies = case.trajectories.scenario.vehicles
     ego = {
@@ -132,47 +134,45 @@ def available_accel(case: Case, speed: F32) -> F32:
 
 
 def _gap_state(encounter: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
-    """Gap, speed of the ego and closing speed, as the margins of the law take them."""
+    """Gap, ego speed and closing speed: the first arguments of a `GapMargin`."""
     return encounter.gap, ego.speed, encounter.closing_speed
 
 
-def _ego_state(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
+def _ego_state(case: Case, instants: Instants) -> EgoState:
     scenario, signals = case.trajectories.scenario, case.signals
-    speed = signals.speed[rows, frames]
-    waited = np.maximum(frames - case.events.following_begin, 0).astype(np.int32)
+    speed = signals.speed[instants]
+    num_frames = np.maximum(instants.frame - case.events.following_begin, 0).astype(np.int32)
     return EgoState(
         kind=scenario.vehicles.kind[:, EGO_SLOT],
         speed=speed,
-        accel=signals.accel[rows, frames],
+        accel=signals.accel[instants],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, EGO_SLOT],
-        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
-        lateral_offset=signals.lateral_position[rows, frames] - _lane_centre(case, rows, frames),
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, num_frames)),
+        lateral_offset=signals.lateral_position[instants] - _lane_centre(case, instants),
     )
 
 
-def _leader_features(
-    case: Case, rows: IndexArray, frames: IndexArray, ego: EgoState
-) -> LeaderState:
+def _leader_features(case: Case, instants: Instants, ego: EgoState) -> LeaderState:
     trajectories, bodies = case.trajectories, case.trajectories.scenario.vehicles
-    leader = neighbour_at(case, NeighbourRole.LEADER, frames)
-    slot = slot_or_ego(case.signals.neighbour_slot[rows, NeighbourRole.LEADER, frames])
-    length, speed = bodies.length[rows, slot], ego.speed - leader.closing_speed
-    has_next, return_gap = _next_ahead(case, slot, frames)
-    time, distance = _min_overtaking_time_and_distance(case, leader, ego, length, frames)
+    rows, frame = instants
+    leader = neighbour_at(case, NeighbourRole.LEADER, frame)
+    slot = slot_or_ego(case.signals.neighbour_slot[rows, NeighbourRole.LEADER, frame])
+    vehicle = VehicleInstants(rows, slot, frame)
+    length = bodies.length[rows, slot]
+    has_next, return_gap = _next_ahead(case, slot, frame)
+    time, distance = _min_overtaking_time_and_distance(case, leader, ego, length, frame)
     lateral_position = (
-        overtaking_sign(trajectories.road)
-        * as_f32(trajectories.states.d[rows, slot, frames])
-        * METRES_PER_MM
+        overtaking_sign(trajectories.road) * as_f32(trajectories.states.d[vehicle]) * METRES_PER_MM
     )
     return LeaderState(
         encounter=leader,
         kind=bodies.kind[rows, slot],
         length=length,
-        speed=speed,
-        accel=as_f32(trajectories.states.accel_lon[rows, slot, frames]) * METRES_PER_MM,
-        lateral_offset=lateral_position - _lane_centre(case, rows, frames),
-        indicator=trajectories.states.lights[rows, slot, frames] & _INDICATOR_BITS,
+        speed=ego.speed - leader.closing_speed,
+        accel=as_f32(trajectories.states.accel_lon[vehicle]) * METRES_PER_MM,
+        lateral_offset=lateral_position - _lane_centre(case, instants),
+        indicator=trajectories.states.lights[vehicle] & _INDICATOR_BITS,
         looming=looming(leader.gap, leader.closing_speed, bodies.width[rows, slot]),
         has_next_leader=has_next & leader.valid,
         return_gap=return_gap,
@@ -182,63 +182,70 @@ def _leader_features(
 
 
 def _min_overtaking_time_and_distance(
-    case: Case, encounter: Encounter, ego: EgoState, length: F32, frames: IndexArray
+    case: Case, leader: Encounter, ego: EgoState, leader_length: F32, frame: IndexArray
 ) -> tuple[F32, F32]:
-    """Least time and way to be ahead of the vehicle ahead [s], [m].
+    """Lower bounds of the time [s] and the distance [m] until the ego has overtaken its leader.
 
-    Ahead is where its reaction distance lies between the bumpers. It goes on at its speed, and the
-    ego accelerates evenly by what it has now: less is left at higher speed, so this is a bound.
+    The overtake ends when the lawful gap for equal speeds, the leader's reaction distance, lies
+    between the bumpers. The leader keeps its speed, and the ego its available acceleration. That
+    acceleration decreases at higher speed, so an overtake takes longer.
     """
-    lengths = length + case.trajectories.scenario.vehicles.length[:, EGO_SLOT]
-    decel = decel_for_safe_distance(at_frame(case.signals.friction, frames))
-    clear = lawful_gap(ego.speed - encounter.closing_speed, np.float32(0.0), decel)
-    distance = np.maximum(encounter.gap, np.float32(0.0)) + lengths + clear
-    time = mttc(distance, encounter.closing_speed, ego.available_accel)
+    lengths = leader_length + case.trajectories.scenario.vehicles.length[:, EGO_SLOT]
+    decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
+    gap_behind = lawful_gap(ego.speed - leader.closing_speed, np.float32(0.0), decel)
+    distance = np.maximum(leader.gap, np.float32(0.0)) + lengths + gap_behind
+    time = mttc(distance, leader.closing_speed, ego.available_accel)
     finite = np.where(np.isfinite(time), time, np.float32(0.0))
     return time, finite * (ego.speed + np.float32(0.5) * ego.available_accel * finite)
 
 
-def _lane_centre(case: Case, rows: IndexArray, frames: IndexArray) -> F32:
-    """Centre of the ego's lane across the road, growing to the left [m]."""
+def _lane_centre(case: Case, instants: Instants) -> F32:
+    """Lateral position of the centre of the ego's lane, growing to the left, (instant,) [m]."""
     road = case.trajectories.road
     centres = as_f32(road.lane_centres * float(overtaking_sign(road)))
-    return centres[np.minimum(case.signals.lane[rows, frames], road.num_lanes - 1)]
+    return centres[np.minimum(case.signals.lane[instants], road.num_lanes - 1)]
 
 
 def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
-    """Beliefs at the last decision to pull out up to a frame of each simulation."""
-    percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
-    count, now = len(frame), frame * np.int32(interval)
-    fits = percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT)
-    fits &= percepts.time <= now[:, None]
-    if "percepts" in case.trajectories.unknown or not fits.shape[1]:
-        return _no_belief(count)
-    row = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
-    entry = (np.arange(count), row)
-    exists = fits[entry]
+    """Beliefs at the last decision to pull out, up to one frame of each simulation."""
+    percepts = case.trajectories.percepts
+    time = frame * np.int32(case.signals.frame_interval_ms)
+    is_earlier = percepts.time <= time[:, None]
+    is_pull_out = percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT) & is_earlier
+    num_simulations, num_percepts = is_pull_out.shape
+    if "percepts" in case.trajectories.unknown or not num_percepts:
+        return _no_beliefs(len(frame))
+    last = num_percepts - 1 - is_pull_out[:, ::-1].argmax(axis=1)
+    index = (np.arange(num_simulations), last)
+    exists = is_pull_out[index]
     return BeliefsAtPullOut(
         exists=exists,
-        age=as_f32(now - percepts.time[entry]) / np.float32(1000.0),
-        is_detected=percepts.is_detected[entry] & exists[:, None],
-        gap=as_f32(percepts.gap[entry]) * METRES_PER_MM,
-        closing_speed=as_f32(percepts.closing_speed[entry]) * METRES_PER_MM,
+        age=as_f32(time - percepts.time[index]) / np.float32(1000.0),
+        is_detected=percepts.is_detected[index] & exists[:, None],
+        gap=as_f32(percepts.gap[index]) * METRES_PER_MM,
+        closing_speed=as_f32(percepts.closing_speed[index]) * METRES_PER_MM,
     )
 
 
-def _no_belief(count: int) -> BeliefsAtPullOut:
-    """Nothing believed in any simulation."""
-    zero, wide = np.zeros(count, np.float32), np.zeros((count, len(PerceivedVehicle)), np.float32)
+def _no_beliefs(num_simulations: int) -> BeliefsAtPullOut:
+    """No decision to pull out in any simulation."""
+    zeros = np.zeros(num_simulations, np.float32)
+    zeros_by_vehicle = np.zeros((num_simulations, len(PerceivedVehicle)), np.float32)
     return BeliefsAtPullOut(
-        exists=zero > 0, age=zero, is_detected=wide > 0, gap=wide, closing_speed=wide
+        exists=zeros > 0,
+        age=zeros,
+        is_detected=zeros_by_vehicle > 0,
+        gap=zeros_by_vehicle,
+        closing_speed=zeros_by_vehicle,
     )
 
 
-def _surroundings(case: Case, frames: IndexArray) -> RoadAndWeather:
-    """Road, weather and light of each simulation at one frame each."""
+def _surroundings(case: Case, instants: Instants) -> RoadAndWeather:
+    """Road, weather and light at one frame of each simulation."""
     trajectories, signals = case.trajectories, case.signals
     road, weather = trajectories.road, trajectories.scenario.weather
-    rows = np.arange(len(frames))
-    lane, s = signals.lane[rows, frames], trajectories.states.s[rows, EGO_SLOT, frames]
+    rows, frame = instants
+    lane, s = signals.lane[instants], trajectories.states.s[rows, EGO_SLOT, frame]
     on_road = lane < road.num_lanes
     widths = np.array([lane_of_road.width for lane_of_road in road.lanes])
     return RoadAndWeather(
@@ -252,56 +259,54 @@ def _surroundings(case: Case, frames: IndexArray) -> RoadAndWeather:
         rain=weather_effects(trajectories.scenario).rain_rate,
         optical_range=meteorological_range(weather.fog),
         wind=constant("weather.wind.full_speed") * (weather.wind * _PERCENT),
-        friction=signals.friction[rows, frames],
-        sight_lit=signals.sight_lit[rows, frames],
-        sight_unlit=signals.sight_unlit[rows, frames],
+        friction=signals.friction[instants],
+        sight_lit=signals.sight_lit[instants],
+        sight_unlit=signals.sight_unlit[instants],
     )
 
 
-def _left_lane_features(case: Case, frames: IndexArray) -> LeftLane:
-    """The lane to the left of each ego at one frame each."""
-    trajectories, signals = case.trajectories, case.signals
-    rows = np.arange(len(frames))
-    lane = signals.lane[rows, frames].astype(np.int32)
-    inside = is_in_lane(case.trajectories, lane + 1, frames) & _is_within_occupancy_reach(
-        case, frames
-    )
-    speed = as_f32(trajectories.states.speed[rows, :, frames]) * METRES_PER_MM
-    count, total = inside.sum(axis=1), _sum_over_vehicles(speed, inside)
+def _left_lane_features(case: Case, instants: Instants) -> LeftLane:
+    """The lane to the left of the ego at one frame of each simulation."""
+    trajectories, (rows, frame) = case.trajectories, instants
+    lane = case.signals.lane[instants].astype(np.int32)
+    is_on_left = is_in_lane(trajectories, lane + 1, frame)
+    is_on_left &= _is_within_occupancy_reach(case, frame)
+    speed = as_f32(trajectories.states.speed[rows, :, frame]) * METRES_PER_MM
+    count, sum_of_speeds = is_on_left.sum(axis=1), _sum_over_vehicles(speed, is_on_left)
     return LeftLane(
         exists=lane + 1 < trajectories.road.num_lanes,
-        leader=neighbour_at(case, NeighbourRole.LEFT_LEADER, frames),
-        follower=neighbour_at(case, NeighbourRole.LEFT_FOLLOWER, frames),
-        occupancy=left_lane_occupancy(trajectories, frames).occupancy,
+        leader=neighbour_at(case, NeighbourRole.LEFT_LEADER, frame),
+        follower=neighbour_at(case, NeighbourRole.LEFT_FOLLOWER, frame),
+        occupancy=left_lane_occupancy(trajectories, frame).occupancy,
         count=count.astype(np.uint8),
-        space_mean_speed=total / as_f32(np.maximum(count, 1)),
-        # Fast vehicles pass a place more often: Wardrop (1952), sum of squares over sum.
-        time_mean_speed=_sum_over_vehicles(speed * speed, inside)
-        / np.where(total > 0, total, np.float32(1.0)),
+        space_mean_speed=sum_of_speeds / as_f32(np.maximum(count, 1)),
+        # Fast vehicles pass a place more often, so each speed is weighted by itself (Wardrop 1952).
+        time_mean_speed=_sum_over_vehicles(speed * speed, is_on_left)
+        / np.where(sum_of_speeds > 0, sum_of_speeds, np.float32(1.0)),
         crossable=_is_crossable_by_lane(case)[np.minimum(lane, trajectories.road.num_lanes)],
     )
 
 
 def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
-    """The side of oncoming traffic of each simulation at one frame each."""
-    road, count = case.trajectories.road, len(frame)
-    zero, false = np.zeros(count, np.float32), np.zeros(count, np.bool_)
+    """The opposing lane at one frame of each simulation."""
+    road, num_simulations = case.trajectories.road, len(frame)
     if not road.is_two_way:
+        zeros, none = np.zeros(num_simulations, np.float32), np.zeros(num_simulations, np.bool_)
         return OncomingState(
-            exists=false,
-            has_oncoming=false,
-            kind=np.zeros(count, np.uint8),
-            gap=zero,
-            closing_speed=zero,
-            time=zero,
-            sight=zero,
-            crossable=false,
+            exists=none,
+            has_oncoming=none,
+            kind=np.zeros(num_simulations, np.uint8),
+            gap=zeros,
+            closing_speed=zeros,
+            time=zeros,
+            sight=zeros,
+            crossable=none,
         )
     gap, closing_speed, slot = nearest_oncoming_at(case, frame)
     return OncomingState(
-        exists=~false,
+        exists=np.ones(num_simulations, np.bool_),
         has_oncoming=np.isfinite(gap),
-        kind=case.trajectories.scenario.vehicles.kind[np.arange(count), slot],
+        kind=case.trajectories.scenario.vehicles.kind[np.arange(num_simulations), slot],
         gap=gap,
         closing_speed=closing_speed,
         time=np.maximum(gap, ZERO) / closing_speed,
@@ -311,15 +316,16 @@ def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
 
 
 def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask, F32]:
-    """The gap ahead of a vehicle to the next one in the ego's lane.
+    """The gap from a vehicle to the next one ahead of it in the ego's lane.
 
     Args:
         case: The batch.
-        slot: The vehicle, shape (simulation,).
+        slot: Slot of the vehicle, shape (simulation,).
         frames: A frame of each simulation, same shape.
 
     Returns:
-        Whether there is a next one, and the gap between their bumpers, same shape [m].
+        Whether a next vehicle exists, and the gap between the bumpers of the two, 0 without one,
+        same shape [m].
     """
     trajectories, rows = case.trajectories, np.arange(len(frames))
     s = trajectories.states.s[rows, :, frames]
@@ -334,22 +340,29 @@ def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask,
 
 
 def _is_within_occupancy_reach(case: Case, frames: IndexArray) -> Mask:
-    """Which centres are within the reach of the occupancy, shape (simulation, vehicle)."""
+    """Whether each vehicle is within `OCCUPANCY_REACH_MM` of the ego, (simulation, vehicle)."""
     s = case.trajectories.states.s[np.arange(len(frames)), :, frames]
     return np.abs(s - s[:, [EGO_SLOT]]) <= OCCUPANCY_REACH_MM
 
 
-def _sum_over_vehicles(values: F32, counted: Mask) -> F32:
-    """Sum over the vehicles that count, one after the other, shape (simulation,)."""
+def _sum_over_vehicles(values: F32, is_counted: Mask) -> F32:
+    """Sum over the vehicles that count, shape (simulation,).
+
+    The order of the additions is fixed: NumPy's own sum may add in an order that depends on the
+    processor, and then rounds differently.
+    """
     total = np.zeros(len(values), np.float32)
-    for j in range(values.shape[1]):
-        total = total + np.where(counted[:, j], values[:, j], ZERO)
+    for slot in range(values.shape[1]):
+        total = total + np.where(is_counted[:, slot], values[:, slot], ZERO)
     return total
 
 
 def _is_crossable_by_lane(case: Case) -> Mask:
-    """Whether the line to the left may be crossed, for each lane and for beyond the fast edge."""
+    """Whether the line to the left of each lane may be crossed from the right, (lane + 1,).
+
+    The last entry is for an ego beyond the last lane, and false.
+    """
     road = case.trajectories.road
-    closed = solid_borders(road)
-    lanes = [not closed.get(lane + 1, (False, False))[0] for lane in range(road.num_lanes)]
+    borders = solid_borders(road)
+    lanes = [not borders.get(lane + 1, (False, False))[0] for lane in range(road.num_lanes)]
     return np.array([*lanes, False], np.bool_)

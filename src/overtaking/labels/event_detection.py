@@ -1,8 +1,8 @@
 """Events of the overtake, its outcome, and the detail of the outcome.
 
-The events are found in recorded positions and bodies, never in the intentions of the ego. The
-compiled engine finds them; `tests/reference/labels/readable_events.py` is the same in Python and
-follows the definitions of `docs/explanation/events.md`.
+The compiled engine finds the events in recorded positions and bodies, never in the intentions of
+the ego. `tests/reference/labels/readable_events.py` finds the same events in Python, and follows
+the definitions of `docs/explanation/events.md`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,6 +15,7 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.signals import extract_signals_and_events, target_signals
 from overtaking.labels.snapshots import (
     FrameSpan,
+    VehicleInstants,
     lane_borders,
     lateral_position_and_gap,
     lateral_speed_at,
@@ -30,16 +31,14 @@ from overtaking.model.verdicts import Case
 _BYTE_FIELDS = frozenset(
     ["target_slot", "original_lane", "num_attempts", "num_passed", "collision_slot", "num_drifts"]
 )
-"""Events that are bytes; the others are frames."""
-
-_LINE_OR_ABORT_END = ("line_crossed", "abort_end")
+"""Fields of `OvertakeEvents` that are bytes; the other numbers are frames."""
 
 HEADING_UNITS_PER_RADIAN = 1.0 / ANGLE_RESOLUTION
-"""Recorded steps of a heading in a radian."""
+"""Number of steps of a recorded heading in a radian."""
 
 
 def case_from_trajectories(trajectories: Trajectories) -> Case:
-    """A recording of any origin with its signals, its events and its targets.
+    """A recording of any origin with its signals, events and targets.
 
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
@@ -51,8 +50,8 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
         name: frames.astype(np.uint8) if name in _BYTE_FIELDS else frames
         for name, frames in frames_by_event.items()
     }
-    # A movement that is there in the first frame of a recording had begun; in a simulation it
-    # begins.
+    # A movement in the first frame of an excerpt began before it. Simulations are no excerpts: a
+    # movement in their first frame begins there.
     attempt = columns["attempt"]
     began_before_recording = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
     was_struck = _was_struck(trajectories, signals, columns["collision_slot"], columns["collision"])
@@ -70,25 +69,24 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
 
 
 def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
-    """Numbers of `event_detection.toml` that tell an attempt, and the lanes of the road."""
+    """Thresholds of `event_detection.toml` in metres and frames, and the lanes of the road."""
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
-    def frames(name: str) -> int:
+    def num_frames(name: str) -> int:
         seconds = float(constant(f"event_detection.{name}"))
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
     advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
-    borders, neighbour = lane_borders(road), road.overtaking_side_neighbour
+    neighbour = road.overtaking_side_neighbour
+    has_left_neighbour = neighbour is not None and neighbour.kind == "driving"
     return {
         "min_advance": np.array(advances)[kind],
-        "borders": [float(border) for border in borders],
-        "lanes_with_left": road.num_lanes
-        - 1
-        + (neighbour is not None and neighbour.kind == "driving"),
-        "min_frames": frames("motion.least_time"),
-        "window": frames("motion.median_window"),
-        "advance": frames("attempt.advance_time"),
-        "follow_up": frames("attempt.back_time"),
+        "borders": [float(border) for border in lane_borders(road)],
+        "lanes_with_left": road.num_lanes - 1 + has_left_neighbour,
+        "min_frames": num_frames("motion.least_time"),
+        "window": num_frames("motion.median_window"),
+        "advance": num_frames("attempt.advance_time"),
+        "follow_up": num_frames("attempt.back_time"),
         "min_speed": float(constant("event_detection.motion.least_speed")),
         "min_shift": float(constant("event_detection.motion.least_shift")),
         "settled_shift": float(constant("event_detection.motion.settled_shift")),
@@ -104,29 +102,24 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
 def _was_struck(
     trajectories: Trajectories, signals: EgoSignals, partner: U8, collision: I32
 ) -> Mask:
-    """Whether another vehicle ran into the ego, shape (simulation,); False without a collision.
+    """Whether another vehicle ran into the ego, shape (simulation,); false without a collision.
 
-    In the last frame before the contact: where the two are apart along the road, the one behind
-    runs into the one ahead; where they are side by side, the one that moves towards the other
-    faster does.
+    The last frame before the contact decides. If the two are apart along the road, the one behind
+    runs into the one ahead. If they are side by side, the one that moves towards the other faster
+    does.
     """
     simulation = np.flatnonzero(collision != NEVER)
-    last_frame_apart, slot = (
-        np.maximum(collision[simulation] - 1, 0),
-        slot_or_ego(partner[simulation]),
-    )
+    last_frame_apart = np.maximum(collision[simulation] - 1, 0)
+    slot = slot_or_ego(partner[simulation])
     neighbour = vehicle_snapshot(trajectories, partner[simulation], simulation, last_frame_apart)
-    lateral, lateral_gap = lateral_position_and_gap(
-        trajectories, signals, simulation, slot, last_frame_apart
-    )
-    is_left = signals.lateral_position[simulation, last_frame_apart] > lateral
+    vehicles = VehicleInstants(simulation, slot, last_frame_apart)
+    position, lateral_gap = lateral_position_and_gap(trajectories, signals, vehicles)
+    is_ego_left = signals.lateral_position[simulation, last_frame_apart] > position
     ego_speed = signals.lateral_speed[simulation, last_frame_apart]
-    other_speed = lateral_speed_at(trajectories, simulation, slot, last_frame_apart)
-    # Towards the other: to the right for the one on the left.
-    closing_by_ego, closing_by_other = (
-        np.where(is_left, -ego_speed, ego_speed),
-        np.where(is_left, other_speed, -other_speed),
-    )
+    other_speed = lateral_speed_at(trajectories, vehicles)
+    # The vehicle on the left approaches the other one by moving to the right.
+    closing_by_ego = np.where(is_ego_left, -ego_speed, ego_speed)
+    closing_by_other = np.where(is_ego_left, other_speed, -other_speed)
     are_alongside = (neighbour.gap < 0) & (lateral_gap > neighbour.gap)
     was_struck = np.zeros(len(collision), np.bool_)
     was_struck[simulation] = np.where(
@@ -136,28 +129,29 @@ def _was_struck(
 
 
 def _was_intended(trajectories: Trajectories, frames_by_event: Mapping[str, I32]) -> Mask:
-    """Whether the driver meant each attempt, shape (simulation,): by its stage until the line."""
-    ends = (
-        np.where(frames_by_event[name] == NEVER, frames_by_event["last"], frames_by_event[name])
-        for name in _LINE_OR_ABORT_END
+    """Whether the driver was overtaking at any time from the attempt to the line or back.
+
+    Shape (simulation,); false without an attempt.
+    """
+    attempt, last = frames_by_event["attempt"], frames_by_event["last"]
+    crossing, abort_end = frames_by_event["line_crossed"], frames_by_event["abort_end"]
+    end = np.minimum(
+        np.where(crossing == NEVER, last, crossing), np.where(abort_end == NEVER, last, abort_end)
     )
-    attempt, end = frames_by_event["attempt"], np.minimum(*ends)
-    simulation, frame = FrameSpan(
-        first=attempt, last=np.where(attempt != NEVER, end, NEVER - 1)
-    ).instants()
+    # Without an attempt the span is empty.
+    span = FrameSpan(first=attempt, last=np.where(attempt != NEVER, end, NEVER - 1))
+    instants = span.instants()
+    is_overtaking = np.isin(trajectories.stage[instants], OVERTAKING_STAGES)
     was_intended = np.zeros(len(attempt), np.bool_)
-    was_intended[simulation[np.isin(trajectories.stage[simulation, frame], OVERTAKING_STAGES)]] = (
-        True
-    )
+    was_intended[instants.simulation[is_overtaking]] = True
     return was_intended
 
 
 def outcomes(events: OvertakeEvents) -> U8:
     """`Outcome` of each simulation.
 
-    A collision counts at any time that was recorded, also before an attempt and after the return:
-    recordings of this package end three seconds after the overtake, and what happens until then
-    belongs to it.
+    A collision counts in any recorded frame, also before an attempt and after the return:
+    simulations end three seconds after the overtake, and a collision until then belongs to it.
     """
     outcome_of_attempt = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
     outcome_without_collision = np.where(events.has_attempt, outcome_of_attempt, Outcome.NO_ATTEMPT)
@@ -173,16 +167,15 @@ def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
         events: Events of the batch.
         frame_interval_ms: Time between frames [ms].
     """
-    outcome, has_collision, has_abort_end = (
-        outcomes(events),
-        events.collision != NEVER,
-        events.abort_end != NEVER,
-    )
+    outcome, has_collision = outcomes(events), events.collision != NEVER
+    has_abort_end = events.abort_end != NEVER
     departure, spin = events.road_departure, events.spin
     spun_first = (spin != NEVER) & ((departure == NEVER) | (spin < departure))
-    # Passed, and in the other lane for good.
-    frames = float(constant("event_detection.phases.stay_time")) * 1000.0 / frame_interval_ms
-    has_not_returned = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
+    # An ego that stays in the other lane for this time after passing does not intend to return.
+    stay_time = float(constant("event_detection.phases.stay_time"))
+    num_frames = stay_time * 1000.0 / frame_interval_ms
+    has_passed = events.overlap_end != NEVER
+    has_not_returned = has_passed & (events.last - events.overlap_end >= num_frames)
     cases = [
         (has_collision & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
         (has_collision & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
@@ -205,5 +198,5 @@ def first_that_holds(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
 
 
 def nan_if_begun_before_recording(case: Case, values: F32) -> F32:
-    """Values that count from the attempt, NaN where the recording begins later, (simulation,)."""
+    """Values that count from the attempt, (simulation,); NaN if it began before the recording."""
     return np.where(case.events.began_before_recording == NEVER, values, np.float32(np.nan))

@@ -47,12 +47,12 @@ class LabelledTrajectories(IdentityBatch):
         signals: Time series of the ego and its neighbours.
         events: Frames of the events of the overtake.
         findings: Result of each rule for each simulation.
-        labels: How it ended, and its class under each policy.
+        labels: Outcome of each simulation, and its class under each policy.
         paper_features: The paper's features as it measures them.
-        matched_features: The same features, measured alike in every class.
+        matched_features: The same features, measured in the same way in every class.
         attempt_features: State of the ego and its surroundings when the overtake began, or could
             have begun.
-        safety: How near it came to a collision.
+        safety: Surrogate measures of safety.
     """
 
     IS_INTERNAL: ClassVar = True
@@ -121,8 +121,8 @@ def label(
 
     Args:
         trajectories: The recording.
-        pack: The rules of a jurisdiction.
-        policies: Which of its rules decide about the classes.
+        pack: The rules of a law.
+        policies: The policies for which classes are assigned, in the order of the columns.
         errors: Errors of measured positions and speeds; None for exact values.
 
     Raises:
@@ -144,17 +144,15 @@ def label(
 
 
 def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Policy]) -> Labels:
-    """How each simulation ended, and its class under each policy."""
-    outcome, detail = (
-        outcomes(case.events),
-        outcome_details(case.events, case.signals.frame_interval_ms),
-    )
+    """Outcome of each simulation, and its class under each policy."""
+    outcome = outcomes(case.events)
+    detail = outcome_details(case.events, case.signals.frame_interval_ms)
     legality_by_policy = [assess_legality(findings, policy, pack, case) for policy in policies]
     classes = [
         _overtake_classes(outcome, detail, legality, policy)
         for legality, policy in zip(legality_by_policy, policies, strict=True)
     ]
-    judged = {
+    columns_by_policy = {
         name: np.stack([getattr(legality, name) for legality in legality_by_policy], axis=1)
         for name in ("is_legal", "num_broken", "num_undecidable")
     }
@@ -163,7 +161,7 @@ def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Polic
         outcome=outcome,
         detail=detail,
         classes=np.stack(classes, axis=1),
-        **judged,
+        **columns_by_policy,
     )
 
 

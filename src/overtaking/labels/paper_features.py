@@ -1,9 +1,10 @@
-"""The study's features in two readings: as it measures them, and alike in every class.
+"""The paper's features in two readings: as the paper measures them, and alike in every class.
 
-The study measures an overtake in the frame in which it begins, and a run without an attempt by the
-mean over all of its frames: a definition that depends on the class. A model may learn from the
-second reading only. There, where nothing was attempted, an instant stands for the attempt: after a
-waiting time with the distribution of the attempts, within the time for which the ego did follow.
+The paper measures an overtake in the frame in which it begins, and a simulation without an attempt
+by the mean over all of its frames. This definition depends on the class, so a model may learn from
+the second reading only. In that reading, a simulation without an attempt is measured at a pseudo
+attempt: an instant after a waiting time that has the distribution of the attempts' waiting times,
+within the time for which the ego followed.
 """
 
 from typing import Any
@@ -38,34 +39,37 @@ from overtaking.model.verdicts import Case
 def paper_features(case: Case) -> PaperFeatures:
     """The features of a batch under the paper's reading.
 
-    The waiting time counts from the first frame, and without an attempt is the whole duration. The
-    overtaking time ends with the return, a collision or the recording, and is 0 without an attempt.
+    The waiting time counts from the first frame; without an attempt it is the whole duration. The
+    overtaking time ends with the return, a collision or the recording; without an attempt it is 0.
     The difference of speeds has no sign, the distance is between the centres, and the occupancy is
     the number of vehicles in the lane to the left over the number of all others.
     """
-    events = case.events
-    attempted = events.has_attempt
-    waited = np.where(attempted, events.attempt, _first_event_or_last_frame(case, events.collision))
-    ended = _first_event_or_last_frame(case, events.collision, events.return_end)
-    lasted = np.where(attempted, ended - events.attempt, np.int32(0))
-    instant, mean = _at_attempt(case), _means_without_attempt(case)
-    measured = {name: np.where(attempted, instant[name], mean[name]) for name in instant}
+    events, has_attempt = case.events, case.events.has_attempt
+    end_of_waiting = np.where(
+        has_attempt, events.attempt, _first_event_or_last_frame(case, events.collision)
+    )
+    end = _first_event_or_last_frame(case, events.collision, events.return_end)
+    num_frames_of_overtake = np.where(has_attempt, end - events.attempt, np.int32(0))
+    at_attempt, means = _at_attempt(case), _means_without_attempt(case)
     return PaperFeatures(
         reading="paper",
-        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
-        overtaking_time=nan_if_begun_before_recording(case, seconds_of(case, lasted)),
-        frame=np.where(attempted, events.attempt, NEVER),
-        **measured,
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, end_of_waiting)),
+        overtaking_time=nan_if_begun_before_recording(
+            case, seconds_of(case, num_frames_of_overtake)
+        ),
+        frame=np.where(has_attempt, events.attempt, NEVER),
+        **{name: np.where(has_attempt, at_attempt[name], means[name]) for name in at_attempt},
         **_static_features(case),
     )
 
 
 def matched_features(case: Case) -> PaperFeatures:
-    """The features of a batch, measured at `t_a` or at an instant that stands for it.
+    """The features of a batch, measured at the attempt or pseudo attempt.
 
-    The waiting time counts from the frame in which the ego closes up to the target, the difference
-    of speeds is positive while it closes, the distance is the gap between the bumpers, and the
-    occupancy is the share of 100 m of the lane to the left, ahead and behind, that vehicles cover.
+    The waiting time counts from the frame in which the ego begins to follow the target, the
+    difference of speeds is positive while the gap shrinks, the distance is the gap between the
+    bumpers, and the occupancy is the share of the lane to the left, 100 m ahead and behind, that
+    vehicles cover.
     """
     events = case.events
     has_attempt = events.has_attempt
@@ -93,9 +97,10 @@ def matched_features(case: Case) -> PaperFeatures:
 
 
 def _at_attempt(case: Case) -> dict[str, F32]:
+    """Features of the paper's reading at the attempt; undefined without an attempt."""
     ego_speed = at_frame(case.signals.speed, case.events.attempt)
     target = _target_at(case, case.events.attempt)
-    left_lane = left_lane_at_matched_frame(case)  # Unused without an attempt.
+    left_lane = left_lane_at_matched_frame(case)  # The matched frame is the attempt.
     num_others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": ego_speed,
@@ -107,58 +112,65 @@ def _at_attempt(case: Case) -> dict[str, F32]:
 
 
 def _means_without_attempt(case: Case) -> dict[str, F32]:
-    """Means over the frames up to a collision, 0 where there is an attempt.
+    """Means over the frames up to a collision, 0 in simulations with an attempt.
 
-    They are means of the recorded integers, so that no digit is lost.
+    The recorded integers are summed, so the sums have no rounding error.
     """
-    total = scans(case).recorded_sums
-    others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
+    sums = scans(case).recorded_sums
+    num_others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
 
-    def mean(name: str, counted: str) -> F32:
-        return as_f32(total[name] / np.maximum(total[counted], 1))
+    def mean(name: str, count: str) -> F32:
+        """Mean of a recorded quantity over the frames that `count` counts."""
+        return as_f32(sums[name] / np.maximum(sums[count], 1))
 
     return {
         "ego_speed": mean("ego_speed", "frames") * METRES_PER_MM,
         "target_speed": mean("target_speed", "led") * METRES_PER_MM,
         "speed_difference": mean("speed_difference", "led") * METRES_PER_MM,
         "distance": mean("distance", "led") * METRES_PER_MM,
-        "left_occupancy": mean("left_count", "frames") / as_f32(others),
+        "left_occupancy": mean("left_count", "frames") / as_f32(num_others),
     }
 
 
 @cached_per_batch
 def matched_frame(case: Case) -> I32:
-    """The attempt, or the instant that stands for it, shape (simulation,)."""
+    """The frame of the attempt or pseudo attempt, shape (simulation,)."""
     attempt = np.where(case.events.has_attempt, case.events.attempt, pseudo_attempt(case))
     return attempt.astype(np.int32, copy=False)
 
 
 @cached_per_batch
 def left_lane_at_matched_frame(case: Case) -> LeftLaneOccupancy:
-    """The lane to the left at that moment."""
+    """The lane to the left at `matched_frame`."""
     return left_lane_occupancy(case.trajectories, np.maximum(matched_frame(case), 0))
 
 
 @cached_per_batch
 def pseudo_attempt(case: Case) -> I32:
-    """The instant that stands for `t_a` where nothing was attempted, shape (simulation,).
+    """The frame in which a simulation without an attempt is measured; `NEVER` with an attempt.
 
-    The inverse of the distribution of the waiting times of the profile's attempts, cut off at the
-    time for which the ego followed, at a uniform number from a stream of its own.
+    The waiting time until that frame is drawn from the distribution of the waiting times of the
+    profile's attempts, cut off at the time for which the ego followed: by inversion, at a uniform
+    number from a stream of its own.
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_time_quantiles(scenario.profile)
     draw = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.MATCHED_INSTANT).uniform()
     end = _first_event_or_last_frame(case, events.collision)
-    longest = seconds_of(case, np.maximum(end - events.following_begin, 0))
-    waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
-    frames = np.rint(waited * np.float32(1000.0 / case.signals.frame_interval_ms))
-    frame = np.minimum(events.following_begin + frames.astype(np.int32), end)
+    following_time = seconds_of(case, np.maximum(end - events.following_begin, 0))
+    waiting_time = _quantile(quantiles, draw * _share_below(quantiles, following_time))
+    num_frames = np.rint(waiting_time * np.float32(1000.0 / case.signals.frame_interval_ms))
+    frame = np.minimum(events.following_begin + num_frames.astype(np.int32), end)
     return np.where(events.has_attempt, NEVER, frame)
 
 
 def _waiting_time_quantiles(profile: str) -> F32:
-    """Minimum, deciles and maximum of the waiting times of a profile's attempts [s]."""
+    """Minimum, deciles and maximum of the waiting times of a profile's attempts [s].
+
+    They are fixed for each profile: with those of the data set at hand, the features of a
+    simulation would depend on the other simulations. A profile without an entry uses those of
+    `pinto2023-physical`.
+    """
     table, quantities = "matched.waiting_time_quantiles", all_quantities("event_detection.toml")
     quantiles = quantities.get(f"{table}.{profile}", quantities[f"{table}.pinto2023-physical"])
     assert isinstance(quantiles, Quantity)
@@ -166,25 +178,25 @@ def _waiting_time_quantiles(profile: str) -> F32:
 
 
 def _quantile(quantiles: F32, share: F32) -> F32:
-    """Value below which a share lies, linear between evenly spaced quantiles."""
-    steps = np.float32(len(quantiles) - 1)
-    rank = share * steps
+    """Value below which a share of a distribution lies, linear between even quantiles."""
+    rank = share * np.float32(len(quantiles) - 1)
     low = np.minimum(rank.astype(np.int32), len(quantiles) - 2)
-    part = rank - as_f32(low)
-    return quantiles[low] + part * (quantiles[low + 1] - quantiles[low])
+    fraction = rank - as_f32(low)
+    return quantiles[low] + fraction * (quantiles[low + 1] - quantiles[low])
 
 
 def _share_below(quantiles: F32, value: F32) -> F32:
-    """Share that lies below a value; the inverse of `_quantile`."""
-    last = len(quantiles) - 2
-    low = np.clip(np.searchsorted(quantiles, value, side="right") - 1, 0, last)
+    """Share of a distribution that lies below a value; the inverse of `_quantile`."""
+    low = np.searchsorted(quantiles, value, side="right") - 1
+    low = np.clip(low, 0, len(quantiles) - 2)
+    # Two quantiles may be equal.
     step = maximum(quantiles[low + 1] - quantiles[low], np.float32(1e-6))
-    part = np.clip((value - quantiles[low]) / step, np.float32(0.0), np.float32(1.0))
-    return (as_f32(low) + as_f32(part)) / np.float32(len(quantiles) - 1)
+    fraction = np.clip((value - quantiles[low]) / step, np.float32(0.0), np.float32(1.0))
+    return (as_f32(low) + as_f32(fraction)) / np.float32(len(quantiles) - 1)
 
 
 def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
-    """The first in the list of events that happened, else the last frame, shape (simulation,)."""
+    """Frame of the first listed event that happens, else the last frame, shape (simulation,)."""
     end = case.events.last
     for event in reversed(events):
         end = np.where(event == NEVER, end, event)
@@ -194,20 +206,20 @@ def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
 def _target_at(case: Case, frame: I32) -> dict[str, F32]:
     """Speed, lead and gap of the target at one frame of each simulation.
 
-    0 where there is no target; NaN where it is not recorded in that frame, and for lead and gap
-    where the attempt began before the recording.
+    They are 0 without a target, and NaN if it is not recorded in that frame. Lead and gap are also
+    NaN if the attempt began before the recording.
     """
-    vehicle = case.target.slot
-    along = vehicle_snapshot(case.trajectories, vehicle, np.arange(len(frame)), frame)
-    missing = np.where(vehicle == NO_VEHICLE, np.float32(0.0), np.float32(np.nan))
+    slot = case.target.slot
+    target = vehicle_snapshot(case.trajectories, slot, np.arange(len(frame)), frame)
+    default = np.where(slot == NO_VEHICLE, np.float32(0.0), np.float32(np.nan))
 
-    def nan_unless_recorded(values: F32) -> F32:
-        return np.where(along.valid, values, missing)
+    def if_recorded(values: F32) -> F32:
+        return np.where(target.valid, values, default)
 
     return {
-        "speed": nan_unless_recorded(along.speed),
-        "ego_lead": nan_if_begun_before_recording(case, nan_unless_recorded(along.ego_lead)),
-        "gap": nan_if_begun_before_recording(case, nan_unless_recorded(along.gap)),
+        "speed": if_recorded(target.speed),
+        "ego_lead": nan_if_begun_before_recording(case, if_recorded(target.ego_lead)),
+        "gap": nan_if_begun_before_recording(case, if_recorded(target.gap)),
     }
 
 

@@ -1,6 +1,7 @@
 """Surrogate measures of safety of each simulation, also against oncoming traffic."""
 
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from overtaking.labels.signals import encounters_at
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
     FrameSpan,
+    Instants,
     at_frame,
     half_length_sum,
     slot_or_ego,
@@ -57,67 +59,91 @@ _LEFT = (NeighbourRole.LEFT_LEADER, NeighbourRole.LEFT_FOLLOWER)
 _RIGHT = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
 
 _ENTERED_NEIGHBOURS = {"attempt": _LEFT, "line_crossed": _LEFT, "return_begin": _RIGHT}
-"""The vehicles ahead and behind in the lane that the ego moves into."""
+"""Roles of leader and follower in the lane that the ego moves into, by event."""
 
 _ENTERS_LANE = np.array([name in _ENTERED_NEIGHBOURS for name in MEASURED_MOMENTS[1:]])
+"""Whether the ego moves into a lane at an event, shape (event,)."""
 
 _ENTERED_BY_EVENT = np.array(
     [_ENTERED_NEIGHBOURS.get(name, _LEFT) for name in MEASURED_MOMENTS[1:]], np.intp
 )
-"""The same by event: whether a lane is entered, and these places, shape (event, 2)."""
+"""`_ENTERED_NEIGHBOURS` as an array of shape (event, 2); any roles where no lane is entered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _MomentTables:
+    """Tables of measures, shape (simulation, moment): over the manoeuvre, then at each event.
+
+    Attributes:
+        num_simulations: Number of simulations.
+        worst: Worst value of a measure over the manoeuvre, by name, shape (simulation,). Other
+            measures are 0 there.
+    """
+
+    num_simulations: int
+    worst: Mapping[str, F32]
+
+    def of_measure(self, name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
+        """A measure as a table; 0 at events that do not happen.
+
+        Args:
+            name: Name of the measure in `worst`.
+            values: Its values at events, shape (instant,).
+            cells: Index of each value in the flattened table, same shape.
+        """
+        table = np.zeros((self.num_simulations, len(MEASURED_MOMENTS)), values.dtype)
+        table.reshape(-1)[cells] = values
+        table[:, 0] = self.worst.get(name, 0)
+        return table
+
+    def of_encounter(self, name: str, encounter: Encounter, cells: IndexArray) -> Encounter:
+        """The measures of an encounter as tables; `of_measure` describes the arguments."""
+        measures = [field.name for field in fields(encounter)]
+        return Encounter(
+            **{
+                measure: self.of_measure(f"{name}.{measure}", getattr(encounter, measure), cells)
+                for measure in measures
+            }
+        )
 
 
 def safety_features(case: Case) -> SafetyMeasures:
     """The measures of a batch: over the manoeuvre, and at the events of the overtake.
 
-    The manoeuvre is the window of the law: from 3 s before the attempt to 3 s after its end, or all
-    that was driven where nothing was attempted.
+    The manoeuvre is the span that the law judges: from 3 s before the attempt to 3 s after its end;
+    without an attempt, all frames in which the ego is driven.
     """
     span, signals = judged_span(case), case.signals
-    worst = _worst_of_manoeuvre(case, span)
-    frame = np.column_stack([getattr(case.events, name) for name in MEASURED_MOMENTS[1:]])
-    rows, event = np.nonzero(frame != NEVER)  # Most events do not come.
-    frames = frame[rows, event].astype(np.intp)
-    cells = rows * len(MEASURED_MOMENTS) + event + 1  # The manoeuvre is the first moment.
-    enters = np.flatnonzero(_ENTERS_LANE[event])
-    ahead, behind = _ENTERED_BY_EVENT[event[enters]].T
-    instants_of_entry, instants = (rows[enters], frames[enters]), (rows, frames)
+    frame_by_event = np.column_stack([getattr(case.events, name) for name in MEASURED_MOMENTS[1:]])
+    simulation, event = np.nonzero(frame_by_event != NEVER)  # Most events do not happen.
+    instants = Instants(simulation, frame_by_event[simulation, event].astype(np.intp))
+    cells = simulation * len(MEASURED_MOMENTS) + event + 1  # The manoeuvre is the first moment.
+
     leader = encounters_at(case, NeighbourRole.LEADER, *instants)
-    margins = leader_measures(case, leader, *instants) | stop_margins(
+    follower = encounters_at(case, NeighbourRole.FOLLOWER, *instants)
+    margins = leader_measures(case, leader, instants) | stop_margins(
         signals.speed[instants],
         signals.friction[instants],
         signals.sight_lit[instants],
         signals.sight_unlit[instants],
     )
+    enters = np.flatnonzero(_ENTERS_LANE[event])
+    entries = Instants(simulation[enters], instants.frame[enters])
+    leader_role, follower_role = _ENTERED_BY_EVENT[event[enters]].T
+    new_leader = encounters_at(case, leader_role, *entries)
+    new_follower = encounters_at(case, follower_role, *entries)
 
-    def table(name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
-        """A measure as a table (simulation, moment): its worst, and at events; 0 elsewhere."""
-        by_moment = np.zeros((signals.num_simulations, len(MEASURED_MOMENTS)), values.dtype)
-        by_moment.reshape(-1)[cells] = values
-        by_moment[:, 0] = worst.get(name, 0)
-        return by_moment
-
-    def tables(name: str, encounter: Encounter, cells: IndexArray) -> Encounter:
-        """The same of the measures of an encounter."""
-        names = [measure.name for measure in fields(encounter)]
-        return Encounter(
-            **{
-                measure: table(f"{name}.{measure}", getattr(encounter, measure), cells)
-                for measure in names
-            }
-        )
-
+    worst = _worst_of_manoeuvre(case, span)
+    tables = _MomentTables(num_simulations=signals.num_simulations, worst=worst)
+    begin = np.where(span.is_nonempty, span.first, NEVER)
     return SafetyMeasures(
-        frame=np.column_stack([np.where(span.is_nonempty, span.first, NEVER), frame]).astype(
-            np.int32
-        ),
-        leader=tables("leader", leader, cells),
-        follower=tables("follower", encounters_at(case, NeighbourRole.FOLLOWER, *instants), cells),
-        new_leader=tables("entered", encounters_at(case, ahead, *instants_of_entry), cells[enters]),
-        new_follower=tables(
-            "entered", encounters_at(case, behind, *instants_of_entry), cells[enters]
-        ),
-        **{name: table(name, values, cells) for name, values in margins.items()},
+        frame=np.column_stack([begin, frame_by_event]).astype(np.int32),
+        leader=tables.of_encounter("leader", leader, cells),
+        follower=tables.of_encounter("follower", follower, cells),
+        # Over the manoeuvre these two have no values: `worst` has no such names.
+        new_leader=tables.of_encounter("new_leader", new_leader, cells[enters]),
+        new_follower=tables.of_encounter("new_follower", new_follower, cells[enters]),
+        **{name: tables.of_measure(name, values, cells) for name, values in margins.items()},
         **{name: worst[name] for name in ("share_below_safe_distance", "tet", "tit")},
         entry_pet=entry_pet(case),
         return_pet=return_pet(case),
@@ -127,91 +153,108 @@ def safety_features(case: Case) -> SafetyMeasures:
 
 def _worst_of_manoeuvre(case: Case, span: FrameSpan) -> dict[str, F32]:
     """The worst of each measure over the frames of a span, shape (simulation,)."""
-    results, never = scans(case), np.float32(np.inf)
-    interval = np.float32(case.signals.frame_interval_ms / 1000.0)
-    lasted = np.maximum(span.last - span.first + 1, 1)
+    results, no_frame = scans(case), np.float32(np.inf)
+    frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
+    num_frames = np.maximum(span.last - span.first + 1, 1)
     return results.worst_measures | {
-        "stop_margin_lit": np.where(span.is_nonempty, results.stop_lit.min_margin, never),
-        "stop_margin_unlit": np.where(span.is_nonempty, results.stop_unlit.min_margin, never),
-        "share_below_safe_distance": results.worst_measures["num_close"] / as_f32(lasted),
-        "tet": results.worst_measures["num_critical"] * interval,
-        "tit": results.worst_measures["shortfall"] * interval,
+        "stop_margin_lit": np.where(span.is_nonempty, results.stop_lit.min_margin, no_frame),
+        "stop_margin_unlit": np.where(span.is_nonempty, results.stop_unlit.min_margin, no_frame),
+        "share_below_safe_distance": results.worst_measures["num_close"] / as_f32(num_frames),
+        "tet": results.worst_measures["num_critical"] * frame_duration,
+        "tit": results.worst_measures["shortfall"] * frame_duration,
     }
 
 
 def entry_pet(case: Case) -> F32:
-    """PET of entering the lane on the left.
+    """Post-encroachment time of entering the lane on the left, shape (simulation,) [s].
 
-    From the frame in which the ego crosses the line to the arrival of the vehicle behind in that
-    lane at the place where the ego's rear bumper was then, shape (simulation,) [s]. 0 alongside;
-    infinite without a vehicle behind, or if it does not arrive in that lane within the recording.
+    The time from the frame in which the ego crosses the line until the follower in that lane is
+    where the ego's rear bumper was in that frame. It is 0 if they are alongside, and infinite
+    without a follower, or if the follower does not arrive in that lane within the recording.
 
     Source:
         Allen, Shin, Cooper (1978), Analysis of traffic conflicts and collisions.
     """
-    frame = case.events.line_crossed
-    row = np.arange(len(frame))
-    behind = case.signals.neighbour_slot[row, NeighbourRole.LEFT_FOLLOWER, np.maximum(frame, 0)]
-    lane = at_frame(case.signals.lane, frame) + np.uint8(1)
-    return _post_encroachment_time(case, behind, frame, lane, scans(case).entry_arrival)
+    frame, rows = case.events.line_crossed, np.arange(len(case.events.line_crossed))
+    slots = case.signals.neighbour_slot
+    encroachment = _Encroachment(
+        vehicle=slots[rows, NeighbourRole.LEFT_FOLLOWER, np.maximum(frame, 0)],
+        frame=frame,
+        lane=at_frame(case.signals.lane, frame) + np.uint8(1),
+        arrival_frame=scans(case).entry_arrival,
+    )
+    return _post_encroachment_time(case, encroachment)
 
 
 def return_pet(case: Case) -> F32:
-    """PET of the return: of the overtaken vehicle, from `return_end`; as `entry_pet`."""
-    events, arrival = case.events, scans(case).return_arrival
-    return _post_encroachment_time(
-        case, events.target_slot, events.return_end, events.original_lane, arrival
+    """Post-encroachment time of the return, with the overtaken vehicle; (simulation,) [s].
+
+    As `entry_pet`, from the frame in which the return ends.
+    """
+    encroachment = _Encroachment(
+        vehicle=case.events.target_slot,
+        frame=case.events.return_end,
+        lane=case.events.original_lane,
+        arrival_frame=scans(case).return_arrival,
     )
+    return _post_encroachment_time(case, encroachment)
 
 
-def _post_encroachment_time(case: Case, vehicle: U8, frame: I32, lane: U8, arrival: I32) -> F32:
-    """Time until the front of a vehicle is in a lane where the ego's rear is at a frame."""
-    rows = np.flatnonzero((vehicle != NO_VEHICLE) & (frame != NEVER))
-    time = np.full(len(frame), np.inf, np.float32)
-    slot, begin, arrival_frame = slot_or_ego(vehicle[rows]), frame[rows], arrival[rows]
-    first = np.maximum(arrival_frame, begin)
-    in_lane = case.trajectories.states.lane[rows, slot, first] == lane[rows]
-    # Between two frames both drive on evenly.
-    frame_before = np.maximum(first - 1, begin)
-    missing = -_front_beyond_place(case, rows, slot, begin, frame_before)
-    step = _front_beyond_place(case, rows, slot, begin, first) + missing
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Encroachment:
+    """The ego occupies a place that another vehicle reaches later; shape (simulation,).
+
+    Attributes:
+        vehicle: Slot of the other vehicle, `NO_VEHICLE` without one.
+        frame: Frame in which the ego's rear bumper is at the place, `NEVER` without one.
+        lane: Lane of the place.
+        arrival_frame: First frame in which the other's front bumper has reached the place, `NEVER`
+            if it does not.
+    """
+
+    vehicle: U8
+    frame: I32
+    lane: U8
+    arrival_frame: I32
+
+
+def _post_encroachment_time(case: Case, encroachment: _Encroachment) -> F32:
+    """Time between the two vehicles at the place, shape (simulation,) [s]."""
+    has_both = (encroachment.vehicle != NO_VEHICLE) & (encroachment.frame != NEVER)
+    rows = np.flatnonzero(has_both)
+    slot = slot_or_ego(encroachment.vehicle[rows])
+    begin, arrival_frame = encroachment.frame[rows], encroachment.arrival_frame[rows]
+    s, lengths = case.trajectories.states.s, half_length_sum(case.trajectories, rows, slot)
+
+    def overshoot(frame: I32) -> F32:
+        """Distance of the front bumper beyond the place [m]."""
+        distance = as_f32(s[rows, slot, frame] - s[rows, EGO_SLOT, begin]) * METRES_PER_MM
+        return distance + lengths
+
+    arrival = np.maximum(arrival_frame, begin)
+    is_in_lane = case.trajectories.states.lane[rows, slot, arrival] == encroachment.lane[rows]
+    # The vehicle reaches the place between two frames, at constant speed.
+    frame_before = np.maximum(arrival - 1, begin)
+    missing = -overshoot(frame_before)
+    step = overshoot(arrival) + missing
     share_of_step = np.maximum(missing, np.float32(0.0)) / np.where(step > 0, step, np.float32(1.0))
-    frames = as_f32(frame_before - begin) + share_of_step
-    interval = np.float32(case.signals.frame_interval_ms / 1000.0)
-    time[rows] = np.where((arrival_frame != NEVER) & in_lane, frames * interval, np.float32(np.inf))
+    num_frames = as_f32(frame_before - begin) + share_of_step
+    frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
+    time = np.full(len(has_both), np.inf, np.float32)
+    arrives = (arrival_frame != NEVER) & is_in_lane
+    time[rows] = np.where(arrives, num_frames * frame_duration, np.float32(np.inf))
     return time
 
 
-def _front_beyond_place(
-    case: Case, rows: IndexArray, slot: IndexArray, begin: I32, frame: I32
-) -> F32:
-    """How far a front bumper is past the place of the ego's rear bumper at an earlier frame [m].
-
-    Args:
-        case: The batch.
-        rows: Simulations.
-        slot: A vehicle of each.
-        begin: When the ego's rear bumper was there.
-        frame: Frame of the front bumper.
-    """
-    s = case.trajectories.states.s
-    distance = as_f32(s[rows, slot, frame] - s[rows, EGO_SLOT, begin]) * METRES_PER_MM
-    return distance + half_length_sum(case.trajectories, rows, slot)
-
-
-def leader_measures(
-    case: Case, leader: Encounter, rows: IndexArray, frames: IndexArray
-) -> dict[str, F32]:
-    """Further measures of the vehicle ahead."""
-    signals = case.signals
-    speed, slot = (
-        signals.speed[rows, frames],
-        slot_or_ego(signals.neighbour_slot[rows, NeighbourRole.LEADER, frames]),
-    )
-    length = case.trajectories.scenario.vehicles.length[rows, slot]
+def leader_measures(case: Case, leader: Encounter, instants: Instants) -> dict[str, F32]:
+    """The measures of the leader that a follower does not have, shape (instant,)."""
+    signals, (simulation, frame) = case.signals, instants
+    speed = signals.speed[instants]
+    slot = slot_or_ego(signals.neighbour_slot[simulation, NeighbourRole.LEADER, frame])
+    length = case.trajectories.scenario.vehicles.length[simulation, slot]
     leader_speed = speed - leader.closing_speed
-    decel = constant("event_detection.safety.picud_decel")
-    safe = rss_safe_gap(
+    picud_decel = constant("event_detection.safety.picud_decel")
+    rss_gap = rss_safe_gap(
         speed,
         leader_speed,
         reaction_time=RSS_REACTION_TIME.f32,
@@ -226,15 +269,15 @@ def leader_measures(
             speed,
             leader_speed,
             reaction_time=constant("event_detection.safety.picud_reaction_time"),
-            follower_decel=decel,
-            leader_decel=decel,
+            follower_decel=picud_decel,
+            leader_decel=picud_decel,
         ),
-        "rss_margin": leader.gap - safe,
+        "rss_margin": leader.gap - rss_gap,
         "lawful_margin": margin_to_leader(
             leader.gap,
             speed,
             leader.closing_speed,
-            decel_for_safe_distance(signals.friction[rows, frames]),
+            decel_for_safe_distance(signals.friction[instants]),
         ),
     }
 
@@ -243,20 +286,25 @@ _NAN = np.float32(np.nan)
 
 
 def oncoming_measures(case: Case) -> PassingSafety:
-    """The measures of a batch."""
+    """The measures of a batch against oncoming traffic, NaN where they do not exist."""
     if not case.trajectories.road.is_two_way:
         return _no_measures(case.signals.num_simulations)
-    out = opposing_lane_span(case)
-    began, ended = (np.where(out.is_nonempty, event, NEVER) for event in (out.first, out.last))
-    abreast = np.where(out.is_nonempty, case.events.overlap_begin, NEVER)
-    gap_at_crossing, time_at_crossing = _gap_and_time_to_meet(case, began)
-    gap_abreast, time_abreast = _gap_and_time_to_meet(case, abreast)
-    gap_at_return, time_at_return = _gap_and_time_to_meet(case, ended)
-    begin = np.maximum(began, 0)
-    ego_speed, sight = at_frame(case.signals.speed, begin), available_sight(case, begin)
-    unseen = sight / np.maximum(ego_speed + assumed_oncoming_speed(case, begin), MIN_CLOSING_SPEED)
+    span = opposing_lane_span(case)
+    is_in_opposing_lane = span.is_nonempty
+    crossing_frame = np.where(is_in_opposing_lane, span.first, NEVER)
+    gap_at_crossing, time_at_crossing = _gap_and_time_to_meet(case, crossing_frame)
+    abreast_frame = np.where(is_in_opposing_lane, case.events.overlap_begin, NEVER)
+    gap_abreast, time_abreast = _gap_and_time_to_meet(case, abreast_frame)
+    return_frame = np.where(is_in_opposing_lane, span.last, NEVER)
+    gap_at_return, time_at_return = _gap_and_time_to_meet(case, return_frame)
+    # An oncoming vehicle may be just out of sight.
+    begin = np.maximum(crossing_frame, 0)
+    sight = available_sight(case, begin)
+    closing_speed = at_frame(case.signals.speed, begin) + assumed_oncoming_speed(case, begin)
+    time_to_meet_unseen = sight / np.maximum(closing_speed, MIN_CLOSING_SPEED)
+    time_in_opposing_lane = seconds_of(case, np.maximum(span.last - span.first, 0))
     return PassingSafety(
-        was_in_opposing_lane=out.is_nonempty,
+        was_in_opposing_lane=is_in_opposing_lane,
         gap_at_crossing=gap_at_crossing,
         time_to_meet_at_crossing=time_at_crossing,
         gap_abreast=gap_abreast,
@@ -264,43 +312,44 @@ def oncoming_measures(case: Case) -> PassingSafety:
         gap_at_return=gap_at_return,
         time_to_meet_at_return=time_at_return,
         min_time_to_meet=_min_time_to_meet(case),
-        sight_at_crossing=_nan_unless(out.is_nonempty, sight),
-        time_in_opposing_lane=_nan_unless(
-            out.is_nonempty, seconds_of(case, np.maximum(out.last - out.first, 0))
+        sight_at_crossing=_nan_unless(is_in_opposing_lane, sight),
+        time_in_opposing_lane=_nan_unless(is_in_opposing_lane, time_in_opposing_lane),
+        time_available=_nan_unless(
+            is_in_opposing_lane, np.fmin(time_at_crossing, time_to_meet_unseen)
         ),
-        time_available=_nan_unless(out.is_nonempty, np.fmin(time_at_crossing, unseen)),
         was_aborted=case.events.abort != NEVER,
     )
 
 
-def _no_measures(count: int) -> PassingSafety:
-    """Nothing measured in any simulation."""
-    empty: dict[str, Any] = {
-        name: np.zeros(count, np.bool_) if field.is_flag else np.full(count, _NAN)
+def _no_measures(num_simulations: int) -> PassingSafety:
+    """No flag set and no measure known in any simulation."""
+    columns: dict[str, Any] = {
+        name: np.full(num_simulations, False if field.is_flag else _NAN)
         for name, field in batch_fields(PassingSafety).items()
     }
-    return PassingSafety(**empty)
+    return PassingSafety(**columns)
 
 
-def _nan_unless(where: Mask, values: F32) -> F32:
-    return np.where(where, values, _NAN).astype(np.float32)
+def _nan_unless(condition: Mask, values: F32) -> F32:
+    """The values, NaN where a condition does not hold."""
+    return np.where(condition, values, _NAN).astype(np.float32)
 
 
 def _gap_and_time_to_meet(
-    case: Case, frame: I32, rows: IndexArray | None = None
+    case: Case, frame: I32, simulation: IndexArray | None = None
 ) -> tuple[F32, F32]:
     """Gap to the nearest oncoming vehicle [m], and time to meet it [s].
 
     `nearest_oncoming_at` describes the arguments.
     """
-    gap, closing_speed, _ = nearest_oncoming_at(case, frame, rows)
+    gap, closing_speed, _ = nearest_oncoming_at(case, frame, simulation)
     return gap, np.maximum(gap, np.float32(0.0)) / closing_speed
 
 
 def _min_time_to_meet(case: Case) -> F32:
     """Smallest time to meet over all frames in the opposing lane, shape (simulation,) [s]."""
-    rows, frames = opposing_lane_span(case).instants()
-    _, times = _gap_and_time_to_meet(case, frames.astype(np.int32), rows)
-    least = np.full(case.signals.num_simulations, _NAN)
-    np.fmin.at(least, rows, times)
-    return least
+    simulation, frame = opposing_lane_span(case).instants()
+    _, times = _gap_and_time_to_meet(case, frame.astype(np.int32), simulation)
+    min_time = np.full(case.signals.num_simulations, _NAN)
+    np.fmin.at(min_time, simulation, times)
+    return min_time

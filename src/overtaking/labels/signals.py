@@ -1,6 +1,7 @@
-"""Signals by the compiled engine: one place packs recordings for it, one reads its answers.
+"""Signals of the ego and its target, computed by the compiled engine.
 
-`tests/reference/labels` says the same one frame after the other.
+This module packs recordings into arrays for the engine, and its results into batches.
+`tests/reference/labels` computes the same signals one frame after the other.
 """
 
 import math
@@ -46,7 +47,7 @@ SIGNALS_FOR_ENGINE = (
     *("right_edge", "left_edge", "neighbour_slot"),
     *("friction", "sight_lit", "sight_unlit"),
 )
-"""Signals that further compiled functions read."""
+"""Signals that other compiled functions read."""
 
 _NEIGHBOUR_SIGNAL_NAMES = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
 _PER_NEIGHBOUR = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
@@ -54,7 +55,7 @@ _PER_NEIGHBOUR = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
 
 
 def extract_signals_and_events(
-    trajectories: Trajectories, limits: dict[str, Any]
+    trajectories: Trajectories, thresholds: dict[str, Any]
 ) -> tuple[EgoSignals, ArraysByName]:
     """Signals and events of a batch, in one compiled call.
 
@@ -62,10 +63,10 @@ def extract_signals_and_events(
 
     Args:
         trajectories: The batch, of any origin and rate; its arrays must not change afterwards.
-        limits: The thresholds of events.
+        thresholds: Result of `event_detection.event_thresholds`.
 
     Returns:
-        The signals, and most of the events by name, shape (simulation,).
+        The signals, and by name the events that the engine finds, shape (simulation,).
 
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
@@ -74,32 +75,33 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # Most simulations end early: zeros behind their ends need not be written again.
+    # Reused memory: the engine clears each simulation's frames only up to `zero_from`, the end of
+    # the longest one that was there before. Most simulations end early, so this saves writes.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     _core.ego_signals_and_events(
         recording=recording,
         visibility=visibility_inputs(trajectories),
-        thresholds=limits,
+        thresholds=thresholds,
         constants=engine_constants(model_constants()),
         zero_from=outputs.pop("zero_from"),
         signals=outputs,
         events=events,
         level=simd_level(),
     )
-    around = partial(_neighbour_signals, trajectories, outputs["neighbour_slot"])
-    later: DelayedArrays = {
+    neighbour_signals = partial(_neighbour_signals, trajectories, outputs["neighbour_slot"])
+    at_first_use: DelayedArrays = {
         "s": lambda: {"s": as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES_PER_MM},
         "valid": lambda: {"valid": trajectories.frame_mask},
-        **dict.fromkeys(_NEIGHBOUR_SIGNAL_NAMES, around),
+        **dict.fromkeys(_NEIGHBOUR_SIGNAL_NAMES, neighbour_signals),
     }
     _limit_sight_by_road(trajectories, outputs)
     interval = trajectories.scenario.frame_interval_ms
-    signals = EgoSignals.partly(later, frame_interval_ms=interval, **outputs)
+    signals = EgoSignals.partly(at_first_use, frame_interval_ms=interval, **outputs)
     return signals, dict(zip(names, events, strict=True))
 
 
 def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> None:
-    """Nothing is seen beyond what the road shows."""
+    """Limit both sight distances to the one that the course of the road leaves."""
     if trajectories.road.course:
         s = trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION
         sight_of_road = sight_at(trajectories.road, s)
@@ -108,7 +110,7 @@ def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> N
 
 
 def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8) -> TargetSignals:
-    """The target of each simulation, computed frame by frame at its first use.
+    """Signals of the target of each simulation; those with a value per frame at their first use.
 
     Args:
         trajectories: The batch.
@@ -116,7 +118,7 @@ def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8)
         vehicle: Slot of each target, `NO_VEHICLE` without a target, shape (simulation,).
 
     Raises:
-        ValueError: A target is no vehicle of the recording.
+        ValueError: A target is not a vehicle of the recording.
     """
     slot, length = slot_or_ego(vehicle), trajectories.scenario.vehicles.length
     if slot.size and slot.max() >= length.shape[1]:
@@ -129,15 +131,15 @@ def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8)
 
 
 def encounters_at(
-    case: Case, neighbour: NeighbourRole | IndexArray, rows: IndexArray, frames: IndexArray
+    case: Case, role: NeighbourRole | IndexArray, simulation: IndexArray, frame: IndexArray
 ) -> Encounter:
-    """The ego and a neighbour at single frames, with the measures of the follower.
+    """The ego and a neighbour at single frames, with the measures of the one that is behind.
 
     Args:
         case: The batch.
-        neighbour: Which neighbour, or one for each instant.
-        rows: Simulations, shape (instant,).
-        frames: A recorded frame of each, same shape.
+        role: Role of the neighbour, one for all instants or one for each.
+        simulation: Row of the simulation, shape (instant,).
+        frame: A recorded frame, same shape.
 
     Returns:
         Arrays of shape (instant,).
@@ -145,10 +147,10 @@ def encounters_at(
     Raises:
         ValueError: A frame does not exist.
     """
-    names, slot = _core.FIELD_NAMES["encounters"], np.empty(len(rows), np.uint8)
-    out = np.empty((len(names), len(rows)), np.float32)
-    instants = np.empty((3, len(rows)), np.int64)
-    instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
+    names, num_instants = _core.FIELD_NAMES["encounters"], len(simulation)
+    slot, out = np.empty(num_instants, np.uint8), np.empty((len(names), num_instants), np.float32)
+    instants = np.empty((3, num_instants), np.int64)
+    instants[:] = simulation, np.broadcast_to(np.int64(role), np.shape(simulation)), frame
     _core.encounter_measures(
         recording=packed_recording(case),
         neighbour_slot=_contiguous_row(case.signals.neighbour_slot),
@@ -167,11 +169,11 @@ def frames_alongside_target(
 
     Args:
         case: The batch.
-        ends: First and then last frames in which to look, shape (2 simulation,).
+        ends: `FrameSpan.packed_ends` of the spans in which to look.
 
     Returns:
-        Simulation and frame of each, and of the target its lane, the gap between the sides of both
-        [m], and its acceleration [m/s^2]; shape (instant,).
+        Simulation and frame of each instant; lane of the target, lateral gap between the two [m],
+        and acceleration of the target [m/s^2]; each of shape (instant,).
     """
     return _core.frames_alongside(
         recording=packed_recording(case),
@@ -184,28 +186,29 @@ def frames_alongside_target(
 
 @cached_per_batch
 def packed_recording(case: Case) -> dict[str, Any]:
-    """`pack` of a case."""
+    """`pack_recording` of a case, computed once."""
     return pack_recording(case.trajectories)
 
 
 def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
-    """A recording as compiled functions take it.
+    """A recording as arrays for compiled functions.
 
-    On a two-way road the lane of oncoming traffic is one more lane to the left. Oncoming vehicles
-    are left out: leaders, followers and targets drive in the direction of the ego.
+    On a two-way road the opposing lane is one more lane to the left. Oncoming vehicles are left
+    out: leaders, followers and targets drive in the direction of the ego.
     """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
-    interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.is_recorded
+    interval_ms = trajectories.scenario.frame_interval_ms
+    is_recorded = trajectories.is_recorded
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
     recorded["heading"], direction = trajectories.headings_and_origin
     recorded |= {"accel": states.accel_lon, "collided_with": trajectories.collided_with}
     if road.is_two_way:
-        recorded["lane"] = _with_opposite_lane(trajectories)
-        along = np.broadcast_to(~is_oncoming(trajectories)[:, :, None], states.s.shape)
-        present = along.copy() if present is None else present & along
+        recorded["lane"] = _lanes_with_opposing_lane(trajectories)
+        drives_along = np.broadcast_to(~is_oncoming(trajectories)[:, :, None], states.s.shape)
+        is_recorded = drives_along.copy() if is_recorded is None else is_recorded & drives_along
     return {
         **{name: with_adjacent_frames(values) for name, values in recorded.items()},
-        "is_recorded": None if present is None else with_adjacent_frames(present),
+        "is_recorded": None if is_recorded is None else with_adjacent_frames(is_recorded),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _contiguous_row(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
@@ -216,46 +219,44 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     }
 
 
-def _with_opposite_lane(trajectories: Trajectories) -> U8:
-    """Lanes, with the next number for what is beyond the lane of oncoming traffic."""
+def _lanes_with_opposing_lane(trajectories: Trajectories) -> U8:
+    """Lanes of all vehicles, with the next number beyond the opposing lane."""
     states, road = trajectories.states, trajectories.road
-    edge = float(lane_borders(road)[-1])
-    is_beyond_road = float(overtaking_sign(road)) * states.d > edge / POSITION_RESOLUTION
+    outer_edge = float(lane_borders(road)[-1])
+    is_beyond_road = float(overtaking_sign(road)) * states.d > outer_edge / POSITION_RESOLUTION
     return states.lane + (is_beyond_road & (states.lane == road.num_lanes)).view(np.uint8)
 
 
 def pack_signals(signals: EgoSignals) -> ArraysByName:
-    """Signals as compiled functions take them."""
+    """Signals as arrays for compiled functions."""
     return {name: _contiguous_row(getattr(signals, name)) for name in SIGNALS_FOR_ENGINE}
 
 
 def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
-    """Inputs of the signals beside the states; flat arrays of shape (simulation,).
+    """Inputs of friction and sight beside the states; flat arrays of shape (simulation,).
 
-    A stop is judged on the mean film of the lane: the driver cannot know which wheel will be
+    Friction is that of the mean film of the lane, because a driver cannot know which wheel will be
     in which puddle. Spray is left out: it hides only a vehicle whose own brake lamps announce it.
 
     Returns:
         film: Mean water film of each lane, puddles included, padded to eight lanes, shape
             (simulation, lane) [mm].
         tyre_wear, has_truck_tyres: Tread wear of the ego, and 1 for truck tyres.
-        fog, rain: Extinction of fog, and of rain to an observer at rest [1/m].
-        contrast_depth: Optical depth at which a vehicle of middling colour is lost.
+        fog, rain: Extinction coefficient of fog, and of rain for an observer at rest [1/m].
+        contrast_depth: Optical depth at which a vehicle of medium contrast becomes invisible.
         lamp_depth, lamp_clear: Logarithm of a rear lamp's intensity over the threshold, and its
             range in clear air [m].
-        unlit_limit: Range of the ego's own lamps by night, the limit of attention by day [m].
-        attention_range: That limit, a number [m].
+        unlit_limit: Range of the ego's own lamps by night, the attention range by day [m].
+        attention_range: Distance beyond which drivers perceive no vehicle, a number [m].
     """
-    scenario, attention = trajectories.scenario, constant("model.perception.range")
-    ahead, bodies = weather_effects(scenario), scenario.vehicles
-    sight, film = (
-        ahead.sight,
-        _mean_water_film(ahead.film, road_parameters(scenario.road).film_path),
-    )
-    lamp = np.full_like(ahead.rain_rate, constant("weather.lamps.rear_position"))
-    lamp = lamp / sight["lamp_threshold"]
+    scenario, attention_range = trajectories.scenario, constant("model.perception.range")
+    effects, bodies = weather_effects(scenario), scenario.vehicles
+    sight = effects.sight
+    film = _mean_water_film(effects.film, road_parameters(scenario.road).film_path)
+    lamp = np.full_like(effects.rain_rate, constant("weather.lamps.rear_position"))
+    lamp_ratio = lamp / sight["lamp_threshold"]
     depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
-    inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
+    inverse_limit = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention_range)
     arrays = {
         "film": film,
         "tyre_wear": bodies.tyre_wear[:, EGO_SLOT],
@@ -263,25 +264,25 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
         "fog": sight["fog_extinction"],
         "rain": sight["rain_extinction"],
         "contrast_depth": maximum(depth, np.float32(0.0)),
-        "lamp_depth": log(lamp),
-        "lamp_clear": np.sqrt(lamp),
-        "unlit_limit": np.float32(1.0) / inverse,
+        "lamp_depth": log(lamp_ratio),
+        "lamp_clear": np.sqrt(lamp_ratio),
+        "unlit_limit": np.float32(1.0) / inverse_limit,
     }
     flat = {name: _contiguous_row(values) for name, values in arrays.items()}
-    return {**flat, "attention_range": float(attention)}
+    return {**flat, "attention_range": float(attention_range)}
 
 
 def _mean_water_film(water: dict[str, F32], film_path: F32) -> F32:
-    """Film of each lane with the puddles spread evenly over it, (simulation, lane) [mm]."""
+    """Water film of each lane, with the puddles spread evenly over it, (simulation, lane) [mm]."""
     film = lane_film(
         water["min_wet_film"][:, None],
         water["film_rain_factor"][:, None],
         film_path[None, :],
         water["texture_depth"][:, None],
     )
-    # See `film.puddle`: half the square of the threshold is the share that is under water.
-    covered = np.float32(0.5) * water["puddle_threshold"] * water["puddle_threshold"]
-    return film + (water["puddle_film"] * covered)[:, None]
+    # As in `film.puddle`: half of the square of the threshold is the share of the lane under water.
+    covered_share = np.float32(0.5) * water["puddle_threshold"] * water["puddle_threshold"]
+    return film + (water["puddle_film"] * covered_share)[:, None]
 
 
 def _neighbour_signals(trajectories: Trajectories, vehicle: U8) -> ArraysByName:
@@ -315,7 +316,7 @@ def _target_names() -> list[str]:
 def _empty_arrays(
     trajectories: Trajectories, cls: type[Batch], names: Iterable[str]
 ) -> ArraysByName:
-    """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
+    """Arrays with undefined content for some fields of a batch."""
     return {
         name: empty_array(math.prod(shape), dtype).reshape(shape)
         for name, shape, dtype in _array_layouts(trajectories, cls, names)
@@ -325,23 +326,27 @@ def _empty_arrays(
 def _array_layouts(
     trajectories: Trajectories, cls: type[Batch], names: Iterable[str]
 ) -> tuple[ArrayLayout, ...]:
-    """Layouts of some fields of a batch."""
-    simulations, frames = trajectories.stage.shape
-    shape_of_neighbours, shape = (simulations, len(NeighbourRole), frames), (simulations, frames)
-    kinds, wide = batch_fields(cls), _PER_NEIGHBOUR if cls is EgoSignals else ()
+    """Layouts of the arrays for some fields of a batch."""
+    num_simulations, num_frames = trajectories.stage.shape
+    shape = num_simulations, num_frames
+    neighbour_shape = num_simulations, len(NeighbourRole), num_frames
+    per_neighbour = _PER_NEIGHBOUR if cls is EgoSignals else ()
+    specifications = batch_fields(cls)
     return tuple(
         ArrayLayout(
-            name, shape_of_neighbours if name in wide else shape, np.dtype(kinds[name].dtype)
+            name,
+            neighbour_shape if name in per_neighbour else shape,
+            np.dtype(specifications[name].dtype),
         )
         for name in names
     )
 
 
 def with_adjacent_frames(values: NDArray[Any]) -> NDArray[Any]:
-    """`values` with the frames of a vehicle side by side; a copy only where they are not."""
+    """The values with consecutive frames next to each other in memory; a copy if they are not."""
     return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
 
 
 def _contiguous_row(values: NDArray[Any]) -> NDArray[Any]:
-    """`values` in one row."""
+    """The values as a flat, contiguous array; a copy if they are not contiguous."""
     return np.ascontiguousarray(values).reshape(-1)

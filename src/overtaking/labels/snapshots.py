@@ -5,7 +5,7 @@ along the road. A `FrameSpan` holds the first and last frame of a span in each s
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,31 +26,64 @@ METRES_PER_MM = np.float32(1e-3)
 ANGLE_RESOLUTION_F32 = np.float32(1e-4)
 
 OCCUPANCY_REACH_MM = 100_000
-"""How far ahead and behind a lane's occupancy is counted [mm]."""
+"""Distance ahead of and behind the ego within which the occupancy of a lane is measured [mm]."""
 
 _LATERAL_SPEED_HALF_WINDOW_MS = 100
-"""Half of the time over which the lateral speed is measured [ms]."""
+"""Half of the time over which a lateral speed is measured [ms].
+
+A time, not a number of frames: recordings of the same drive at 20 Hz and at 25 Hz must have the
+same events.
+"""
+
+
+class Instants(NamedTuple):
+    """Single frames of simulations; an index into arrays of shape (simulation, time).
+
+    Attributes:
+        simulation: Row of the simulation, shape (instant,).
+        frame: The frame, same shape.
+    """
+
+    simulation: IndexArray
+    frame: IndexArray
+
+
+class VehicleInstants(NamedTuple):
+    """Vehicles in single frames; an index into arrays of shape (simulation, vehicle, time).
+
+    Attributes:
+        simulation: Row of the simulation, shape (instant,).
+        slot: Slot of the vehicle, same shape.
+        frame: A frame in which it is recorded, same shape.
+    """
+
+    simulation: IndexArray
+    slot: IndexArray
+    frame: Frames
 
 
 def at_frame(values: NDArray[T], frames: Frames) -> NDArray[T]:
-    """`values` (simulation, time) at one frame each; where that is `NEVER`, at the first frame."""
+    """Values of shape (simulation, time) at one frame each; at the first frame for `NEVER`."""
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
-def scatter(values: NDArray[T], simulations: IndexArray | Mask, count: int) -> NDArray[T]:
-    """Values of some of `count` simulations among all, 0 for the others."""
-    spread = np.zeros(count, values.dtype)
-    spread[simulations] = values
-    return spread
+def scatter(values: NDArray[T], simulations: IndexArray | Mask, num_simulations: int) -> NDArray[T]:
+    """An array for all simulations with the values of some, and 0 for the others."""
+    scattered = np.zeros(num_simulations, values.dtype)
+    scattered[simulations] = values
+    return scattered
 
 
 def overtaking_sign(road: Road) -> np.float32:
-    """+1 where `d` grows to the left in the law's sense, -1 in left-hand traffic."""
+    """+1 where `d` grows to the overtaking side, which is right-hand traffic; else -1."""
     return np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
 
 
 def lane_borders(road: Road) -> F32:
-    """Lane borders from the right to the left, including the opposing lane [m]."""
+    """Lateral positions of the lane borders from the right to the left, (border,) [m].
+
+    On a two-way road the last border is the outer edge of the opposing lane.
+    """
     borders = overtaking_sign(road) * as_f32(road.lane_boundaries)
     neighbour = road.overtaking_side_neighbour
     if road.is_two_way and neighbour is not None:
@@ -72,28 +105,28 @@ def half_length_sum(trajectories: Trajectories, rows: IndexArray, slot: IndexArr
 def lateral_footprint(
     road: Road, d: Frames, heading: tuple[Frames, float], length: F32, width: F32
 ) -> tuple[F32, F32]:
-    """Where bodies lie across the road; all arrays of one shape.
+    """Extent of vehicles across the road; all arrays have one shape.
 
     Args:
         road: The road.
         d: Recorded lateral position [mm].
-        heading: Recorded heading, and the direction that it is measured from, as
-            `Trajectories.headings` has them [0.1 mrad, rad].
-        length: Of the bodies [m].
-        width: Of the bodies [m].
+        heading: Recorded heading [0.1 mrad], and the direction from which it is measured [rad], as
+            in `Trajectories.headings_and_origin`.
+        length: Length of each vehicle [m].
+        width: Width of each vehicle [m].
 
     Returns:
-        Position of the centre, growing to the left, and how far the corners reach to either side
-        of that [m].
+        Lateral position of the centre, growing to the left, and distance from there to the
+        outermost corner on either side [m].
     """
-    across = overtaking_sign(road) * (as_f32(d) * METRES_PER_MM)
+    lateral_position = overtaking_sign(road) * (as_f32(d) * METRES_PER_MM)
     sine, cosine = sincos(as_f32(heading[0]) * ANGLE_RESOLUTION_F32 - np.float32(heading[1]))
     half_length, half_width = length * np.float32(0.5), width * np.float32(0.5)
-    return across, half_length * np.abs(sine) + half_width * np.abs(cosine)
+    return lateral_position, half_length * np.abs(sine) + half_width * np.abs(cosine)
 
 
 def is_oncoming(trajectories: Trajectories) -> Mask:
-    """Which vehicles come against the road, shape (simulation, vehicle); none on one-way roads.
+    """Which vehicles drive against the road, shape (simulation, vehicle); none on one-way roads.
 
     The heading in the first recorded frame decides: a vehicle that spins later does not become
     oncoming.
@@ -108,75 +141,77 @@ def is_oncoming(trajectories: Trajectories) -> Mask:
     )
     headings, direction = trajectories.headings_and_origin
     heading = np.take_along_axis(headings, first[:, :, None], axis=2)[:, :, 0]
-    against = sincos(as_f32(heading) * ANGLE_RESOLUTION_F32 - np.float32(direction))[1] < 0
-    against[:, EGO_SLOT] = False
-    return valid & against
+    drives_against = sincos(as_f32(heading) * ANGLE_RESOLUTION_F32 - np.float32(direction))[1] < 0
+    drives_against[:, EGO_SLOT] = False
+    return valid & drives_against
 
 
 def lateral_speed_half_window(interval_ms: int) -> int:
-    """Frames on either side over which the lateral speed is measured."""
+    """Number of frames on either side over which a lateral speed is measured, at least 1."""
     return max(1, round(_LATERAL_SPEED_HALF_WINDOW_MS / interval_ms))
 
 
 def lateral_speed_at(
-    trajectories: Trajectories,
-    rows: IndexArray,
-    slot: IndexArray,
-    frames: Frames,
-    half: Frames | int | None = None,
+    trajectories: Trajectories, vehicles: VehicleInstants, half_window: I32 | int | None = None
 ) -> F32:
-    """Speed to the left of vehicles at single frames; all arrays of one shape [m/s].
+    """Speed of vehicles to the left at single frames, shape (instant,) [m/s].
 
     Args:
         trajectories: The batch.
-        rows: Simulations.
-        slot: A vehicle of each.
-        frames: A frame of each in which it is recorded.
-        half: Frames on either side over which to measure, where there are as many; those over
-            about 0.2 s by default.
+        vehicles: The vehicles and frames.
+        half_window: Largest number of frames on either side over which to measure, a number or one
+            for each instant; None for about 0.1 s.
 
     Returns:
-        A central difference, one-sided beside frames without the vehicle.
+        A central difference, one-sided beside frames in which the vehicle is not recorded.
     """
-    interval, d = trajectories.scenario.frame_interval_ms, trajectories.states.d
-    half = lateral_speed_half_window(interval) if half is None else half
-    earlier, later = _recorded_window(trajectories, rows, slot, frames, half)
-    moved = d[rows, slot, later] - d[rows, slot, earlier]
-    elapsed = np.maximum((later - earlier) * interval, np.int32(1))
-    return overtaking_sign(trajectories.road) * (as_f32(moved) / as_f32(elapsed))
+    interval_ms, d = trajectories.scenario.frame_interval_ms, trajectories.states.d
+    if half_window is None:
+        half_window = lateral_speed_half_window(interval_ms)
+    earlier, later = _recorded_window(trajectories, vehicles, half_window)
+    simulation, slot, _ = vehicles
+    shift = d[simulation, slot, later] - d[simulation, slot, earlier]
+    elapsed = np.maximum((later - earlier) * interval_ms, np.int32(1))
+    # Millimetres per millisecond are metres per second.
+    return overtaking_sign(trajectories.road) * (as_f32(shift) / as_f32(elapsed))
 
 
 def _recorded_window(
-    trajectories: Trajectories,
-    rows: IndexArray,
-    slot: IndexArray,
-    frames: Frames,
-    half: Frames | int,
+    trajectories: Trajectories, vehicles: VehicleInstants, half_window: I32 | int
 ) -> tuple[I32, I32]:
-    """The farthest frames within `half` of some that the vehicle is recorded up to."""
-    last = np.maximum(trajectories.num_frames[rows] - 1, np.int32(0))
-    later = np.minimum(frames + half, last).astype(np.int32)
-    earlier = np.minimum(np.maximum(frames - half, 0), last).astype(np.int32)
-    if trajectories.is_recorded is None:
-        return earlier, later
-    ends = [frames.astype(np.int32)] * 2
-    for step in range(1, int(np.max(half, initial=0)) + 1):
-        for side, (direction, limit) in enumerate(((-1, earlier), (1, later))):
-            candidate = ends[side] + np.int32(direction)
+    """First and last frame of the unbroken track around each instant, within the half window.
+
+    A vehicle that leaves the recording and comes back has a break in its track. A difference across
+    the break would be the speed between two unrelated places, so the window ends at it.
+    """
+    simulation, slot, frame = vehicles
+    last_frame = np.maximum(trajectories.num_frames[simulation] - 1, np.int32(0))
+    earliest = np.minimum(np.maximum(frame - half_window, 0), last_frame).astype(np.int32)
+    latest = np.minimum(frame + half_window, last_frame).astype(np.int32)
+    is_recorded = trajectories.is_recorded
+    if is_recorded is None:  # Every vehicle is recorded in every frame.
+        return earliest, latest
+
+    def extend(limit: I32, direction: int) -> I32:
+        """The farthest frame towards a limit that the unbroken track reaches."""
+        end = frame.astype(np.int32)
+        for distance in range(1, int(np.max(half_window, initial=0)) + 1):
+            candidate = end + np.int32(direction)
             is_within = (limit - candidate) * direction >= 0
-            has_state = trajectories.is_recorded[
-                rows, slot, np.where(is_within, candidate, ends[side])
-            ]
-            is_unbroken = np.abs(ends[side] - frames) == step - 1
-            ends[side] = np.where(is_within & has_state & is_unbroken, candidate, ends[side])
-    return ends[0], ends[1]
+            # An end that did not move in the last round has met a break, and stays.
+            is_unbroken = np.abs(end - frame) == distance - 1
+            has_state = is_recorded[simulation, slot, np.where(is_within, candidate, end)]
+            end = np.where(is_within & is_unbroken & has_state, candidate, end)
+        return end
+
+    return extend(earliest, -1), extend(latest, 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSnapshot:
-    """A vehicle along the road, as in `TargetSignals`; arrays have shape (instant,).
+    """One vehicle along the road at single frames, as in `TargetSignals`; shape (instant,).
 
-    `valid` says where there is one and it is recorded; elsewhere the values mean nothing.
+    The values are undefined where `valid` is false: without a vehicle, or where it is not recorded.
     """
 
     valid: Mask
@@ -188,14 +223,13 @@ class VehicleSnapshot:
 def vehicle_snapshot(
     trajectories: Trajectories, vehicle: U8, rows: IndexArray, frames: Frames
 ) -> VehicleSnapshot:
-    """A vehicle along the road at single frames; the first frame where one is negative.
+    """A vehicle along the road at single frames.
 
     Args:
         trajectories: The batch.
-        vehicle: Slot of the vehicle at each instant, `NO_VEHICLE` without one, shape
-            (instant,).
-        rows: Simulations, same shape.
-        frames: A frame of each, same shape.
+        vehicle: Slot of the vehicle at each instant, `NO_VEHICLE` without one, shape (instant,).
+        rows: Row of the simulation, same shape.
+        frames: The frame, same shape; a negative one counts as the first frame.
     """
     frame, slot = np.maximum(frames, 0), slot_or_ego(vehicle)
     ego_lead = ego_lead_over(trajectories, rows, slot, frame)
@@ -213,40 +247,38 @@ def vehicle_snapshot(
 def ego_lead_over(
     trajectories: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames
 ) -> F32:
-    """Centre of the ego minus centre of a vehicle along the road at single frames [m]."""
+    """Station of the ego minus station of another vehicle at single frames, (instant,) [m]."""
     s = trajectories.states.s
     return as_f32(s[rows, EGO_SLOT, frames] - s[rows, slot, frames]) * METRES_PER_MM
 
 
 def lateral_position_and_gap(
-    trajectories: Trajectories,
-    signals: EgoSignals,
-    rows: IndexArray,
-    slot: IndexArray,
-    frames: Frames,
+    trajectories: Trajectories, signals: EgoSignals, vehicles: VehicleInstants
 ) -> tuple[F32, F32]:
-    """Vehicles across the road at single frames: `lateral` and `lateral_gap` of `TargetSignals`.
+    """Vehicles across the road at single frames.
 
     Args:
         trajectories: The batch.
         signals: Its signals.
-        rows: Simulations, shape (instant,).
-        slot: A vehicle of each, same shape.
-        frames: A frame of each, same shape.
+        vehicles: The vehicles and frames.
+
+    Returns:
+        `lateral_position` and `lateral_gap` as in `TargetSignals`, shape (instant,) [m].
     """
-    states, bodies, ego_entry = trajectories.states, trajectories.scenario.vehicles, (rows, frames)
-    entry, (headings, direction) = (rows, slot, frames), trajectories.headings_and_origin
+    simulation, slot, frame = vehicles
+    bodies = trajectories.scenario.vehicles
+    headings, direction = trajectories.headings_and_origin
     lateral_position, reach = lateral_footprint(
         trajectories.road,
-        states.d[entry],
-        (headings[entry], direction),
-        bodies.length[rows, slot],
-        bodies.width[rows, slot],
+        trajectories.states.d[vehicles],
+        (headings[vehicles], direction),
+        bodies.length[simulation, slot],
+        bodies.width[simulation, slot],
     )
-    ego_reach = (signals.left_edge[ego_entry] - signals.right_edge[ego_entry]) * np.float32(0.5)
-    return lateral_position, np.abs(lateral_position - signals.lateral_position[ego_entry]) - (
-        ego_reach + reach
-    )
+    ego = simulation, frame
+    ego_reach = (signals.left_edge[ego] - signals.right_edge[ego]) * np.float32(0.5)
+    distance = np.abs(lateral_position - signals.lateral_position[ego])
+    return lateral_position, distance - (ego_reach + reach)
 
 
 def is_in_lane(trajectories: Trajectories, lane: I32, frames: Frames) -> Mask:
@@ -258,37 +290,38 @@ def is_in_lane(trajectories: Trajectories, lane: I32, frames: Frames) -> Mask:
         frames: A frame of each, same shape.
     """
     rows = np.arange(len(frames))
-    inside = trajectories.states.lane[rows, :, frames] == lane[:, None]
-    inside &= trajectories.scenario.vehicles.valid & (lane < trajectories.road.num_lanes)[:, None]
-    return (
-        inside
-        if trajectories.is_recorded is None
-        else inside & trajectories.is_recorded[rows, :, frames]
-    )
+    is_inside = trajectories.states.lane[rows, :, frames] == lane[:, None]
+    is_inside &= (lane < trajectories.road.num_lanes)[:, None]
+    is_inside &= trajectories.scenario.vehicles.valid
+    if trajectories.is_recorded is not None:
+        is_inside &= trajectories.is_recorded[rows, :, frames]
+    return is_inside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLaneOccupancy:
-    """The lane to the left at one frame of each simulation, as in `EgoSignals`."""
+    """The lane to the left of the ego at one frame of each simulation; shape (simulation,).
+
+    Attributes:
+        occupancy: Share of the lane within `OCCUPANCY_REACH_MM` that vehicles cover.
+        count: Number of vehicles in the lane, at any distance.
+    """
 
     occupancy: F32
     count: U8
 
 
 def left_lane_occupancy(trajectories: Trajectories, frames: Frames) -> LeftLaneOccupancy:
-    """The lane to the left at one recorded frame of each simulation.
-
-    Lengths are summed in whole half-millimetres: the order of the vehicles is irrelevant.
-    """
+    """The lane to the left of the ego at one recorded frame of each simulation."""
     rows = np.arange(len(frames))
-    ego_lane, s = (
-        trajectories.states.lane[rows, EGO_SLOT, frames].astype(np.int32),
-        trajectories.states.s[rows, :, frames],
-    )
+    ego_lane = trajectories.states.lane[rows, EGO_SLOT, frames].astype(np.int32)
+    s = trajectories.states.s[rows, :, frames]
     is_on_left = is_in_lane(trajectories, ego_lane + 1, frames)
+    # In half-millimetres: half a length is then an integer, and the sum of integers is the same in
+    # any order of the vehicles.
     limit = np.int32(2 * OCCUPANCY_REACH_MM)
     length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
-    # Twice the distance, cut so that a vehicle miles away cannot overflow.
+    # Distances are limited first, because twice the distance of a far vehicle could overflow.
     centre = np.clip(s - s[:, [EGO_SLOT]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
     length_within_reach = np.where(is_on_left, np.maximum(front - rear, np.int32(0)), np.int32(0))
@@ -300,7 +333,7 @@ def left_lane_occupancy(trajectories: Trajectories, frames: Frames) -> LeftLaneO
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSpan:
-    """From one frame to another, both within it; empty where `last` is before `first`.
+    """A span of frames of each simulation, both ends included; empty if `last` is before `first`.
 
     Attributes:
         first: First frame, shape (simulation,).
@@ -312,12 +345,12 @@ class FrameSpan:
 
     @property
     def is_nonempty(self) -> Mask:
-        """Whether it has a frame, shape (simulation,)."""
+        """Whether the span has a frame, shape (simulation,)."""
         return self.last >= self.first
 
     @property
     def packed_ends(self) -> I32:
-        """First frames and then last frames, as compiled functions take them."""
+        """First frames and then last frames in one array, the input of compiled functions."""
         return np.concatenate([self.first, self.last], dtype=np.int32)
 
     def select(self, rows: IndexArray) -> "FrameSpan":
@@ -325,17 +358,17 @@ class FrameSpan:
         return FrameSpan(first=self.first[rows], last=self.last[rows])
 
     def mask(self, rows: IndexArray, num_frames: int) -> Mask:
-        """Which frames it has in some simulations, shape (row, time)."""
+        """Whether each frame is in the span, for some simulations, shape (row, time)."""
         frame = np.arange(num_frames, dtype=np.int32)
         return (frame >= self.first[rows, None]) & (frame <= self.last[rows, None])
 
-    def instants(self) -> tuple[IndexArray, IndexArray]:
-        """Simulation and frame of each frame of the spans, in order."""
+    def instants(self) -> Instants:
+        """The frames of all spans, in the order of the simulations."""
         length = np.maximum(self.last - self.first + 1, 0)
         simulation = np.repeat(np.arange(len(length)), length)
         num_before = np.cumsum(length) - length
         frame = np.arange(simulation.size) + np.repeat(self.first - num_before, length)
-        return simulation, frame
+        return Instants(simulation, frame)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,10 +376,10 @@ class OtherVehicles:
     """All vehicles at one frame of each simulation; arrays have shape (simulation, vehicle).
 
     Attributes:
-        valid: Whether this is a vehicle other than the ego, recorded in that frame.
-        ego_lead: Centre of the ego minus its centre along the road: positive for those behind [m].
-        gap: Between its bumper and the ego's, negative where they overlap [m].
-        speed: Along its own direction [m/s].
+        valid: Whether the slot has a vehicle other than the ego that is recorded in that frame.
+        ego_lead: Station of the ego minus its own: positive for vehicles behind the ego [m].
+        gap: Gap between its bumper and the ego's, negative where they overlap [m].
+        speed: Speed along its own direction [m/s].
         lane: Lane index.
         lights: `Lights`.
         is_oncoming: Whether it drives against the road.
@@ -369,11 +402,11 @@ class OtherVehicles:
 def other_vehicles_at(
     trajectories: Trajectories, frame: I32, simulation: IndexArray | None = None
 ) -> OtherVehicles:
-    """All vehicles at one frame of each of some simulations; frame 0 where `frame` is negative.
+    """All vehicles at one frame of each of some simulations.
 
     Args:
         trajectories: The batch.
-        frame: A frame of each simulation, shape (simulation,).
+        frame: A frame of each simulation, shape (simulation,); a negative one counts as frame 0.
         simulation: Rows of the simulations in the batch, same shape; None for all of them.
     """
     states = trajectories.states

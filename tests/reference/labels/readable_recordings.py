@@ -1,4 +1,4 @@
-"""Recordings of every kind on which the compiled labels are held against the readable ones."""
+"""Recordings of every kind, on which tests compare the compiled labels with the readable ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.reference.labels.readable_signals import One, Row, signals
+from tests.reference.labels.readable_signals import SignalArray, SingleRun, signals_of
 from tests.support.law_fixtures import FIXTURES
 from tests.support.recordings import with_gaps
 
@@ -24,48 +24,51 @@ if TYPE_CHECKING:
 
 
 def simulated(
-    profile: str, count: int, interval_ms: int = 50, *, mirrored: bool = False
+    profile: str, num_simulations: int, interval_ms: int = 50, *, mirrored: bool = False
 ) -> Trajectories:
-    given = load_specification(profile, {"profile.frame_interval_ms": interval_ms})
-    road = load_road(given.road)
+    """Simulations of a profile, in left-hand traffic if mirrored."""
+    specification = load_specification(profile, {"profile.frame_interval_ms": interval_ms})
+    road = load_road(specification.road)
     road = road.mirror() if mirrored else road
-    return simulator.simulate(
-        ScenarioSource(given, road, 27).sample(np.arange(count, dtype=np.uint64))
+    source = ScenarioSource(specification, road, 27)
+    return simulator.simulate(source.sample(np.arange(num_simulations, dtype=np.uint64)))
+
+
+def ego_beyond_the_lanes() -> Trajectories:
+    """Recordings that end early; every other ego is beyond the lanes for a while."""
+    trajectories = simulated("pinto2023-physical", 64)
+    lane = trajectories.states.lane.copy()
+    lane[::2, 0, 40:60] = 255
+    return trajectories.replace(
+        states=trajectories.states.replace(lane=lane),
+        num_frames=trajectories.num_frames - np.int32(20),
     )
 
 
-def nowhere() -> Trajectories:
-    """A recording in which the ego is beyond the lanes for a while, and soon ends."""
-    run = simulated("pinto2023-physical", 64)
-    lane = run.states.lane.copy()
-    lane[::2, 0, 40:60] = 255
-    states = dataclasses.replace(run.states, lane=lane)
-    return dataclasses.replace(run, states=states, num_frames=run.num_frames - np.int32(20))
-
-
-def across() -> Trajectories:
-    """A recording in which every other ego stands across the road for a while."""
-    run = simulated("pinto2023", 64)
-    heading = run.states.heading.copy()
+def ego_across_the_road() -> Trajectories:
+    """Recordings in which every other ego stands across the road for a while."""
+    trajectories = simulated("pinto2023", 64)
+    heading = trajectories.states.heading.copy()
     heading[::2, 0, 40:60] -= 9000
-    return dataclasses.replace(run, states=dataclasses.replace(run.states, heading=heading))
+    return trajectories.replace(states=trajectories.states.replace(heading=heading))
 
 
 def excerpt() -> Trajectories:
-    """Recordings that begin in the midst of a movement, with vehicles that come and go."""
-    run, begin = simulated("pinto2023-physical", 96), 150
-    later = {
-        field.name: getattr(run.states, field.name)[..., begin:]
-        for field in dataclasses.fields(run.states)
+    """Recordings that begin during a manoeuvre, with vehicles that are missing for some time."""
+    trajectories, begin = simulated("pinto2023-physical", 96), 150
+    states = trajectories.states
+    later_states = {
+        field.name: getattr(states, field.name)[..., begin:] for field in dataclasses.fields(states)
     }
-    run = run.replace(
-        states=run.states.replace(**later),
-        num_frames=np.maximum(run.num_frames - np.int32(begin), np.int32(1)),
-        stage=run.stage[:, begin:],
-        collided_with=run.collided_with[:, begin:],
-        unknown=frozenset(["stage", "percepts", "indicators"]),
+    return with_gaps(
+        trajectories.replace(
+            states=states.replace(**later_states),
+            num_frames=np.maximum(trajectories.num_frames - np.int32(begin), np.int32(1)),
+            stage=trajectories.stage[:, begin:],
+            collided_with=trajectories.collided_with[:, begin:],
+            unknown=frozenset(["stage", "percepts", "indicators"]),
+        )
     )
-    return with_gaps(run)
 
 
 RECORDINGS = {
@@ -78,36 +81,43 @@ RECORDINGS = {
     "left-hand traffic": lambda: simulated("pinto2023-physical", 48, mirrored=True),
     "gaps": lambda: with_gaps(simulated("pinto2023-physical", 96)),
     "excerpt": excerpt,
-    "off the road": nowhere,
-    "across the road": across,
+    "off the road": ego_beyond_the_lanes,
+    "across the road": ego_across_the_road,
 }
 
-LONG = {"motorway", "motorway-risk"}
+LONG_RECORDINGS = {"motorway", "motorway-risk"}
 every_recording = pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.ci] if name in LONG else []) for name in RECORDINGS],
+    [
+        pytest.param(name, marks=[pytest.mark.ci] if name in LONG_RECORDINGS else [])
+        for name in RECORDINGS
+    ],
 )
 
 
 @cache
-def case(name: str) -> Case:
+def sample_case(name: str) -> Case:
     """A recording with its compiled signals and events."""
     return case_from_trajectories(RECORDINGS[name]())
 
 
 @cache
-def readable(name: str) -> list[tuple[One, dict[str, Row]]]:
-    """Its simulations one by one, with their readable signals."""
-    run = case(name).trajectories
-    ones = [One(run, number) for number in range(len(run.num_frames))]
-    return [(one, signals(one)) for one in ones]
+def readable_runs(name: str) -> list[tuple[SingleRun, dict[str, SignalArray]]]:
+    """The simulations of a recording, each with its readable signals."""
+    trajectories = sample_case(name).trajectories
+    runs = [SingleRun(trajectories, row) for row in range(len(trajectories.num_frames))]
+    return [(run, signals_of(run)) for run in runs]
 
 
-def written() -> list[Trajectories]:
-    """The overtakes written by hand for and against each rule."""
+def handwritten_recordings() -> list[Trajectories]:
+    """The overtakes that keep or break each rule, as tests of the law write them by hand."""
     return [make().trajectories for _, _, _, make in FIXTURES]
 
 
-def same(one: Row, other: Row) -> bool:
+def have_same_bits(first: SignalArray, second: SignalArray) -> bool:
     """Whether two arrays have the same type, shape and bits."""
-    return (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+    return (first.dtype, first.shape, first.tobytes()) == (
+        second.dtype,
+        second.shape,
+        second.tobytes(),
+    )

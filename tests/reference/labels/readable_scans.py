@@ -1,6 +1,6 @@
-"""Margins, measures and sums over stretches of one simulation, one frame after the other.
+"""Margins, measures and sums over spans of one simulation, one frame after the other.
 
-`span_scans.rs` of `crates/overtaking-labels` computes the same, sixteen frames at a time.
+`span_scans.rs` of `crates/overtaking-labels` computes the same values, sixteen frames at a time.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tests.reference.labels.readable_events import first
+from tests.reference.labels.readable_events import first_frame
 from tests.reference.labels.readable_signals import encounter
 
 from overtaking.core.float32_math import as_f32
@@ -48,248 +48,272 @@ from overtaking.world.surrogate_safety import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from tests.reference.labels.readable_signals import One, Row
+    from tests.reference.labels.readable_signals import SignalArray, SingleRun
 
     from overtaking.model.verdicts import Case
 
-Lowest = tuple[np.float32, int, int, int]
+ReferenceMinimum = tuple[np.float32, int, int, int]
 """Smallest margin, first and last frame with a negative one, and the longest run of such frames."""
 
 
-def answers_of(
-    given: Case, one: One, seen: dict[str, Row], spans: Mapping[str, range]
+def scan_results(
+    case: Case, run: SingleRun, signals: dict[str, SignalArray], spans: Mapping[str, range]
 ) -> dict[str, Any]:
-    """All answers about one simulation, by the names of `ScanResults`.
+    """All results about one simulation.
 
     Args:
-        given: Its batch, for the events.
-        one: The simulation.
-        seen: Its signals.
-        spans: The frames of each span, by the names of `labels.law.case.stretches`.
+        case: Its batch, for the events.
+        run: The simulation.
+        signals: Its signals.
+        spans: The frames of each span, by the names of `scan_spans`.
     """
     names = ("line_crossed", "return_end", "target_slot", "original_lane")
-    crossed, back, target, lane = (int(getattr(given.events, name)[one.number]) for name in names)
-    behind = None if crossed < 0 else one.neighbour(NeighbourRole.LEFT_FOLLOWER, crossed)
-    nobody = target == NO_VEHICLE
-    lasting = num_frames_in(given, OBSTRUCTION_TIME.f32)
+    crossing, return_end, target, original_lane = (
+        int(getattr(case.events, name)[run.row]) for name in names
+    )
+    has_target = target != NO_VEHICLE
+    follower = None if crossing < 0 else run.neighbour(NeighbourRole.LEFT_FOLLOWER, crossing)
+    has_return = has_target and return_end >= 0
+    num_obstruction_frames = num_frames_in(case, OBSTRUCTION_TIME.f32)
+    num_regain_frames = num_frames_to_regain_gap(case)
     return {
-        "stop_lit": stop_margin(seen, "sight_lit", spans["conduct"]),
-        "stop_unlit": stop_margin(seen, "sight_unlit", spans["conduct"]),
-        "follow": follow_margin(one, seen, spans["settled"], num_frames_to_regain_gap(given)),
-        "braking": braking_margin(one, seen, spans["manoeuvre"], lasting),
-        "due": due_return(one, seen, 0 if nobody else target, lane, spans["passed"]),
-        "entry_arrival": -1 if behind is None else arrival(one, behind, crossed),
-        "return_arrival": -1 if nobody or back < 0 else arrival(one, target, back),
-        "worst": worst(one, seen, spans["conduct"]),
-        "sums": sums(one, seen, spans["counted"]),
+        "stop_lit": stopping_margin(signals, "sight_lit", spans["conduct"]),
+        "stop_unlit": stopping_margin(signals, "sight_unlit", spans["conduct"]),
+        "follow": following_margin(run, signals, spans["settled"], num_regain_frames),
+        "braking": braking_margin(run, signals, spans["manoeuvre"], num_obstruction_frames),
+        "due": return_opportunity(
+            run, signals, target if has_target else 0, original_lane, spans["passed"]
+        ),
+        "entry_arrival": -1 if follower is None else arrival(run, follower, crossing),
+        "return_arrival": arrival(run, target, return_end) if has_return else -1,
+        "worst": worst_measures(run, signals, spans["conduct"]),
+        "sums": recorded_sums(run, signals, spans["counted"]),
     }
 
 
-def lowest(margins: Iterable[tuple[int, np.float32]]) -> Lowest:
-    """Of margins by frame; `UNCONSTRAINED` and -1 where there are none."""
-    low, broken = UNCONSTRAINED, list[int]()
+def minimum_of(margins: Iterable[tuple[int, np.float32]]) -> ReferenceMinimum:
+    """The minimum of margins by frame; `UNCONSTRAINED` and -1 without any."""
+    minimum, breaches = UNCONSTRAINED, list[int]()
     for frame, margin in margins:
-        low = min(low, margin)
+        minimum = min(minimum, margin)
         if margin < 0:
-            broken.append(frame)
-    # Frames of a run are as far from each other as their places in the list.
-    runs = Counter(frame - place for place, frame in enumerate(broken))
-    begin, end = (broken[0], broken[-1]) if broken else (-1, -1)
-    return low, begin, end, max(runs.values(), default=0)
+            breaches.append(frame)
+    # Within a run, frames and positions in the list grow alike, so their difference stays the same.
+    runs = Counter(frame - position for position, frame in enumerate(breaches))
+    first, last = (breaches[0], breaches[-1]) if breaches else (-1, -1)
+    return minimum, first, last, max(runs.values(), default=0)
 
 
-def limited(signal: Row, limit: np.float32, span: range, *, is_most: bool) -> Lowest:
-    """A signal minus the least that is allowed, or the most minus the signal."""
-    return lowest((t, limit - signal[t] if is_most else signal[t] - limit) for t in span)
+def minimum_to_limit(
+    signal: SignalArray, limit: np.float32, span: range, *, is_most: bool
+) -> ReferenceMinimum:
+    """The minimum of a signal above its lower limit, or below its upper limit if `is_most`."""
+    return minimum_of((t, limit - signal[t] if is_most else signal[t] - limit) for t in span)
 
 
-def bits_within(values: Row, span: range) -> tuple[int, int]:
+def flags_any_and_all(values: SignalArray, span: range) -> tuple[int, int]:
     """Bits that are set in any frame, and in all."""
-    ever, always = 0, 255
+    any_bits, all_bits = 0, 255
     for t in span:
-        ever, always = ever | int(values[t]), always & int(values[t])
-    return ever, always
+        any_bits, all_bits = any_bits | int(values[t]), all_bits & int(values[t])
+    return any_bits, all_bits
 
 
-def who(seen: dict[str, Row], place: NeighbourRole, frame: int) -> int | None:
-    """Slot of a neighbour."""
-    slot = int(seen["neighbour_slot"][place, frame])
+def neighbour_slot(signals: dict[str, SignalArray], role: NeighbourRole, frame: int) -> int | None:
+    """Slot of a neighbour, None without one."""
+    slot = int(signals["neighbour_slot"][role, frame])
     return None if slot == NO_VEHICLE else slot
 
 
-def stop_margin(seen: dict[str, Row], sight: str, span: range) -> Lowest:
-    """Distance that is seen minus the stopping distance [m]."""
+def instants_with_neighbour(
+    signals: dict[str, SignalArray], role: NeighbourRole, span: Iterable[int]
+) -> list[tuple[int, int]]:
+    """The frames with a neighbour in a role, and its slot in each."""
+    slots = ((t, neighbour_slot(signals, role, t)) for t in span)
+    return [(t, slot) for t, slot in slots if slot is not None]
+
+
+def stopping_margin(signals: dict[str, SignalArray], sight: str, span: range) -> ReferenceMinimum:
+    """Sight distance minus the stopping distance [m]."""
     usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
-    reaction = as_f32(STOPPING_REACTION_TIME.f32)
-    decel = usable * np.maximum(seen["friction"], constant("friction.table.floor"))
-    stop = stopping_distance(seen["speed"], reaction, decel)
-    return lowest((t, seen[sight][t] - stop[t]) for t in span)
+    reaction_time = as_f32(STOPPING_REACTION_TIME.f32)
+    decel = usable * np.maximum(signals["friction"], constant("friction.table.floor"))
+    distance = stopping_distance(signals["speed"], reaction_time, decel)
+    return minimum_of((t, signals[sight][t] - distance[t]) for t in span)
 
 
-def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> Lowest:
-    """Gap to the leader minus the lawful gap, but for the time after it cut in [m]."""
-    counted: list[tuple[int, int]] = []
-    cut_in: dict[int, int] = {}
-    for t in range(span.stop):
-        slot = who(seen, NeighbourRole.LEADER, t)
-        if slot is None:
-            continue
-        if t > 0 and _cuts_in(one, seen, slot, t):
-            cut_in[slot] = t
-        is_recent = t - cut_in.get(slot, -regain - 1) <= regain
+def following_margin(
+    run: SingleRun, signals: dict[str, SignalArray], span: range, num_regain_frames: int
+) -> ReferenceMinimum:
+    """Gap to the leader minus the lawful gap, without the frames shortly after a cut-in [m]."""
+    instants: list[tuple[int, int]] = []
+    last_cut_in: dict[int, int] = {}
+    for t, slot in instants_with_neighbour(signals, NeighbourRole.LEADER, range(span.stop)):
+        if t > 0 and _cuts_in(run, signals, slot, t):
+            last_cut_in[slot] = t
+        is_recent = t - last_cut_in.get(slot, -num_regain_frames - 1) <= num_regain_frames
         if t in span and not is_recent:
-            counted.append((t, slot))
-    frames = [t for t, _ in counted]
-    front = encounter(one, counted, ahead=True)
-    decel = decel_for_safe_distance(seen["friction"][frames])
-    margins = margin_to_leader(front["gap"], seen["speed"][frames], front["closing_speed"], decel)
-    return lowest(zip(frames, margins, strict=True))
+            instants.append((t, slot))
+    frames = [t for t, _ in instants]
+    leader = encounter(run, instants, ahead=True)
+    decel = decel_for_safe_distance(signals["friction"][frames])
+    margins = margin_to_leader(
+        leader["gap"], signals["speed"][frames], leader["closing_speed"], decel
+    )
+    return minimum_of(zip(frames, margins, strict=True))
 
 
-def _cuts_in(one: One, seen: dict[str, Row], slot: int, t: int) -> bool:
-    """Whether a vehicle of another lane becomes the leader of an ego that keeps its own lane."""
-    own = one.lane[0]
-    is_new = who(seen, NeighbourRole.LEADER, t - 1) != slot and own[t] == own[t - 1]
-    return is_new and one.recorded[slot][t - 1] and one.lane[slot][t - 1] != own[t - 1]
+def _cuts_in(run: SingleRun, signals: dict[str, SignalArray], slot: int, t: int) -> bool:
+    """Whether a vehicle of another lane becomes the leader of an ego that stays in its lane."""
+    ego_lane = run.lane[0]
+    is_new_leader = neighbour_slot(signals, NeighbourRole.LEADER, t - 1) != slot
+    has_changed_lane = run.is_recorded[slot][t - 1] and run.lane[slot][t - 1] != ego_lane[t - 1]
+    return is_new_leader and ego_lane[t] == ego_lane[t - 1] and has_changed_lane
 
 
-def braking_margin(one: One, seen: dict[str, Row], span: range, lasting: int) -> Lowest:
+def braking_margin(
+    run: SingleRun, signals: dict[str, SignalArray], span: range, num_obstruction_frames: int
+) -> ReferenceMinimum:
     """Braking that is allowed minus what is forced on the follower after a lane change [m/s^2]."""
-    margins, changed, own = [], None, one.lane[0]
+    margins, last_change, ego_lane = [], None, run.lane[0]
     for t in span:
-        if t > 0 and own[t] != own[t - 1]:
-            changed = t
-        slot = who(seen, NeighbourRole.FOLLOWER, t)
-        if slot is not None and changed is not None and t - changed <= lasting:
-            forced = drac(one.gap(slot, t), one.closing(slot, t, ahead=False))
-            forced = np.minimum(forced, MAX_FORCED_BRAKING.f32)
-            margins.append((t, ABRUPT_BRAKING.f32 - forced))
-    return lowest(margins)
+        if t > 0 and ego_lane[t] != ego_lane[t - 1]:
+            last_change = t
+        slot = neighbour_slot(signals, NeighbourRole.FOLLOWER, t)
+        if slot is None or last_change is None or t - last_change > num_obstruction_frames:
+            continue
+        forced = drac(run.gap(slot, t), run.closing_speed(slot, t, ahead=False))
+        margins.append((t, ABRUPT_BRAKING.f32 - np.minimum(forced, MAX_FORCED_BRAKING.f32)))
+    return minimum_of(margins)
 
 
-def due_return(
-    one: One, seen: dict[str, Row], target: int, original: int, span: range
+def return_opportunity(
+    run: SingleRun,
+    signals: dict[str, SignalArray],
+    target: int,
+    original_lane: int,
+    span: range,
 ) -> tuple[int, int]:
     """The longest run of frames in which the ego could have returned: first frame and length."""
-    best, run = (-1, 0), 0
+    longest, length = (-1, 0), 0
     for t in span:
-        away = one.lane[0][t] not in (original, *range(one.num_lanes, 256))
-        could = away and _is_behind(one, seen, target, t) and _room(one, seen, t) >= 0
-        run = run + 1 if could else 0
-        if run > best[1]:
-            best = t + 1 - run, run
-    return best
+        is_elsewhere = run.lane[0][t] not in (original_lane, *range(run.num_lanes, 256))
+        can_return = (
+            is_elsewhere
+            and _is_far_behind(run, signals, target, t)
+            and _gap_in_right_lane(run, signals, t) >= 0
+        )
+        length = length + 1 if can_return else 0
+        if length > longest[1]:
+            longest = t + 1 - length, length
+    return longest
 
 
-def _is_behind(one: One, seen: dict[str, Row], target: int, t: int) -> bool:
+def _is_far_behind(run: SingleRun, signals: dict[str, SignalArray], target: int, t: int) -> bool:
     """Whether the target is 2 s or its lawful gap behind, whichever is more."""
-    lead = np.float32(one.s[0][t] - one.s[target][t]) * np.float32(1e-3)
-    speed = np.float32(one.speed[target][t]) * np.float32(1e-3)
-    lawful = lawful_gap(
-        speed, speed - seen["speed"][t], decel_for_safe_distance(seen["friction"][t])
-    )
-    wanted = np.maximum(RETURN_TIME_GAP.f32 * speed, lawful)
-    return bool(lead > 0 and np.abs(lead) - one.halves(target) >= wanted)
+    ego_lead = np.float32(run.s[0][t] - run.s[target][t]) * np.float32(1e-3)
+    speed = np.float32(run.speed[target][t]) * np.float32(1e-3)
+    decel = decel_for_safe_distance(signals["friction"][t])
+    lawful = lawful_gap(speed, speed - signals["speed"][t], decel)
+    required = np.maximum(RETURN_TIME_GAP.f32 * speed, lawful)
+    return bool(ego_lead > 0 and np.abs(ego_lead) - run.half_length_sum(target) >= required)
 
 
-def _room(one: One, seen: dict[str, Row], t: int) -> Any:
+def _gap_in_right_lane(run: SingleRun, signals: dict[str, SignalArray], t: int) -> Any:
     """The smallest margin to the lawful gaps in the lane to the right, and to 10 s ahead [m]."""
-    speed, decel, room = (
-        seen["speed"][t],
-        decel_for_safe_distance(seen["friction"][t]),
-        RETURN_RANGE.f32,
-    )
-    ahead, behind = (
-        who(seen, NeighbourRole.RIGHT_LEADER, t),
-        who(seen, NeighbourRole.RIGHT_FOLLOWER, t),
-    )
-    if ahead is not None:
-        closing = one.closing(ahead, t, ahead=True)
-        soon = RETURN_FREE_TIME.f32 * closing
-        needed = np.maximum(lawful_gap(speed, closing, decel), soon)
-        room = min(room, one.gap(ahead, t) - needed)
-    if behind is not None:
-        closing = one.closing(behind, t, ahead=False)
-        room = min(room, one.gap(behind, t) - lawful_gap(speed + closing, closing, decel))
-    return room
+    speed, decel = signals["speed"][t], decel_for_safe_distance(signals["friction"][t])
+    margin = RETURN_RANGE.f32
+    leader = neighbour_slot(signals, NeighbourRole.RIGHT_LEADER, t)
+    if leader is not None:
+        closing_speed = run.closing_speed(leader, t, ahead=True)
+        distance_closed = RETURN_FREE_TIME.f32 * closing_speed
+        required = np.maximum(lawful_gap(speed, closing_speed, decel), distance_closed)
+        margin = min(margin, run.gap(leader, t) - required)
+    follower = neighbour_slot(signals, NeighbourRole.RIGHT_FOLLOWER, t)
+    if follower is not None:
+        closing_speed = run.closing_speed(follower, t, ahead=False)
+        required = lawful_gap(speed + closing_speed, closing_speed, decel)
+        margin = min(margin, run.gap(follower, t) - required)
+    return margin
 
 
-def arrival(one: One, slot: int, begin: int) -> int:
+def arrival(run: SingleRun, slot: int, begin: int) -> int:
     """First frame in which the front of a vehicle is where the ego's rear was, -1 without one."""
 
     def is_past(t: int) -> bool:
-        way = np.float32(one.s[slot][t] - one.s[0][begin]) * np.float32(1e-3)
-        return bool(one.recorded[slot][t] and way + one.halves(slot) >= 0)
+        distance = np.float32(run.s[slot][t] - run.s[0][begin]) * np.float32(1e-3)
+        return bool(run.is_recorded[slot][t] and distance + run.half_length_sum(slot) >= 0)
 
-    frame = first(range(begin, one.frames), is_past)
+    frame = first_frame(range(begin, run.num_frames), is_past)
     return -1 if frame is None else frame
 
 
-def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, Any]:
-    """The worst of each measure of the vehicles ahead and behind; 0 where nobody is there."""
-    found: dict[str, Any] = {}
-    for side, place in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
-        met = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
-        each = encounter(one, met, ahead=place is NeighbourRole.LEADER)
-        found[f"{side}.valid"] = float(len(met) > 0)
-        for name, values in each.items():
-            by = max if name in ("closing_speed", "drac") else min
-            found[f"{side}.{name}"] = by(values, default=0.0)
-        if place is NeighbourRole.LEADER:
-            found |= _ahead(one, seen, met, each)
-    return found
+def worst_measures(run: SingleRun, signals: dict[str, SignalArray], span: range) -> dict[str, Any]:
+    """The worst value of each measure of leader and follower; 0 without such a vehicle."""
+    measures: dict[str, Any] = {}
+    for role in (NeighbourRole.LEADER, NeighbourRole.FOLLOWER):
+        name_of_role, is_leader = role.name.lower(), role is NeighbourRole.LEADER
+        instants = instants_with_neighbour(signals, role, span)
+        values_by_measure = encounter(run, instants, ahead=is_leader)
+        measures[f"{name_of_role}.valid"] = float(len(instants) > 0)
+        for name, values in values_by_measure.items():
+            worst = max if name in ("closing_speed", "drac") else min
+            measures[f"{name_of_role}.{name}"] = worst(values, default=0.0)
+        if is_leader:
+            measures |= _leader_measures(run, signals, instants, values_by_measure)
+    return measures
 
 
-def _ahead(
-    one: One, seen: dict[str, Row], met: list[tuple[int, int]], front: dict[str, Row]
+def _leader_measures(
+    run: SingleRun,
+    signals: dict[str, SignalArray],
+    instants: list[tuple[int, int]],
+    leader: dict[str, SignalArray],
 ) -> dict[str, Any]:
-    """What else there is to say of the vehicle ahead."""
-    frames, slots = [t for t, _ in met], [slot for _, slot in met]
-    gap, closing, speed = front["gap"], front["closing_speed"], seen["speed"][frames]
-    decel, limit = (
-        constant("event_detection.safety.picud_decel"),
-        constant("event_detection.safety.critical_ttc"),
-    )
-    safe = rss_safe_gap(
+    """The measures of the leader that a follower does not have."""
+    frames, slots = [t for t, _ in instants], [slot for _, slot in instants]
+    gap, closing_speed, speed = leader["gap"], leader["closing_speed"], signals["speed"][frames]
+    picud_decel = constant("event_detection.safety.picud_decel")
+    critical_ttc = constant("event_detection.safety.critical_ttc")
+    rss_gap = rss_safe_gap(
         speed,
-        speed - closing,
+        speed - closing_speed,
         reaction_time=RSS_REACTION_TIME.f32,
         accel=RSS_ACCEL.f32,
         follower_decel=RSS_REAR_DECEL.f32,
         leader_decel=RSS_LEADER_DECEL.f32,
     )
-    left = picud(
+    picud_values = picud(
         gap,
         speed,
-        speed - closing,
+        speed - closing_speed,
         reaction_time=constant("event_detection.safety.picud_reaction_time"),
-        follower_decel=decel,
-        leader_decel=decel,
+        follower_decel=picud_decel,
+        leader_decel=picud_decel,
     )
-    lawful = margin_to_leader(
-        gap, speed, closing, decel_for_safe_distance(seen["friction"][frames])
-    )
+    decel = decel_for_safe_distance(signals["friction"][frames])
+    lawful_margin = margin_to_leader(gap, speed, closing_speed, decel)
     return {
-        "time_headway": min(time_headway(gap, one.length[slots], speed), default=0.0),
-        "picud": min(left, default=0.0),
-        "rss_margin": min(gap - safe, default=0.0),
-        "lawful_margin": min(lawful, default=0.0),
-        "num_close": (lawful < 0).sum(),
-        "num_critical": is_ttc_critical(front["ttc"], limit).sum(),
-        # In doubles, one after the other.
-        "shortfall": sum(ttc_shortfall(front["ttc"], limit).tolist()),
+        "time_headway": min(time_headway(gap, run.length[slots], speed), default=0.0),
+        "picud": min(picud_values, default=0.0),
+        "rss_margin": min(gap - rss_gap, default=0.0),
+        "lawful_margin": min(lawful_margin, default=0.0),
+        "num_close": (lawful_margin < 0).sum(),
+        "num_critical": is_ttc_critical(leader["ttc"], critical_ttc).sum(),
+        # The engine adds doubles in the order of the frames, so the sum must not be pairwise.
+        "shortfall": sum(ttc_shortfall(leader["ttc"], critical_ttc).tolist()),
     }
 
 
-def sums(one: One, seen: dict[str, Row], span: range) -> dict[str, int]:
-    """Sums of recorded integers, those of the vehicle ahead over the frames that have one."""
-    led = [(t, slot) for t in span if (slot := who(seen, NeighbourRole.LEADER, t)) is not None]
+def recorded_sums(run: SingleRun, signals: dict[str, SignalArray], span: range) -> dict[str, int]:
+    """Sums of recorded integers; those about the leader over the frames with a leader."""
+    instants = instants_with_neighbour(signals, NeighbourRole.LEADER, span)
     return {
         "frames": len(span),
-        "led": len(led),
-        "ego_speed": sum(one.speed[0][t] for t in span),
-        "target_speed": sum(one.speed[slot][t] for t, slot in led),
-        "speed_difference": sum(abs(one.speed[0][t] - one.speed[slot][t]) for t, slot in led),
-        "distance": sum(abs(one.s[slot][t] - one.s[0][t]) for t, slot in led),
-        "left_count": sum(int(seen["left_count"][t]) for t in span),
+        "led": len(instants),
+        "ego_speed": sum(run.speed[0][t] for t in span),
+        "target_speed": sum(run.speed[slot][t] for t, slot in instants),
+        "speed_difference": sum(abs(run.speed[0][t] - run.speed[slot][t]) for t, slot in instants),
+        "distance": sum(abs(run.s[slot][t] - run.s[0][t]) for t, slot in instants),
+        "left_count": sum(int(signals["left_count"][t]) for t in span),
     }

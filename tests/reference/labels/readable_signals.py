@@ -1,8 +1,7 @@
-"""Who is around the ego and how far one sees, one simulation after the other.
+"""Signals of the ego and its neighbours, one simulation after the other.
 
-Formulas are applied to all frames of a simulation at once; whoever is looked for is looked for
-frame by frame. `ego_signals.rs` of `crates/overtaking-labels` computes the same, sixteen frames
-at a time.
+Formulas are applied to all frames of a simulation at once; neighbours are searched frame by frame.
+`ego_signals.rs` of `crates/overtaking-labels` computes the same signals, sixteen frames at a time.
 """
 
 from __future__ import annotations
@@ -31,254 +30,309 @@ if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
 
 METRES, HALF = np.float32(1e-3), np.float32(0.5)
-Row = np.ndarray[Any, Any]
+
+SignalArray = np.ndarray[Any, Any]
+"""A signal of one simulation, shape (time,) or (neighbour, time)."""
 
 
-class One:
-    """One simulation of a batch, with its recorded frames."""
+class SingleRun:
+    """One simulation of a batch, with its recorded frames.
 
-    def __init__(self, run: Trajectories, number: int) -> None:
+    Attributes:
+        trajectories: The batch.
+        row: Position of the simulation in the batch.
+        num_frames: Number of recorded frames.
+        num_slots: Number of slots for vehicles.
+        road: The road.
+        interval_ms: Time between two frames [ms].
+        length: Length of each vehicle, shape (vehicle,) [m].
+        s: Recorded positions along the road, by vehicle and frame [mm].
+        speed: Recorded speeds, by vehicle and frame [mm/s].
+        lane: Lanes by vehicle and frame; on two-way roads the opposing lane is one more lane.
+        is_recorded: Whether a vehicle has a state, by vehicle and frame. Oncoming vehicles have
+            none: no signal of a neighbour may find them.
+        num_lanes: Number of lanes, with the opposing one.
+    """
+
+    def __init__(self, trajectories: Trajectories, row: int) -> None:
         """Take a simulation out of a batch."""
-        self.run, self.number = run, number
-        self.frames = int(run.num_frames[number])
-        self.road, self.interval = run.road, run.scenario.frame_interval_ms
-        self.slots = run.states.s.shape[1]
-        self.length = run.scenario.vehicles.length[number]
+        self.trajectories, self.row = trajectories, row
+        self.num_frames = int(trajectories.num_frames[row])
+        self.road = trajectories.road
+        self.interval_ms = trajectories.scenario.frame_interval_ms
+        self.num_slots = trajectories.states.s.shape[1]
+        self.length = trajectories.scenario.vehicles.length[row]
         self.s, self.lane = self.state("s").tolist(), self.state("lane").tolist()
         self.speed = self.state("speed").tolist()
-        self.recorded = run.state_mask[number, :, : self.frames].tolist()
+        self.is_recorded = trajectories.state_mask[row, :, : self.num_frames].tolist()
         self.num_lanes = self.road.num_lanes
         if self.road.is_two_way:
-            self._take_other_side()
+            self._add_opposing_lane()
+            self._remove_oncoming_vehicles()
+            self.num_lanes += 1
 
-    def _take_other_side(self) -> None:
-        """The lane of oncoming traffic is one more, and who comes is seen by nobody."""
-        beyond = self.road.overtaking_side_neighbour
-        assert beyond is not None
-        edge = 1000.0 * (self.road.overtaking_sign * self.road.lane_boundaries[-1] + beyond.width)
-        d, heading = self.state("d").tolist(), self.state("heading").tolist()
-        for slot in range(self.slots):
-            for frame in range(self.frames):
-                if self.lane[slot][frame] == self.num_lanes:
-                    self.lane[slot][frame] += self.road.overtaking_sign * d[slot][frame] > edge
-            there = [frame for frame in range(self.frames) if self.recorded[slot][frame]]
-            first = there[0] if there else 0
-            if slot and math.cos(1e-4 * heading[slot][first] - self.road.heading) < 0:
-                self.recorded[slot] = [False] * self.frames
-        self.num_lanes += 1
+    def _add_opposing_lane(self) -> None:
+        """Give vehicles beyond the opposing lane a higher lane number than those in it."""
+        opposing_lane = self.road.overtaking_side_neighbour
+        assert opposing_lane is not None
+        last_border = self.road.overtaking_sign * self.road.lane_boundaries[-1]
+        outer_edge = 1000.0 * (last_border + opposing_lane.width)
+        d = self.state("d").tolist()
+        for slot, frame in itertools.product(range(self.num_slots), range(self.num_frames)):
+            if self.lane[slot][frame] == self.num_lanes:
+                self.lane[slot][frame] += self.road.overtaking_sign * d[slot][frame] > outer_edge
 
-    def state(self, name: str) -> Row:
+    def _remove_oncoming_vehicles(self) -> None:
+        """Mark vehicles that first drive against the road as not recorded."""
+        heading = self.state("heading").tolist()
+        for slot in range(1, self.num_slots):
+            first = first_true(self.is_recorded[slot])
+            if math.cos(1e-4 * heading[slot][first] - self.road.heading) < 0:
+                self.is_recorded[slot] = [False] * self.num_frames
+
+    def state(self, name: str) -> SignalArray:
         """A recorded state, shape (vehicle, time)."""
-        return getattr(self.run.states, name)[self.number, :, : self.frames]
+        return getattr(self.trajectories.states, name)[self.row, :, : self.num_frames]
 
-    def metres(self, name: str, slot: int) -> F32:
+    def state_in_si(self, name: str, slot: int) -> F32:
         """A recorded state of one vehicle in metres and seconds, shape (time,)."""
         return as_f32(self.state(name)[slot]) * METRES
 
-    def halves(self, slot: int) -> np.float32:
+    def half_length_sum(self, slot: int) -> np.float32:
         """Half of the lengths of the ego and a vehicle together [m]."""
         return HALF * (self.length[0] + self.length[slot])
 
     @cached_property
-    def side(self) -> np.float32:
-        """+1 where positions across the road grow to the left in the law's sense, else -1."""
+    def overtaking_sign(self) -> np.float32:
+        """+1 where lateral positions grow to the overtaking side, else -1."""
         return np.float32(1.0 if self.road.driving_side is DrivingSide.RIGHT else -1.0)
 
-    def across(self, slot: int) -> tuple[F32, F32]:
-        """Where the centre of a body is, to the left, and how far its corners reach, (time,)."""
-        width = self.run.scenario.vehicles.width[self.number, slot]
+    def lateral_extent(self, slot: int) -> tuple[F32, F32]:
+        """Position of a vehicle's centre to the left, and reach of its corners, (time,) [m]."""
+        width = self.trajectories.scenario.vehicles.width[self.row, slot]
         heading = as_f32(self.state("heading")[slot]) * np.float32(1e-4)
         sine, cosine = sincos(heading - np.float32(self.road.heading))
         reach = self.length[slot] * HALF * np.abs(sine) + width * HALF * np.abs(cosine)
-        return self.side * self.metres("d", slot), reach
+        return self.overtaking_sign * self.state_in_si("d", slot), reach
 
     def lateral_speed(self, slot: int) -> F32:
-        """Speed to the left: a central difference over 0.2 s, one-sided where it was not recorded.
+        """Speed to the left: a central difference over 0.2 s, one-sided at gaps of the recording.
 
-        The ego is there in every frame.
+        The ego is recorded in every frame.
         """
-        d, there = self.state("d")[slot].tolist(), self.recorded[slot]
-        there = [True] * self.frames if slot == 0 else there
-        half, speeds = max(1, round(100 / self.interval)), []
-        for frame in range(self.frames):
+        d, is_recorded = self.state("d")[slot].tolist(), self.is_recorded[slot]
+        is_recorded = [True] * self.num_frames if slot == 0 else is_recorded
+        half, speeds = max(1, round(100 / self.interval_ms)), []
+        for frame in range(self.num_frames):
             earlier = later = frame
-            while later < min(frame + half, self.frames - 1) and there[later + 1]:
+            while later < min(frame + half, self.num_frames - 1) and is_recorded[later + 1]:
                 later += 1
-            while earlier > max(frame - half, 0) and there[earlier - 1]:
+            while earlier > max(frame - half, 0) and is_recorded[earlier - 1]:
                 earlier -= 1
-            moved = np.float32(d[later] - d[earlier])
-            elapsed = np.float32(max((later - earlier) * self.interval, 1))
-            speeds.append(self.side * (moved / elapsed))
+            shift = np.float32(d[later] - d[earlier])
+            elapsed = np.float32(max((later - earlier) * self.interval_ms, 1))
+            speeds.append(self.overtaking_sign * (shift / elapsed))
         return np.array(speeds, np.float32)
 
-    def neighbour(self, place: NeighbourRole, frame: int) -> int | None:
-        """The nearest vehicle in a place; a leader's centre is not behind the ego's."""
-        own, ahead = self.lane[0][frame], place % 2 == 0
-        wanted = own + (0, 1, -1)[place // 2]
-        lanes, nearest = self.num_lanes, None
-        for slot in range(1, self.slots):
-            here = self.recorded[slot][frame] and self.lane[slot][frame] == wanted
-            if not here or own >= lanes or wanted >= lanes:
+    def neighbour(self, role: NeighbourRole, frame: int) -> int | None:
+        """The nearest vehicle in a role; a leader's centre is not behind the ego's."""
+        ego_lane, is_leader = self.lane[0][frame], is_ahead(role)
+        lane_of_role = ego_lane + (0, 1, -1)[role // 2]
+        nearest: tuple[int, int] | None = None
+        for slot in range(1, self.num_slots):
+            is_in_lane = self.is_recorded[slot][frame] and self.lane[slot][frame] == lane_of_role
+            if not is_in_lane or ego_lane >= self.num_lanes or lane_of_role >= self.num_lanes:
                 continue
-            way = self.s[slot][frame] - self.s[0][frame]
-            if (way >= 0) == ahead and (nearest is None or abs(way) < nearest[0]):
-                nearest = abs(way), slot
+            lead = self.s[slot][frame] - self.s[0][frame]
+            if (lead >= 0) == is_leader and (nearest is None or abs(lead) < nearest[0]):
+                nearest = abs(lead), slot
         return None if nearest is None else nearest[1]
 
     def gap(self, slot: int, frame: int) -> np.float32:
-        """Between the bumpers of the ego and another vehicle, negative alongside [m]."""
-        way = np.float32(abs(self.s[slot][frame] - self.s[0][frame])) * METRES
-        return way - (self.length[0] * HALF + self.length[slot] * HALF)
+        """Gap between the bumpers of the ego and another vehicle, negative alongside [m]."""
+        distance = np.float32(abs(self.s[slot][frame] - self.s[0][frame])) * METRES
+        return distance - (self.length[0] * HALF + self.length[slot] * HALF)
 
-    def closing(self, slot: int, frame: int, *, ahead: bool) -> np.float32:
-        """How fast that gap shrinks [m/s]."""
-        slower = self.speed[0][frame] - self.speed[slot][frame]
-        return np.float32(slower if ahead else -slower) * METRES
+    def closing_speed(self, slot: int, frame: int, *, ahead: bool) -> np.float32:
+        """Speed at which that gap shrinks [m/s]."""
+        ego_excess = self.speed[0][frame] - self.speed[slot][frame]
+        return np.float32(ego_excess if ahead else -ego_excess) * METRES
 
 
-def signals(one: One) -> dict[str, Row]:
+def first_true(values: list[bool]) -> int:
+    """Position of the first true value; 0 if there is none."""
+    return next((position for position, value in enumerate(values) if value), 0)
+
+
+def is_ahead(role: int) -> bool:
+    """Whether a role is one of the three ahead of the ego, which have even numbers."""
+    return role % 2 == 0
+
+
+def signals_of(run: SingleRun) -> dict[str, SignalArray]:
     """Signals by name, shape (time,) or (neighbour, time)."""
-    across, reach = one.across(0)
-    speed = one.metres("speed", 0)
-    lit, unlit = _sights(one, speed)
+    position, reach = run.lateral_extent(0)
+    speed = run.state_in_si("speed", 0)
+    sight_lit, sight_unlit = _sight_distances(run, speed)
     return {
-        "lane": one.state("lane")[0],
-        "s": one.metres("s", 0),
-        "lateral_position": across,
-        "lateral_speed": one.lateral_speed(0),
+        "lane": run.state("lane")[0],
+        "s": run.state_in_si("s", 0),
+        "lateral_position": position,
+        "lateral_speed": run.lateral_speed(0),
         "speed": speed,
-        "accel": one.metres("accel_lon", 0),
-        "right_edge": across - reach,
-        "left_edge": across + reach,
-        "friction": _friction(one, speed),
-        "sight_lit": lit,
-        "sight_unlit": unlit,
-        **_neighbours(one, across, reach),
-        **_left_lane(one),
+        "accel": run.state_in_si("accel_lon", 0),
+        "right_edge": position - reach,
+        "left_edge": position + reach,
+        "friction": _friction(run, speed),
+        "sight_lit": sight_lit,
+        "sight_unlit": sight_unlit,
+        **_neighbour_signals(run, position, reach),
+        **_left_lane_occupancy(run),
     }
 
 
-def _neighbours(one: One, across: F32, reach: F32) -> dict[str, Row]:
-    shape = (len(NeighbourRole), one.frames)
-    vehicle = np.full(shape, NO_VEHICLE)
-    gap, closing, aside = (np.zeros(shape, np.float32) for _ in range(3))
-    bodies = [one.across(slot) for slot in range(one.slots)]
-    for frame in range(one.frames):
-        for place in NeighbourRole:
-            slot = one.neighbour(place, frame)
-            if slot is None:
-                continue
-            vehicle[place, frame] = slot
-            gap[place, frame] = one.gap(slot, frame)
-            closing[place, frame] = one.closing(slot, frame, ahead=place % 2 == 0)
-            other, width = bodies[slot][0][frame], bodies[slot][1][frame]
-            aside[place, frame] = np.abs(across[frame] - other) - (reach[frame] + width)
-    return {"neighbour_slot": vehicle, "gap": gap, "closing_speed": closing, "lateral_gap": aside}
+def _neighbour_signals(run: SingleRun, position: F32, reach: F32) -> dict[str, SignalArray]:
+    """Slot, gap, closing speed and lateral gap of the neighbour in each role, (neighbour, time)."""
+    shape = (len(NeighbourRole), run.num_frames)
+    slots = np.full(shape, NO_VEHICLE)
+    gap, closing_speed, lateral_gap = (np.zeros(shape, np.float32) for _ in range(3))
+    extents = [run.lateral_extent(slot) for slot in range(run.num_slots)]
+    for frame, role in itertools.product(range(run.num_frames), NeighbourRole):
+        slot = run.neighbour(role, frame)
+        if slot is None:
+            continue
+        index = role, frame
+        slots[index] = slot
+        gap[index] = run.gap(slot, frame)
+        closing_speed[index] = run.closing_speed(slot, frame, ahead=is_ahead(role))
+        other_position, other_reach = extents[slot][0][frame], extents[slot][1][frame]
+        distance = np.abs(position[frame] - other_position)
+        lateral_gap[index] = distance - (reach[frame] + other_reach)
+    return {
+        "neighbour_slot": slots,
+        "gap": gap,
+        "closing_speed": closing_speed,
+        "lateral_gap": lateral_gap,
+    }
 
 
-def _left_lane(one: One) -> dict[str, Row]:
-    """Lengths within 100 m in the lane to the left, in half-millimetres, over 200 m."""
+def _left_lane_occupancy(run: SingleRun) -> dict[str, SignalArray]:
+    """Share of the lane to the left within 100 m that vehicles cover, and their number.
+
+    Lengths are summed in half-millimetres, so the order of the vehicles does not matter.
+    """
     limit, occupancy, count = 200_000, [], []
-    for frame in range(one.frames):
-        total = number = 0
-        for slot in range(1, one.slots):
-            lane = one.lane[slot][frame]
-            left = lane == one.lane[0][frame] + 1 and lane < one.num_lanes
-            if not (one.recorded[slot][frame] and left):
+    for frame in range(run.num_frames):
+        total = num_vehicles = 0
+        for slot in range(1, run.num_slots):
+            lane = run.lane[slot][frame]
+            is_on_left = lane == run.lane[0][frame] + 1 and lane < run.num_lanes
+            if not (run.is_recorded[slot][frame] and is_on_left):
                 continue
-            length = int(np.rint(one.length[slot] * np.float32(1000.0)))
-            centre = 2 * max(-limit, min(limit, one.s[slot][frame] - one.s[0][frame]))
+            length = int(np.rint(run.length[slot] * np.float32(1000.0)))
+            centre = 2 * max(-limit, min(limit, run.s[slot][frame] - run.s[0][frame]))
             total += max(0, min(centre + length, limit) - max(centre - length, -limit))
-            number += 1
+            num_vehicles += 1
         occupancy.append(np.float32(total) * np.float32(1.0 / (2 * limit)))
-        count.append(number)
+        count.append(num_vehicles)
     return {
         "left_occupancy": np.array(occupancy, np.float32),
         "left_count": np.array(count, np.uint8),
     }
 
 
-def _friction(one: One, speed: F32) -> F32:
-    """Peak friction on the mean film of the ego's lane; beside the road that of the nearest one."""
-    c, given, k = model_constants(), visibility_inputs(one.run), one.number
-    lane = np.array(one.lane[0])
-    nearest = np.where(lane == 255, 0, np.minimum(lane, one.num_lanes - 1))
-    film = given["film"].reshape(-1, 8)[k, nearest]
-    return friction_at_film(
-        c, friction_at_speed(c, speed, given["tyre_wear"][[k]], given["has_truck_tyres"][[k]]), film
-    )
+def _friction(run: SingleRun, speed: F32) -> F32:
+    """Peak friction on the mean film of the ego's lane; off the road, on that of the nearest."""
+    constants, inputs, row = model_constants(), visibility_inputs(run.trajectories), run.row
+    lane = np.array(run.lane[0])
+    nearest_lane = np.where(lane == 255, 0, np.minimum(lane, run.num_lanes - 1))
+    film = inputs["film"].reshape(-1, 8)[row, nearest_lane]
+    tyres = inputs["tyre_wear"][[row]], inputs["has_truck_tyres"][[row]]
+    return friction_at_film(constants, friction_at_speed(constants, speed, *tyres), film)
 
 
-def _sights(one: One, speed: F32) -> tuple[F32, F32]:
-    """Distances at which a lit and an unlit vehicle are seen [m]."""
-    given, k = visibility_inputs(one.run), one.number
-    rain = given["rain"][k] * (np.float32(1.0) + speed / model_constants().rain_speed)
-    air = given["fog"][k] + rain
+def _sight_distances(run: SingleRun, speed: F32) -> tuple[F32, F32]:
+    """Distances at which a driver sees a lit and an unlit vehicle [m]."""
+    inputs, row = visibility_inputs(run.trajectories), run.row
+    rain = inputs["rain"][row] * (np.float32(1.0) + speed / model_constants().rain_speed)
+    extinction = inputs["fog"][row] + rain
     unlit = minimum(
-        given["contrast_depth"][k] / maximum(air, MIN_EXTINCTION), given["unlit_limit"][k]
+        inputs["contrast_depth"][row] / maximum(extinction, MIN_EXTINCTION),
+        inputs["unlit_limit"][row],
     )
-    threshold = weather_effects(one.run.scenario).sight["lamp_threshold"][[k]]
-    lamp = lamp_range(air, constant("weather.lamps.rear_position"), threshold)
+    threshold = weather_effects(run.trajectories.scenario).sight["lamp_threshold"][[row]]
+    lamp = lamp_range(extinction, constant("weather.lamps.rear_position"), threshold)
     lit = minimum(maximum(lamp, unlit), constant("model.perception.range"))
-    shown = as_f32(np.array([_shown(one, s * 1e-3) for s in one.s[0]]))
-    return minimum(lit, shown), minimum(unlit, shown)
+    along_road = as_f32(np.array([_sight_along_road(run, s * 1e-3) for s in run.s[0]]))
+    return minimum(lit, along_road), minimum(unlit, along_road)
 
 
-def _shown(one: One, s: float) -> float:
-    """How far the road lets one see along it from a station [m]."""
-    table = one.road.course.sight if one.road.course else ()
+def _sight_along_road(run: SingleRun, station: float) -> float:
+    """Sight distance that the course of the road leaves at a station; infinite without one [m]."""
+    table = run.road.course.sight if run.road.course else ()
     if not table:
         return math.inf
-    for (begin, near), (end, far) in itertools.pairwise(table):
-        if begin <= s < end:
-            return (far - near) / (end - begin) * (s - begin) + near
-    return table[0][1] if s < table[0][0] else table[-1][1]
+    for (begin, sight), (end, next_sight) in itertools.pairwise(table):
+        if begin <= station < end:
+            return (next_sight - sight) / (end - begin) * (station - begin) + sight
+    return table[0][1] if station < table[0][0] else table[-1][1]
 
 
-def target_signals(one: One, seen: dict[str, Row], target: int) -> dict[str, Row]:
+def target_signals(
+    run: SingleRun, signals: dict[str, SignalArray], target: int
+) -> dict[str, SignalArray]:
     """A vehicle by the names of `TargetSignals`; any value where it is not recorded, (time,)."""
-    way = np.array(one.s[0]) - np.array(one.s[target])
-    lead = as_f32(way.astype(np.int32)) * METRES
-    gap = np.abs(lead) - one.halves(target)
-    valid = np.array(one.recorded[target], np.bool_)
-    across, reach = one.across(target)
-    own_reach = (seen["left_edge"] - seen["right_edge"]) * HALF
+    distance = np.array(run.s[0]) - np.array(run.s[target])
+    ego_lead = as_f32(distance.astype(np.int32)) * METRES
+    gap = np.abs(ego_lead) - run.half_length_sum(target)
+    valid = np.array(run.is_recorded[target], np.bool_)
+    position, reach = run.lateral_extent(target)
+    ego_reach = (signals["left_edge"] - signals["right_edge"]) * HALF
+    lateral_distance = np.abs(position - signals["lateral_position"])
     return {
         "valid": valid,
-        "ego_lead": lead,
+        "ego_lead": ego_lead,
         "overlaps": valid & (gap < 0),
         "gap": gap,
-        "lateral_position": across,
-        "lateral_gap": np.abs(across - seen["lateral_position"]) - (own_reach + reach),
-        "lane": one.state("lane")[target],
-        "speed": one.metres("speed", target),
-        "accel": one.metres("accel_lon", target),
-        "lateral_speed": one.lateral_speed(target),
+        "lateral_position": position,
+        "lateral_gap": lateral_distance - (ego_reach + reach),
+        "lane": run.state("lane")[target],
+        "speed": run.state_in_si("speed", target),
+        "accel": run.state_in_si("accel_lon", target),
+        "lateral_speed": run.lateral_speed(target),
     }
 
 
-def encounter(one: One, met: list[tuple[int, int]], *, ahead: bool) -> dict[str, Row]:
-    """What the gap between the ego and a neighbour means for whoever is behind.
+def encounter(
+    run: SingleRun, instants: list[tuple[int, int]], *, ahead: bool
+) -> dict[str, SignalArray]:
+    """Measures of the gap between the ego and a neighbour, for the one of them that is behind.
 
     Args:
-        one: The simulation.
-        met: Frames, and the slot of the neighbour in each.
+        run: The simulation.
+        instants: Frames, and the slot of the neighbour in each.
         ahead: Whether the neighbours are ahead of the ego.
 
     Returns:
         Arrays by the names of `Encounter`, shape (instant,).
     """
-    gap = np.array([one.gap(slot, t) for t, slot in met], np.float32)
-    closing = np.array([one.closing(slot, t, ahead=ahead) for t, slot in met], np.float32)
-    speed = as_f32(np.array([one.speed[0][t] for t, _ in met], np.int32)) * METRES
-    accels = one.state("accel_lon")
-    own = as_f32(np.array([accels[0, t] for t, _ in met], np.int16)) * METRES
-    other = as_f32(np.array([accels[slot, t] for t, slot in met], np.int16)) * METRES
+    gap = np.array([run.gap(slot, frame) for frame, slot in instants], np.float32)
+    closing_speed = np.array(
+        [run.closing_speed(slot, frame, ahead=ahead) for frame, slot in instants], np.float32
+    )
+    ego_speed = as_f32(np.array([run.speed[0][frame] for frame, _ in instants], np.int32)) * METRES
+    accel = run.state("accel_lon")
+    ego_accel = as_f32(np.array([accel[0, frame] for frame, _ in instants], np.int16)) * METRES
+    other_accel = (
+        as_f32(np.array([accel[slot, frame] for frame, slot in instants], np.int16)) * METRES
+    )
     return {
         "gap": gap,
-        "closing_speed": closing,
-        "time_gap": time_gap(gap, speed if ahead else speed + closing),
-        "ttc": ttc(gap, closing),
-        "mttc": mttc(gap, closing, own - other if ahead else other - own),
-        "drac": drac(gap, closing),
+        "closing_speed": closing_speed,
+        "time_gap": time_gap(gap, ego_speed if ahead else ego_speed + closing_speed),
+        "ttc": ttc(gap, closing_speed),
+        "mttc": mttc(
+            gap, closing_speed, ego_accel - other_accel if ahead else other_accel - ego_accel
+        ),
+        "drac": drac(gap, closing_speed),
     }

@@ -1,4 +1,4 @@
-"""The compiled events are those of the readable definition, number for number."""
+"""The engine finds the events of the readable definition, number for number."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ import dataclasses
 
 import pytest
 from tests.reference.labels.readable_events import find_events
-from tests.reference.labels.readable_recordings import case, every_recording, readable, written
-from tests.reference.labels.readable_signals import One, signals
+from tests.reference.labels.readable_recordings import (
+    every_recording,
+    handwritten_recordings,
+    readable_runs,
+    sample_case,
+)
+from tests.reference.labels.readable_signals import SingleRun, signals_of
 
 from overtaking.labels.event_detection import case_from_trajectories
 from overtaking.model.overtake_events import NEVER, OvertakeEvents
@@ -15,27 +20,28 @@ from overtaking.model.overtake_events import NEVER, OvertakeEvents
 pytestmark = pytest.mark.ci
 
 
-def of(events: OvertakeEvents, number: int) -> dict[str, int]:
+def events_of_row(events: OvertakeEvents, row: int) -> dict[str, int]:
     """The events of one simulation by name."""
     names = (field.name for field in dataclasses.fields(events))
-    return {name: int(getattr(events, name)[number]) for name in names}
+    return {name: int(getattr(events, name)[row]) for name in names}
 
 
 @every_recording
-def test_every_event_is_the_same(name):
-    given = case(name)
-    for number, (one, seen) in enumerate(readable(name)):
-        assert of(given.events, number) == find_events(one, seen), number
+def test_events_of_recordings_are_those_of_the_readable_definition(name):
+    events = sample_case(name).events
+    for row, (run, signals) in enumerate(readable_runs(name)):
+        assert events_of_row(events, row) == find_events(run, signals), row
 
 
-def test_events_of_overtakes_written_by_hand_are_the_same():
-    for run in written():
-        one = One(run, 0)
-        assert of(case_from_trajectories(run).events, 0) == find_events(one, signals(one))
+def test_events_of_handwritten_overtakes_are_those_of_the_readable_definition():
+    for trajectories in handwritten_recordings():
+        run = SingleRun(trajectories, 0)
+        events = case_from_trajectories(trajectories).events
+        assert events_of_row(events, 0) == find_events(run, signals_of(run))
 
 
-def test_what_they_agree_on_has_every_kind_of_event():
-    found = case("pinto2023").events
+def test_the_compared_recordings_contain_every_kind_of_event():
+    events = sample_case("pinto2023").events
     for name in (
         "attempt",
         "line_crossed",
@@ -45,12 +51,12 @@ def test_what_they_agree_on_has_every_kind_of_event():
         "collision",
         "drift",
     ):
-        happened = getattr(found, name) != NEVER
-        assert happened.any(), name
-        assert not happened.all(), name
-    assert found.num_attempts.max() > 1
-    assert found.num_passed.max() > 1
-    assert found.was_struck.any()
-    assert 0 < found.was_intended.sum() < len(found.was_intended)
-    assert (case("across the road").events.spin == 40).sum() >= 30
-    assert (case("excerpt").events.began_before_recording == 0).any()
+        happens = getattr(events, name) != NEVER
+        assert happens.any(), name
+        assert not happens.all(), name
+    assert events.num_attempts.max() > 1
+    assert events.num_passed.max() > 1
+    assert events.was_struck.any()
+    assert 0 < events.was_intended.sum() < len(events.was_intended)
+    assert (sample_case("across the road").events.spin == 40).sum() >= 30
+    assert (sample_case("excerpt").events.began_before_recording == 0).any()

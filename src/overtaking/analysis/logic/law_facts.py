@@ -29,6 +29,7 @@ from overtaking.analysis.logic.vocabulary import (
 from overtaking.labels.law.criteria.oncoming_traffic import distance_over_outer_edge
 from overtaking.labels.law.criteria.zones import target_left_edge
 from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_gap
+from overtaking.labels.snapshots import VehicleInstants
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE
@@ -274,7 +275,8 @@ def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
     # Without such vehicles, as on every one-way road, no headings need turning to the road.
     if not simulation.size:
         return no_facts(4)
-    excursion = rounded_up_mm(distance_over_outer_edge(source.case, simulation, frame, slot))
+    instants = VehicleInstants(simulation, slot, frame)
+    excursion = rounded_up_mm(distance_over_outer_edge(source.case, instants))
     is_over = excursion > 0
     simulation_ids = source.simulation_ids[simulation[is_over]]
     return simulation_ids, frame[is_over], slot[is_over], excursion[is_over]

@@ -298,7 +298,7 @@ def neighbour_at(case: Case, role: NeighbourRole, frame: Frames) -> Encounter:
     encounters = encounters_at(case, role, rows, frame[rows].astype(np.intp))
     if len(rows) == len(frame):
         return encounters
-    spread = partial(scatter, simulations=rows, count=len(frame))
+    spread = partial(scatter, simulations=rows, num_simulations=len(frame))
     return Encounter(
         **{field.name: spread(getattr(encounters, field.name)) for field in fields(Encounter)}
     )

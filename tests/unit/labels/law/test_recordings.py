@@ -12,7 +12,7 @@ from tests.support.overtakes import crossing
 from overtaking.labels.law.criteria.starting import denoised_lateral_speed_at
 from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.snapshots import lateral_speed_at
+from overtaking.labels.snapshots import VehicleInstants, lateral_speed_at
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED
 
@@ -45,13 +45,17 @@ def test_a_target_whose_track_begins_at_the_attempt_does_not_jump(first):
     assert found.margin[0] == pytest.approx(0.2)
 
 
+def target_at(frame):
+    """The vehicle in slot 1 in one frame of the only simulation."""
+    return VehicleInstants(np.zeros(1, np.intp), np.ones(1, np.intp), np.array([frame]))
+
+
 def test_speeds_beside_a_gap_are_one_sided_for_single_frames_and_for_all():
     case = recorded(np.arange(200) * 0.01, ATTEMPT)
     run = case.trajectories
-    rows, slot = np.zeros(1, np.intp), np.ones(1, np.intp)
     expected = case.target.lateral_speed[0]
     for frame in range(ATTEMPT, 200):
-        speed = lateral_speed_at(run, rows, slot, np.array([frame]))
+        speed = lateral_speed_at(run, target_at(frame))
         assert speed[0] == pytest.approx(0.2, abs=1e-3)
         assert speed[0] == expected[frame]
 
@@ -61,9 +65,8 @@ def test_somebody_who_is_there_for_one_frame_has_no_speed():
     present = case.trajectories.state_mask.copy()
     present[0, 1, ATTEMPT + 1 :] = False
     run = case.trajectories.replace(is_recorded=present)
-    where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
-    assert lateral_speed_at(run, *where)[0] == 0.0
-    assert denoised_lateral_speed_at(run, *where, 0.2)[0] == 0.0
+    assert lateral_speed_at(run, target_at(ATTEMPT))[0] == 0.0
+    assert denoised_lateral_speed_at(run, target_at(ATTEMPT), 0.2)[0] == 0.0
 
 
 def test_noise_is_no_movement():
@@ -71,8 +74,8 @@ def test_noise_is_no_movement():
     broken = {"steady": 0, "short": 0}
     for _ in range(50):
         case = recorded(draw.normal(0.0, 0.03, 200))
-        where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
-        broken["short"] += int(lateral_speed_at(case.trajectories, *where)[0] > TWO_HUNDRED)
+        speed = lateral_speed_at(case.trajectories, target_at(ATTEMPT))
+        broken["short"] += int(speed[0] > TWO_HUNDRED)
         broken["steady"] += int(judge_rule(L7, case).verdict[0] == Verdict.ILLEGAL)
     assert broken["short"] >= 5
     assert broken["steady"] == 0
@@ -89,7 +92,6 @@ def test_movement_is_seen_through_noise():
 
 def test_a_simulation_is_recorded_without_noise():
     case = crossing(Track(s=40.0))
-    where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
-    assert denoised_lateral_speed_at(case.trajectories, *where, 0.2) == lateral_speed_at(
-        case.trajectories, *where
-    )
+    target = target_at(ATTEMPT)
+    speed = lateral_speed_at(case.trajectories, target)
+    assert denoised_lateral_speed_at(case.trajectories, target, 0.2) == speed

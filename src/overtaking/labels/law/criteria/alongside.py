@@ -24,6 +24,7 @@ from overtaking.labels.law.remedies import (
 )
 from overtaking.labels.law.rule import Criterion
 from overtaking.labels.snapshots import (
+    VehicleInstants,
     at_frame,
     lateral_position_and_gap,
     num_slow_vehicles,
@@ -170,9 +171,8 @@ def _distance_to_border(case: Case, frames_alongside: Alongside) -> F32:
     borders = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)
     target_slot = slot_or_ego(case.target.slot)[simulation]
     ego_position = case.signals.lateral_position[simulation, frame]
-    target_position, _ = lateral_position_and_gap(
-        case.trajectories, case.signals, simulation, target_slot, frame
-    )
+    target = VehicleInstants(simulation, target_slot, frame)
+    target_position, _ = lateral_position_and_gap(case.trajectories, case.signals, target)
     ego_distance, target_distance = (
         np.abs(position[:, None] - borders).min(axis=1)
         for position in (ego_position, target_position)

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from overtaking.core.arrays import F32, I32, IndexArray, Mask
+from overtaking.core.arrays import F32, I32, Mask
 from overtaking.core.float32_math import HALF, as_f32, maximum
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.case import opposing_lane_span, seconds_of
@@ -38,6 +38,7 @@ from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
     OtherVehicles,
+    VehicleInstants,
     at_frame,
     lane_borders,
     lateral_position_and_gap,
@@ -315,21 +316,23 @@ class NoOncomingReaction(Criterion):
         trajectories = case.trajectories
         if not trajectories.road.is_two_way:
             return finding_not_applicable(case.signals.num_simulations)
-        simulation, frame, slot = self._nearest_oncoming(case)
+        oncoming = self._nearest_oncoming(case)
         limit = ABRUPT_BRAKING.f32
-        accel = as_f32(trajectories.states.accel_lon[simulation, slot, frame]) * METRES_PER_MM
+        accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
-        has_left_lane = distance_over_outer_edge(case, simulation, frame, slot) > LINE_TOLERANCE.f32
+        has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
         # Leaving the lane has no braking: it counts like braking at twice the limit.
         margin = np.where(has_left_lane, np.minimum(margin, -limit), margin)
-        return finding_at_instants(margin, simulation, frame, case.signals.num_simulations)
+        frame = oncoming.frame.astype(np.intp)
+        return finding_at_instants(margin, oncoming.simulation, frame, case.signals.num_simulations)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """The oncoming vehicle in its lane if leaving it decided, else with less braking."""
         case, limit = breach.case, float(ABRUPT_BRAKING.f32)
-        simulation, frame, slot = self._nearest_oncoming(case)
-        decel = case.trajectories.states.accel_lon[simulation, slot, frame] * -1e-3
-        excursion = distance_over_outer_edge(case, simulation, frame, slot)
+        oncoming = self._nearest_oncoming(case)
+        slot, frame = oncoming.slot, oncoming.frame
+        decel = case.trajectories.states.accel_lon[oncoming] * -1e-3
+        excursion = distance_over_outer_edge(case, oncoming)
         hardest, farthest = int(decel.argmax()), int(excursion.argmax())
         # As in `check`: leaving the lane counts like braking at twice the limit.
         if excursion[farthest] > LINE_TOLERANCE.f32 and decel[hardest] <= 2.0 * limit:
@@ -348,12 +351,8 @@ class NoOncomingReaction(Criterion):
             int(slot[hardest]),
         )
 
-    def _nearest_oncoming(self, case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
-        """Instants in which an oncoming vehicle is near, and the nearest one.
-
-        Returns:
-            Simulation, frame and slot, each of shape (instant,), in order.
-        """
+    def _nearest_oncoming(self, case: Case) -> VehicleInstants:
+        """The nearest oncoming vehicle in each frame in which one is near, in order."""
         simulation, frame = opposing_lane_span(case).instants()
         others = other_vehicles_at(case.trajectories, frame.astype(np.int32), simulation)
         closing_speed = others.speed + case.signals.speed[simulation, frame][:, None]
@@ -361,25 +360,22 @@ class NoOncomingReaction(Criterion):
         is_near = others.is_approaching & is_within_time
         slot = np.where(is_near, others.gap, np.inf).argmin(axis=1)
         instants = np.flatnonzero(is_near.any(axis=1))
-        return simulation[instants], frame[instants], slot[instants]
+        return VehicleInstants(simulation[instants], slot[instants], frame[instants])
 
 
-def distance_over_outer_edge(
-    case: Case, simulation: IndexArray, frame: IndexArray, slot: IndexArray
-) -> F32:
+def distance_over_outer_edge(case: Case, oncoming: VehicleInstants) -> F32:
     """Distance that oncoming vehicles reach beyond the outer edge of their lane, (instant,) [m].
 
     It is negative for a vehicle in its lane.
 
     Args:
         case: The batch, with a two-way road.
-        simulation: Simulation of each vehicle, shape (instant,).
-        frame: A frame in which it is recorded, same shape.
-        slot: Its slot, same shape.
+        oncoming: The vehicles and frames.
     """
     trajectories = case.trajectories
-    centre, _ = lateral_position_and_gap(trajectories, case.signals, simulation, slot, frame)
-    edge = centre + trajectories.scenario.vehicles.width[simulation, slot] * HALF
+    centre, _ = lateral_position_and_gap(trajectories, case.signals, oncoming)
+    width = trajectories.scenario.vehicles.width[oncoming.simulation, oncoming.slot]
+    edge = centre + width * HALF
     return edge - lane_borders(trajectories.road)[-1]
 
 

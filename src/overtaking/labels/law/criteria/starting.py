@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.core.float32_math import maximum
 from overtaking.knowledge.quantities import Quantity
 from overtaking.labels.law.beliefs import belief_at, pull_out_percept
@@ -60,8 +60,8 @@ from overtaking.labels.law.safe_distance import (
 )
 from overtaking.labels.snapshots import (
     METRES_PER_MM,
-    Frames,
     OtherVehicles,
+    VehicleInstants,
     at_frame,
     indicator_to_overtaking_side,
     lateral_speed_at,
@@ -423,7 +423,7 @@ class NoOtherOvertaking(Criterion):
         # Where no follower moves left, one with unknown indicators may still indicate: the verdict
         # is then open. `finding_at_frame` keeps breaches decided.
         is_doubtful = np.any(is_follower, axis=1) & ("indicators" in case.trajectories.unknown)
-        to_batch = partial(scatter, simulations=has_attempt, count=len(has_attempt))
+        to_batch = partial(scatter, simulations=has_attempt, num_simulations=len(has_attempt))
         return finding_at_frame(
             case.events.attempt,
             to_batch(arrival - self.min_arrival.f32),
@@ -485,9 +485,8 @@ class NoOtherOvertaking(Criterion):
         index, slot = np.nonzero(is_follower)
         simulation = np.flatnonzero(case.events.has_attempt)[index]
         frame, limit = case.events.attempt[simulation], self.max_lateral_speed.f32
-        speed_to_left = denoised_lateral_speed_at(
-            case.trajectories, simulation, slot, frame, float(limit)
-        )
+        vehicles = VehicleInstants(simulation, slot, frame)
+        speed_to_left = denoised_lateral_speed_at(case.trajectories, vehicles, float(limit))
         is_moving_left = is_follower.copy()
         is_moving_left[is_follower] = speed_to_left > limit
 
@@ -558,9 +557,8 @@ class TargetInLane(Criterion):
         # Without an attempt the target need not be recorded in that frame.
         simulation = np.flatnonzero(has_target & case.events.has_attempt)
         speed_to_left = np.zeros(len(slot), np.float32)
-        speed_to_left[simulation] = denoised_lateral_speed_at(
-            trajectories, simulation, slot[simulation], attempt[simulation], float(limit)
-        )
+        target = VehicleInstants(simulation, slot[simulation], attempt[simulation])
+        speed_to_left[simulation] = denoised_lateral_speed_at(trajectories, target, float(limit))
         margin = limit - speed_to_left
 
         lights = trajectories.states.lights[np.arange(len(slot)), slot, np.maximum(attempt, 0)]
@@ -588,13 +586,9 @@ _THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 def denoised_lateral_speed_at(
-    trajectories: Trajectories,
-    simulation: IndexArray,
-    slot: IndexArray,
-    frame: Frames,
-    limit: float,
+    trajectories: Trajectories, vehicles: VehicleInstants, limit: float
 ) -> F32:
-    """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
+    """Speed of vehicles to the left at single frames, shape (instant,) [m/s].
 
     The speed is a central difference over a time T of about 0.2 s. In a recording, T is increased,
     up to twice `LATERAL_NOISE_TIME`, until the standard error of the speed is at most
@@ -604,35 +598,30 @@ def denoised_lateral_speed_at(
 
     Args:
         trajectories: The batch.
-        simulation: Simulation of each vehicle.
-        slot: Its slot.
-        frame: A frame in which it is recorded.
+        vehicles: The vehicles and frames.
         limit: The speed with which it is compared [m/s].
     """
     # `unknown` is empty for simulations.
     if not trajectories.unknown:
-        return lateral_speed_at(trajectories, simulation, slot, frame)
+        return lateral_speed_at(trajectories, vehicles)
     interval = trajectories.scenario.frame_interval_ms
     max_half_window = int(float(LATERAL_NOISE_TIME.f32) * 1000.0 / interval)
     max_error = float(LATERAL_ERROR_SHARE.f32) * limit
     # A third difference takes four frames, more than the three of a half window of 1.
-    noise = _lateral_noise(trajectories, simulation, slot, frame, max(2, max_half_window))
+    noise = _lateral_noise(trajectories, vehicles, max(2, max_half_window))
     required_duration = np.sqrt(2.0) * noise / max_error
     half_window = np.ceil(required_duration / 2.0 * 1000.0 / interval)
     min_half_window = lateral_speed_half_window(interval)
     max_half_window = max(min_half_window, max_half_window)
     half_window = np.clip(half_window, min_half_window, max_half_window).astype(np.int32)
-    return lateral_speed_at(trajectories, simulation, slot, frame, half_window)
+    return lateral_speed_at(trajectories, vehicles, half_window)
 
 
 def _lateral_noise(
-    trajectories: Trajectories,
-    simulation: IndexArray,
-    slot: IndexArray,
-    frame: Frames,
-    half_window: int,
+    trajectories: Trajectories, vehicles: VehicleInstants, half_window: int
 ) -> NDArray[np.float64]:
     """Standard deviation of the noise of a lateral position, from the frames around it [m]."""
+    simulation, slot, frame = vehicles
     frames = frame[:, None] + np.arange(-half_window, half_window + 1)
     is_recorded = (frames >= 0) & (frames < trajectories.num_frames[simulation, None])
     instants = (simulation[:, None], slot[:, None], np.where(is_recorded, frames, 0))
