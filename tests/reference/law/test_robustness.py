@@ -1,6 +1,7 @@
-"""Margins of temporal rules against the robustness that RTAMT gives the formulas of the law.
+"""Margins of temporal rules equal the robustness that RTAMT computes for the formulas of the law.
 
-robustness.json is made by make_robustness.py, which says how.
+`make_robustness.py` describes and writes `robustness.json`: random signals, and the robustness of
+each formula on them.
 """
 
 from __future__ import annotations
@@ -24,153 +25,155 @@ from overtaking.labels.law.safe_distance import decel_for_safe_distance, lawful_
 from overtaking.model.verdicts import Case, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
+
 SURE = 1e6
-SAME = 2e-3
+"""Robustness of a Boolean signal in `make_robustness.py`: no frame counts where it remains."""
+
+TOLERANCE = 2e-3
 """Hundredths are exact to this after float32 arithmetic with numbers of some hundreds."""
 
 
 @cache
-def table() -> Any:
+def robustness_table() -> Any:
     return json.loads(Path(__file__).with_name("robustness.json").read_text("utf-8"))
 
 
-def signal(name: str) -> np.ndarray:
-    """One random signal of all simulations, (simulation, time)."""
-    rows = [row[name] for row in table()["signals"]]
+def random_signal(name: str) -> np.ndarray:
+    """One random signal of all simulations, shape (simulation, time)."""
+    rows = [row[name] for row in robustness_table()["signals"]]
     if isinstance(rows[0], str):
         return np.array([list(row) for row in rows]) == "y"
     return as_f32(np.array(rows) / 100.0)
 
 
-def robustness(name: str) -> np.ndarray:
-    return np.array(table()["robustness"][name])
+def robustness_of(formula: str) -> np.ndarray:
+    """The robustness of a formula in each simulation."""
+    return np.array(robustness_table()["robustness"][formula])
 
 
-def blank() -> Case:
-    """As many simulations of an ego and three others as there are random ones."""
-    frames = signal("speed").shape[1]
-    one = case(Track(s=500.0, speed=30.0), *[Track()] * 3, frames=frames, events={})
-    return one.select(np.zeros(len(signal("speed")), np.intp))
+def blank_case() -> Case:
+    """A simulation for each random one, with an ego, three other vehicles and no events."""
+    num_simulations, num_frames = random_signal("speed").shape
+    single = case(Track(s=500.0, speed=30.0), *[Track()] * 3, frames=num_frames, events={})
+    return single.select(np.zeros(num_simulations, np.intp))
 
 
-def seen(**changes: np.ndarray) -> Case:
-    """The same with other signals of the ego."""
-    one = blank()
-    return one.replace(signals=one.signals.replace(**changes))
+def case_with_signals(**changes: np.ndarray) -> Case:
+    """The blank case with other signals of the ego."""
+    blank = blank_case()
+    return blank.replace(signals=blank.signals.replace(**changes))
 
 
-def recorded(present: np.ndarray | None = None, **changes: np.ndarray) -> Case:
-    """The same with other recorded states, and nothing that happened."""
-    one = blank()
-    states = one.trajectories.states.replace(**changes)
-    run = one.trajectories.replace(states=states, is_recorded=present)
-    return with_events(case_from_trajectories(run), one.events)
+def case_with_states(is_recorded: np.ndarray | None = None, **changes: np.ndarray) -> Case:
+    """The blank case with other recorded states."""
+    blank = blank_case()
+    states = blank.trajectories.states.replace(**changes)
+    trajectories = blank.trajectories.replace(states=states, is_recorded=is_recorded)
+    return with_events(case_from_trajectories(trajectories), blank.events)
 
 
-def assert_same(code: str, one: Case, name: str) -> None:
-    """The margin is the robustness, wherever any frame counts."""
-    found, expected = judge_rule(RULES[code], one), robustness(name)
-    counts = np.abs(expected) < SURE
-    assert counts.any()
-    assert (expected[counts] < 0).any()
-    assert (expected[counts] > 0).any()
-    assert found.margin[counts] == pytest.approx(expected[counts], abs=SAME)
-    assert (found.verdict[counts] == np.where(expected[counts] < 0, 1, 0)).all()
-    assert (found.verdict[~counts] == Verdict.NOT_APPLICABLE).all()
+def assert_margin_is_robustness(code: str, judged: Case, formula: str) -> None:
+    """In each simulation with a frame that counts, the margin of a rule is the robustness."""
+    finding, expected = judge_rule(RULES[code], judged), robustness_of(formula)
+    applies = np.abs(expected) < SURE
+    assert applies.any()
+    assert (expected[applies] < 0).any()
+    assert (expected[applies] > 0).any()
+    assert finding.margin[applies] == pytest.approx(expected[applies], abs=TOLERANCE)
+    is_broken = expected[applies] < 0
+    assert (finding.verdict[applies] == np.where(is_broken, Verdict.ILLEGAL, Verdict.LEGAL)).all()
+    assert (finding.verdict[~applies] == Verdict.NOT_APPLICABLE).all()
 
 
-def test_the_speed_limit_is_a_robustness():
-    assert_same("L12", seen(speed=signal("speed")), "limit")
+def test_the_margin_of_the_speed_limit_is_the_robustness():
+    assert_margin_is_robustness("L12", case_with_signals(speed=random_signal("speed")), "limit")
 
 
-def test_a_stop_in_sight_is_a_robustness():
-    one = seen(speed=np.full_like(signal("stop"), 20.0))
-    stop = judge_stop(one)
-    assert_same("L14", seen(speed=one.signals.speed, sight_lit=stop + spare()), "stop")
+def test_the_margin_of_stopping_within_sight_is_the_robustness():
+    at_20_mps = case_with_signals(speed=np.full_like(random_signal("stop"), 20.0))
+    margin = random_signal("sight") - random_signal("stop")
+    sight = stopping_distance(at_20_mps) + margin
+    judged = case_with_signals(speed=at_20_mps.signals.speed, sight_lit=sight)
+    assert_margin_is_robustness("L14", judged, "stop")
 
 
-def judge_stop(one: Case) -> np.ndarray:
-    """The stopping distance that the rule will see."""
+def stopping_distance(judged: Case) -> np.ndarray:
+    """The stopping distance of rule L14 in every frame [m]."""
     share = constant("friction.table.usable_share") * constant("model.nature.gravity")
-    v, b = one.signals.speed, share * one.signals.friction
-    return v * STOPPING_REACTION_TIME.f32 + v * v / (np.float32(2.0) * b)
+    speed, decel = judged.signals.speed, share * judged.signals.friction
+    return speed * STOPPING_REACTION_TIME.f32 + speed * speed / (np.float32(2.0) * decel)
 
 
-def spare() -> np.ndarray:
-    return signal("sight") - signal("stop")
-
-
-def test_the_lowest_speed_with_its_exception_is_a_robustness():
-    one = seen(speed=signal("slow"))
-    states = one.trajectories.states
+def test_the_margin_of_the_lowest_speed_is_the_robustness_where_it_is_broken():
+    slow = case_with_signals(speed=random_signal("slow"))
+    states = slow.trajectories.states
     speed = states.speed.copy()
-    # Three others crawl where the exception holds, and drive elsewhere.
-    speed[:, 1:] = np.where(signal("jam"), 1000, 25_000)[:, None]
-    trajectories = one.trajectories.replace(states=states.replace(speed=speed))
-    found, expected = (
-        judge_rule(RULES["L13"], one.replace(trajectories=trajectories)),
-        robustness("minimum"),
-    )
-    broken = expected < 0
-    assert 0 < broken.sum() < len(broken)
-    assert ((found.verdict == Verdict.ILLEGAL) == broken).all()
-    assert found.margin[broken] == pytest.approx(expected[broken], abs=SAME)
-    # The rule looks for congestion only where it matters, so it may say less than there is.
-    assert (found.margin[~broken] <= expected[~broken] + SAME).all()
+    # The three others make a congestion, the exception of the rule, where "jam" is true.
+    speed[:, 1:] = np.where(random_signal("jam"), 1000, 25_000)[:, None]
+    trajectories = slow.trajectories.replace(states=states.replace(speed=speed))
+    finding = judge_rule(RULES["L13"], slow.replace(trajectories=trajectories))
+    expected = robustness_of("minimum")
+    is_broken = expected < 0
+    assert 0 < is_broken.sum() < len(is_broken)
+    assert ((finding.verdict == Verdict.ILLEGAL) == is_broken).all()
+    assert finding.margin[is_broken] == pytest.approx(expected[is_broken], abs=TOLERANCE)
+    # The rule looks for congestion only at low speed, so a margin of a kept rule may be smaller.
+    assert (finding.margin[~is_broken] <= expected[~is_broken] + TOLERANCE).all()
 
 
-def test_the_distance_to_the_side_is_a_robustness():
-    states, last = blank().trajectories.states, blank().signals.num_frames - 1
-    d, s, body = states.d.copy(), states.s.copy(), blank().trajectories.scenario.vehicles
-    d[:, 1] = d[:, 0] + np.rint((signal("aside") + body.width[:, [0]]) * 1000.0)
-    s[:, 1] = s[:, 0] + np.where(signal("beside"), 0, 100_000)
+def test_the_margin_of_the_lateral_distance_is_the_robustness():
+    blank = blank_case()
+    states, last_frame = blank.trajectories.states, blank.signals.num_frames - 1
+    width = blank.trajectories.scenario.vehicles.width[:, [0]]
+    d, s = states.d.copy(), states.s.copy()
+    d[:, 1] = d[:, 0] + np.rint((random_signal("aside") + width) * 1000.0)
+    s[:, 1] = s[:, 0] + np.where(random_signal("beside"), 0, 100_000)
     zero = np.zeros(len(d), np.int32)
-    events = {"attempt": zero, "overlap_begin": zero, "overlap_end": zero + last}
-    one = recorded(d=d, s=s)
-    assert_same("L10", with_events(one, one.events.replace(**events)), "side")
+    events = {"attempt": zero, "overlap_begin": zero, "overlap_end": zero + last_frame}
+    judged = case_with_states(d=d, s=s)
+    judged = with_events(judged, judged.events.replace(**events))
+    assert_margin_is_robustness("L10", judged, "side")
 
 
-def test_the_safe_distance_with_time_to_regain_it_is_a_robustness():
-    one = following()
-    found, expected = judge_rule(RULES["L3"], one), robustness("follow")
-    counts = np.abs(expected) < SURE
-    assert (expected[counts] < 0).any()
-    assert (expected[counts] > 0).any()
-    assert found.margin[counts] == pytest.approx(expected[counts], abs=0.02)
-    assert (found.verdict[~counts] == Verdict.NOT_APPLICABLE).all()
+def test_the_margin_of_the_safe_distance_is_the_robustness_with_time_to_regain_the_gap():
+    finding, expected = judge_rule(RULES["L3"], case_with_cut_ins()), robustness_of("follow")
+    applies = np.abs(expected) < SURE
+    assert (expected[applies] < 0).any()
+    assert (expected[applies] > 0).any()
+    assert finding.margin[applies] == pytest.approx(expected[applies], abs=0.02)
+    assert (finding.verdict[~applies] == Verdict.NOT_APPLICABLE).all()
 
 
-def following() -> Case:
-    """Random leaders: 1 and 2 by turns, a new one at every cut-in."""
-    states, body = blank().trajectories.states, blank().trajectories.scenario.vehicles
-    lead, cut = signal("lead"), signal("cut")
-    turn = 1 + np.cumsum(cut, axis=1) % 2
+def case_with_cut_ins() -> Case:
+    """Vehicles 1 and 2 are leaders in turn: at each cut-in the other one becomes the leader."""
+    blank = blank_case()
+    states, length = blank.trajectories.states, blank.trajectories.scenario.vehicles.length
+    has_leader, is_cut_in = random_signal("lead"), random_signal("cut")
+    leader_slot = 1 + np.cumsum(is_cut_in, axis=1) % 2
     lane, s, speed = states.lane.copy(), states.s.copy(), states.speed.copy()
-    present = blank().trajectories.state_mask.copy()
-    need = lawful_gap(speed[:, 0] * np.float32(1e-3), np.float32(0.0), decel())
-    gap = need + signal("gap") - signal("need") + body.length[:, [0]]
+    is_recorded = blank.trajectories.state_mask.copy()
+    decel = decel_for_safe_distance(blank.signals.friction)
+    lawful = lawful_gap(speed[:, 0] * np.float32(1e-3), np.float32(0.0), decel)
+    margin = random_signal("gap") - random_signal("need")
+    distance = lawful + margin + length[:, [0]]
     for slot in (1, 2):
-        # Whoever does not lead is in another lane, so that every new leader has come from there.
-        lane[:, slot] = np.where(turn == slot, 0, 1)
-        present[:, slot] = (turn != slot) | lead | cut
-        s[:, slot] = s[:, 0] + np.rint(gap * 1000.0)
+        # A vehicle that is not the leader is in another lane, from which it cuts in.
+        lane[:, slot] = np.where(leader_slot == slot, 0, 1)
+        is_recorded[:, slot] = (leader_slot != slot) | has_leader | is_cut_in
+        s[:, slot] = s[:, 0] + np.rint(distance * 1000.0)
         speed[:, slot] = speed[:, 0]
-    return recorded(present, lane=lane, s=s, speed=speed)
+    return case_with_states(is_recorded, lane=lane, s=s, speed=speed)
 
 
-def decel() -> np.ndarray:
-    """What both are thought capable of."""
-    return decel_for_safe_distance(blank().signals.friction)
-
-
-def test_a_duty_ignored_for_eight_seconds_is_the_past_operator():
-    due = signal("due")
-    states = blank().trajectories.states
+def test_the_return_is_overdue_where_the_past_operator_holds_for_eight_seconds():
+    is_due = random_signal("due")
+    states = blank_case().trajectories.states
     lane, s = states.lane.copy(), states.s.copy()
-    lane[:, 0] = due  # The return is due wherever the ego is out of lane 0.
+    lane[:, 0] = is_due  # The return is due while the ego is outside of lane 0.
     s[:, 1] = s[:, 0] - 300_000
-    one, zero = recorded(lane=lane, s=s), np.zeros(len(due), np.int32)
-    events = one.events.replace(attempt=zero, overlap_end=zero, original_lane=np.uint8(zero))
-    found = judge_rule(RULES["L9"], with_events(one, events))
-    assert ((found.verdict == Verdict.ILLEGAL) == (robustness("duty") < 0)).all()
-    assert 0 < (robustness("duty") < 0).sum() < len(due)
+    judged, zero = case_with_states(lane=lane, s=s), np.zeros(len(is_due), np.int32)
+    events = judged.events.replace(attempt=zero, overlap_end=zero, original_lane=np.uint8(zero))
+    finding = judge_rule(RULES["L9"], with_events(judged, events))
+    is_broken = robustness_of("duty") < 0
+    assert ((finding.verdict == Verdict.ILLEGAL) == is_broken).all()
+    assert 0 < is_broken.sum() < len(is_broken)
