@@ -101,7 +101,6 @@ def _numbers_of_rules(pack: Pack) -> str:
     rows = [
         (rule.code, *_number(name, number))
         for rule in pack.rules
-        if rule.criterion is not None
         for name, number in _quantities(rule.criterion)
     ]
     return table(("rule", "number", "value", "unit", "source", "why"), rows)
@@ -187,14 +186,14 @@ def _rule(rule: Rule) -> str:
         ("what it asks", rule.gloss),
         ("what is checked", rule.predicate),
         ("unit of the margin", rule.unit),
-        ("standard error", rule.error_formula),
+        ("standard error", rule.criterion.ERROR_FORMULA),
         ("a breach is", rule.grade.value),
         ("it costs", rule.fine),
         ("undecidable without", _list(rule.required_inputs)),
         ("at times undecidable without", _list(rule.conditional_inputs)),
         (
             "without an attempt",
-            "judged all the same" if rule.applies_without_attempt else "not applicable",
+            "judged all the same" if rule.criterion.applies_without_attempt else "not applicable",
         ),
         ("roads", "with oncoming traffic" if rule.only_two_way_roads else ""),
         ("whose duty", "the ego's" if rule.is_duty_of_ego else "another's; no policy asks for it"),

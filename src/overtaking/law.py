@@ -1,11 +1,11 @@
 """Laws: functions that judge data by a law, and the parts of rules and packs of your own.
 
-A pack is the list of the rules of one law. The check of a rule is a function that takes a `Case`
-(simulations with their signals) and returns a `Finding`: for each simulation a `Verdict` (such as
-legal, illegal or undecidable), a margin (the distance to the limit where it is smallest, negative
-in a breach, in the unit of the rule) and the first and last frame of a breach. A policy names the
-rules of a pack that a legal overtake must not break, and tolerances: amounts by which the limit of
-a rule may be exceeded.
+A pack is the list of the rules of one law. Each rule has a criterion, whose method `check` takes a
+`Case` (simulations with their signals) and returns a `Finding`: for each simulation a `Verdict`
+(such as legal, illegal or undecidable), a margin (the distance to the limit where it is smallest,
+negative in a breach, in the unit of the rule) and the first and last frame of a breach. A policy
+names the rules of a pack that a legal overtake must not break, and tolerances: amounts by which the
+limit of a rule may be exceeded.
 
 The ego is the vehicle that is judged, the target the vehicle that it overtakes. An attempt is an
 overtake that has begun. A frame is a recorded instant; frames are numbered from 0. Signals are time
@@ -27,11 +27,9 @@ Description of a rule and of a pack:
   the numbers of the law, each made by `quantity` with unit, source and reason (`Quantity`);
 - `BreachContext`: a breach, from which a criterion computes its remedies;
 - `Rule`, and the types of its attributes: `TextSource` (whether the author read the wording of the
-  provision or knows it at second hand), `Grade` (how severe a breach of the rule is; the severity
-  may depend on the road or on the breach) and `Spread` (a function that computes the standard
-  deviation of the margin from errors of measurement);
+  provision or knows it at second hand) and `Grade` (how severe a breach of the rule is; the
+  severity may depend on the road or on the breach);
 - `Severity`: severity of one breach, as a finding states it;
-- `adopt`: make a rule of another law with the check of an existing rule;
 - `Pack`, and the packs `PORTUGAL` and `GERMANY`; `Policy`, `Tolerance`.
 
 Input of a rule:
@@ -117,10 +115,8 @@ from overtaking.labels.law.rule import Criterion as Criterion
 from overtaking.labels.law.rule import Grade as Grade
 from overtaking.labels.law.rule import Pack as Pack
 from overtaking.labels.law.rule import Rule as Rule
-from overtaking.labels.law.rule import Spread as Spread
 from overtaking.labels.law.rule import TextSource as TextSource
 from overtaking.labels.law.rule import Tolerance as Tolerance
-from overtaking.labels.law.rule import adopt as adopt
 from overtaking.labels.signals import encounters_at as encounters_at
 from overtaking.labels.snapshots import FrameSpan as FrameSpan
 from overtaking.labels.snapshots import at_frame as at_frame

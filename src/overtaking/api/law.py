@@ -1,21 +1,31 @@
 """Public functions that judge overtakes by traffic law; users import them from `overtaking.law`.
 
-The *check* of a *rule* is a function that takes a `Case` (recorded simulations with their signals)
-and returns a `Finding` (for each simulation a verdict and a *margin*, the distance to the limit,
-negative in a breach). A *pack* is the list of rules of one law; the package has `pt` (Portugal) and
-`de` (Germany). A *policy*, such as `paper`, `default` or `strict`, names the rules of a pack that a
-legal overtake must keep, and the amount by which the limit of each may be exceeded. The *class* of
-a simulation, such as `Success_L` (completed, legal), therefore depends on the policy. *Profile*:
-the named setting of road and traffic that a data set was drawn from; it has a default policy.
+Each *rule* of a law has a *criterion*, whose method `check` takes a `Case` (recorded simulations
+with their signals) and returns a `Finding` (for each simulation a verdict and a *margin*, the
+distance to the limit, negative in a breach). A *pack* is the list of rules of one law; the package
+has `pt` (Portugal) and `de` (Germany). A *policy*, such as `paper`, `default` or `strict`, names
+the rules of a pack that a legal overtake must keep, and the amount by which the limit of each may
+be exceeded. The *class* of a simulation, such as `Success_L` (completed, legal), therefore depends
+on the policy. *Profile*: the named setting of road and traffic that a data set was drawn from; it
+has a default policy.
 
 A pack of the user, in a module of the user:
 
-    import numpy as np
+    from dataclasses import dataclass
     from overtaking import law
 
-    def check_speed(case: law.Case) -> law.Finding:
-        # A margin at all frames of a span: from 3 s before the overtake to 3 s after it.
-        return law.finding_over_span(np.float32(25.0) - case.signals.speed, law.manoeuvre(case))
+    @dataclass(frozen=True, kw_only=True)
+    class OvertakingSpeed(law.Criterion):
+        max_speed: law.Quantity
+        unit: str = "m/s"
+
+        def predicate(self) -> str:
+            return f"During the manoeuvre: speed <= {self.max_speed}."
+
+        def check(self, case: law.Case) -> law.Finding:
+            # A margin at all frames of a span: from 3 s before the overtake to 3 s after it.
+            margin = self.max_speed.f32 - case.signals.speed
+            return law.finding_over_span(margin, law.manoeuvre(case))
 
     SLOW = law.Rule(
         id="my.1@2026",
@@ -23,18 +33,16 @@ A pack of the user, in a module of the user:
         article="none",
         title="Slowly",
         gloss="Overtake at no more than 25 m/s.",
-        predicate="During the manoeuvre: speed <= 25 m/s.",
-        unit="m/s",
+        criterion=OvertakingSpeed(max_speed=law.quantity(25.0, "m/s", why="An example")),
         grade=law.Grade.LIGHT,
-        check=check_speed,
     )
     PACK = law.Pack(name="mine", version="mine-1", rules=(SLOW,))
 
 `overtaking.label(trajectories, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
-`code` names the rule in tables and policies; `article`, `title`, `gloss`, `predicate`, `unit` (of
-the margin) and `grade` (the severity of a breach) appear in reports. `id` and `version` are stored
-with the verdicts, so that a reader knows which text of the rule decided them. Their form is free;
-the packs of this package write the year of the law after "@".
+`code` names the rule in tables and policies; `article`, `title`, `gloss` and `grade` (the severity
+of a breach) appear in reports, and so do the `predicate` and `unit` of the criterion. `id` and
+`version` are stored with the verdicts, so that a reader knows which text of the rule decided them.
+Their form is free; the packs of this package write the year of the law after "@".
 """
 
 import importlib

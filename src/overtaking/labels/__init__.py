@@ -6,5 +6,5 @@
 - `law`: rules, and what they say of a batch;
 - `attempt_features`, `paper_features`, `safety_features`: features, measures of safety;
 - `labelling`: all of these, one after the other;
-- `explain`: reasons of a verdict.
+- `explanation`: reasons of a verdict.
 """

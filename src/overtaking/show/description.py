@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from overtaking.labels.explain.explanation import BelievedFinding
+    from overtaking.labels.explanation import BelievedFinding
     from overtaking.labels.labelling import LabelledTrajectories
     from overtaking.labels.law.judging import Policy
     from overtaking.labels.law.rule import Pack
@@ -72,7 +72,7 @@ def describe(
     Returns:
         Values of plain Python types, in SI units; None for unrecorded values.
     """
-    from overtaking.labels.explain.explanation import explain
+    from overtaking.labels.explanation import explain
 
     run, explanation = labelled.trajectories, explain(labelled, pack=pack, policies=policies)
     scenario, vehicles = run.scenario, _rows(run, "vehicles")

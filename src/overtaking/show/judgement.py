@@ -10,7 +10,7 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.labels.explain.explanation import (
+    from overtaking.labels.explanation import (
         BelievedFinding,
         Breach,
         Explanation,

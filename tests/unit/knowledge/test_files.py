@@ -14,7 +14,7 @@ import overtaking
 from overtaking.knowledge.quantities import Quantity
 from overtaking.knowledge.toml_reader import DATA_FOLDER, all_quantities, load_toml, sources
 
-WORDS = {"law_sentences.toml", "law_rules.toml", "sources.toml", "glossary.toml"}
+WORDS = {"law_sentences.toml", "sources.toml", "glossary.toml"}
 """The files without numbers."""
 
 FILES = sorted({path.name for path in DATA_FOLDER.glob("*.toml")} - WORDS)

@@ -40,7 +40,7 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
     is_decided = (finding.verdict == Verdict.LEGAL) | (finding.verdict == Verdict.ILLEGAL)
     if not is_decided.any():
         return finding
-    standard_error = rule.standard_error(case, finding, errors)
+    standard_error = rule.criterion.standard_error(case, finding, errors)
     if standard_error is None:
         return finding
     # Two standard errors, about 95 %: with one, a third of the verdicts at the limit would be
@@ -114,7 +114,7 @@ def _agreed_finding(checks: Sequence[Finding]) -> Finding:
 
 def _judged_as_stated(rule: Rule, case: Case) -> Finding:
     """Check a rule with every vehicle of the kind that the batch states."""
-    finding = rule.check(case)
+    finding = rule.criterion.check(case)
     if rule.required_inputs & case.trajectories.unknown:
         return _as_undecidable(finding)
     if rule.grade is Grade.BY_BREACH:
@@ -180,7 +180,7 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     finding_of_rules = [
         judge_rule(rule, case, errors)
         if rule.code in deciding
-        else _as_undecidable(rule.check(case))
+        else _as_undecidable(rule.criterion.check(case))
         for rule in pack.rules
     ]
     columns = {
@@ -381,7 +381,7 @@ def exceeds_tolerance(
     column, rule = findings.rule_codes.index(code), pack.rule(code)
     excess = -findings.margin[:, column]
     is_exceeded = (findings.verdict[:, column] == Verdict.ILLEGAL) & (excess > tolerance.margin)
-    limit = rule.limit(case) if tolerance.share and rule.limit is not None else None
+    limit = rule.criterion.limit(case) if tolerance.share else None
     if limit is not None:
         is_exceeded &= excess > np.float32(tolerance.share) * (limit + excess)
     if tolerance.lasting:

@@ -9,8 +9,9 @@ An s at the end of a code marks the strict variant of a rule.
   `STRICT_ONLY` for rules on signals, lamps, keeping right and the intentions of others, and for
   uncertain readings.
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
-- `text_source`: how the wording is known, `RECALLED` where no text was read; `consulted_source`
-  says where. `source` is the Highway Code by default.
+- `text_source`: how the wording is known, `RECALLED` where no text was read; a rule on several
+  provisions has the weakest of theirs. `consulted_source` says where.
+- `source`: the Highway Code, unless a rule states another one.
 """
 
 from overtaking.knowledge.quantities import Quantity
@@ -62,7 +63,6 @@ from overtaking.labels.law.rule import (
     TextSource,
     Tolerance,
 )
-from overtaking.labels.law.texts import edition, with_texts
 from overtaking.model.verdicts import Severity
 
 
@@ -643,8 +643,12 @@ _RULES = (
 PORTUGAL = Pack(
     name="pt",
     version="pt-2@2013",
-    rules=with_texts("pt", _RULES),
-    edition=edition("pt"),
+    rules=_RULES,
+    source="pt-highway-code-2013",
+    edition="Código da Estrada, text of Law 72/2013 as decreed (Diário da Assembleia da República, "
+    "II-A 178, supplement 1, 26 July 2013, pages 61 to 70), held against the rules on 23 November "
+    "2026. The consolidation in force (20th amendment; Decree-Law 102-B/2020 and later) was found "
+    "from its first article only and is not compared",
     severities="Articles 145 and 146 of the Highway Code",
     two_way_version="+opposite-1",
 )

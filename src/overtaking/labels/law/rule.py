@@ -1,8 +1,8 @@
 """Classes of a law: rules, criteria, packs of rules, tolerances, and how well a text is known."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
 from types import MappingProxyType
 from typing import ClassVar, Self
@@ -70,20 +70,6 @@ class Grade(Enum):
     LIGHT = "light"
     SERIOUS = "serious"
     BY_BREACH = "as the breach is, see the rule"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
-    """How errors of measurement become one of a rule's margin.
-
-    Attributes:
-        formula: The computation in words; sp and sv are the standard deviations of positions and
-            speeds, as in `MeasurementErrors`.
-        standard_error: The standard deviation of the margins of a `Check`, shape (simulation,).
-    """
-
-    formula: str
-    standard_error: Callable[[Case, Finding, MeasurementErrors], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,17 +160,9 @@ class Criterion(ABC):
         return None
 
 
-def _check_is_missing(case: Case) -> Finding:
-    del case
-    raise NotImplementedError("the rule has neither a criterion nor a check")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """One rule of law.
-
-    A rule has a criterion, or states the parts of one itself: `predicate`, `unit`, `check`,
-    `spread`, `limit`, the inputs, and where it applies. Both kinds are read in the same way.
+    """One rule of law: a duty, how it is measured, and how it counts.
 
     Attributes:
         id: Versioned id: jurisdiction, code of law, article, `@` and the year of the text.
@@ -196,22 +174,12 @@ class Rule:
         grade: How severe a breach is.
         required_by: Names of the policies that require the rule.
         tolerances: By name of a policy, how far it tolerates a breach.
-        source: Id of the source of the text.
+        source: Id of the source of the text; a pack fills in its own where this is empty.
         is_duty_of_ego: Whether the duty is the ego's; no policy requires the others' duties.
         text_source: How the wording of the law is known.
         consulted_source: Where it was read, and in which edition.
         limit_phrase: The limit in words, for the sentence "missed ... by 2 m".
         fine: Fine for a breach, with its source; empty without a source.
-        predicate: The condition that the check tests, with events of `model.overtake_events`.
-        unit: Of the margin.
-        required_inputs: Names of `UNKNOWNS` without which the rule is undecidable.
-        conditional_inputs: Names of `UNKNOWNS` without which it is undecidable in some simulations.
-        applies_without_attempt: Whether it also judges a recording without an attempt, all of it.
-        only_two_way_roads: Whether it is about roads with oncoming traffic alone.
-        check: The rule itself, for recordings that know all that it needs.
-        spread: The error of its margin; None if errors of positions and speeds that stay the same
-            do not change it. Rules with a criterion have `Criterion.standard_error`.
-        limit: The limit of the measured value, as `Criterion.limit`.
     """
 
     id: str
@@ -219,131 +187,53 @@ class Rule:
     article: str
     title: str
     gloss: str
-    criterion: Criterion | None = None
+    criterion: Criterion
     grade: Grade
     required_by: frozenset[str] = NO_POLICY
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict[str, Tolerance], hash=False)
-    source: str = "pt-highway-code-2013"
+    source: str = ""
     is_duty_of_ego: bool = True
     text_source: TextSource = TextSource.READ
     consulted_source: str = ""
-    limit_phrase: str = "its border"
+    limit_phrase: str = "its limit"
     fine: str = ""
-    predicate: str = ""
-    unit: str = ""
-    required_inputs: frozenset[str] = frozenset()
-    conditional_inputs: frozenset[str] = frozenset()
-    applies_without_attempt: bool = False
-    only_two_way_roads: bool = False
-    check: Callable[[Case], Finding] = _check_is_missing
-    spread: Spread | None = None
-    limit: Callable[[Case], F32 | None] | None = None
-
-    def __post_init__(self) -> None:
-        """Take over the parts of the criterion, which replace stated ones."""
-        criterion = self.criterion
-        if criterion is None:
-            return
-        parts = {
-            "predicate": criterion.predicate(),
-            "unit": criterion.unit,
-            "required_inputs": criterion.required_inputs,
-            "conditional_inputs": criterion.conditional_inputs,
-            "applies_without_attempt": criterion.applies_without_attempt,
-            "only_two_way_roads": criterion.only_two_way_roads,
-            "check": criterion.check,
-            "limit": criterion.limit,
-        }
-        for name, part in parts.items():
-            object.__setattr__(self, name, part)
 
     @property
-    def error_formula(self) -> str:
-        """`standard_error` in words, as `Criterion.ERROR_FORMULA`."""
-        if self.criterion is not None:
-            return self.criterion.ERROR_FORMULA
-        return "0" if self.spread is None else self.spread.formula
+    def predicate(self) -> str:
+        """The condition that the criterion tests, as `Criterion.predicate`."""
+        return self.criterion.predicate()
 
-    def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32 | None:
-        """Standard deviation of the margins of a finding, as `Criterion.standard_error`."""
-        if self.criterion is not None:
-            return self.criterion.standard_error(case, finding, errors)
-        return None if self.spread is None else self.spread.standard_error(case, finding, errors)
+    @property
+    def unit(self) -> str:
+        """Unit of the margin."""
+        return self.criterion.unit
 
+    @property
+    def required_inputs(self) -> frozenset[str]:
+        """Names of `UNKNOWNS` without which the rule is undecidable."""
+        return self.criterion.required_inputs
 
-def adopt(
-    rule: Rule,
-    *,
-    id: str,  # noqa: A002 - The name of the field.
-    code: str,
-    article: str,
-    title: str,
-    gloss: str,
-    predicate: str,
-    grade: Grade,
-    source: str,
-    fine: str = "",
-    unit: str | None = None,
-    required_inputs: frozenset[str] | None = None,
-    check: Callable[[Case], Finding] | None = None,
-    spread: Spread | None = None,
-    limit: Callable[[Case], F32 | None] | None = None,
-) -> Rule:
-    """Make a rule for another law with the check of an existing rule.
+    @property
+    def conditional_inputs(self) -> frozenset[str]:
+        """Names of `UNKNOWNS` without which the rule is undecidable in some simulations."""
+        return self.criterion.conditional_inputs
 
-    The other law gives texts, article, severity, fine and source. `rule` gives the check with its
-    error and limit, and the data that the check needs.
-
-    Args:
-        rule: The existing rule.
-        id: Id of the new rule, as in `Rule`.
-        code: Code of the new rule.
-        article: Article of the other law.
-        title: Title in a few words.
-        gloss: The duty in plain words.
-        predicate: Condition that the check tests, without codes and articles of the law of `rule`.
-        grade: How severe a breach is by the other law.
-        source: Id of the source of the text.
-        fine: Fine for a breach by the other law.
-        unit: Unit of the margin; None for the unit of `rule`.
-        required_inputs: Names of `UNKNOWNS` that the check needs; None for `rule.needs`.
-        check: Check with the numbers of the other law; None for the check of `rule`. With a new
-            check, `spread` and `limit` of `rule` are not taken over.
-        spread: Error of the margin of `check`; ignored without a check.
-        limit: Limit of `check`, as in `Rule`; ignored without a check.
-    """
-    has_same_check = check is None
-    return Rule(
-        id=id,
-        code=code,
-        article=article,
-        title=title,
-        gloss=gloss,
-        predicate=predicate,
-        unit=rule.unit if unit is None else unit,
-        grade=grade,
-        source=source,
-        required_inputs=rule.required_inputs if required_inputs is None else required_inputs,
-        conditional_inputs=rule.conditional_inputs,
-        applies_without_attempt=rule.applies_without_attempt,
-        is_duty_of_ego=rule.is_duty_of_ego,
-        check=rule.check if check is None else check,
-        spread=rule.spread if has_same_check else spread,
-        fine=fine,
-        only_two_way_roads=rule.only_two_way_roads,
-        limit=rule.limit if has_same_check else limit,
-    )
+    @property
+    def only_two_way_roads(self) -> bool:
+        """Whether tables of one-way roads leave the rule out."""
+        return self.criterion.only_two_way_roads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pack:
-    """The rules of one jurisdiction; another one is another list.
+    """The rules of one law.
 
     Attributes:
         name: Short name.
         version: Changes whenever a verdict may.
         two_way_version: The same for roads with oncoming traffic, added to `version` there.
         rules: The rules, in the order of every table.
+        source: Id of the source of the texts, for rules that state none.
         edition: Of the law, with the day on which it was read.
         severities: Provisions that make a breach light, serious or very serious.
         accepts_unread_articles: Whether a rule decides although its text was not read; otherwise
@@ -353,10 +243,18 @@ class Pack:
     name: str
     version: str
     rules: tuple[Rule, ...]
+    source: str = ""
     edition: str = ""
     severities: str = ""
     accepts_unread_articles: bool = True
     two_way_version: str = ""
+
+    def __post_init__(self) -> None:
+        """Fill in the source of rules that state none."""
+        rules = tuple(
+            rule if rule.source else replace(rule, source=self.source) for rule in self.rules
+        )
+        object.__setattr__(self, "rules", rules)
 
     @property
     def codes(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from overtaking.core.arrays import F32, F32Like
 from overtaking.core.float32_math import as_f32, clamp, maximum, minimum
-from overtaking.knowledge.toml_reader import constant
+from overtaking.knowledge.toml_reader import constant, load_quantity
 from overtaking.labels.law.case import neighbour_at
 from overtaking.labels.law.numbers import (
     ABRUPT_BRAKING,
@@ -16,7 +16,6 @@ from overtaking.labels.law.numbers import (
     RETURN_FREE_TIME,
     RETURN_RANGE,
     STOPPING_REACTION_TIME,
-    bare,
 )
 from overtaking.labels.snapshots import Frames, at_frame
 from overtaking.model.neighbours import NeighbourRole
@@ -28,7 +27,7 @@ from overtaking.world.surrogate_safety import assumed_decel, safe_distance
 GapMargin = Callable[[F32, F32, F32, F32], F32]
 """Margin from gap, speed of the ego, closing speed and sure deceleration."""
 
-GRIP_DECEL = f"{bare('friction.table.usable_share')} mu g"
+GRIP_DECEL = f"{load_quantity('friction.table.usable_share').bare()} mu g"
 """`decel_with_all_grip` as a formula."""
 
 REACTION_AND_DECEL = f"t = {REACTION_TIME}, b = min({MAX_DECEL}, {GRIP_DECEL})"

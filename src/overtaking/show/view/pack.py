@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.labels.explain.margins import margins_by_frame
+from overtaking.labels.explanation import margins_by_frame
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.vehicles import Colour

@@ -42,11 +42,7 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.verdicts import Case
 
-CRITERIA = {
-    rule.code: rule.criterion
-    for rule in (*PORTUGAL.rules, *GERMANY.rules)
-    if rule.criterion is not None
-}
+CRITERIA = {rule.code: rule.criterion for rule in (*PORTUGAL.rules, *GERMANY.rules)}
 
 CAPS: set[tuple[type[Criterion], str]] = {
     (NoOtherOvertaking, "max_arrival"),

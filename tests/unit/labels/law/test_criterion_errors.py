@@ -30,7 +30,7 @@ def error_of(code: str, case: Case, position_std: float = 0.0, speed_std: float 
     """Standard error of the margin of one rule in a case of one simulation."""
     rule = RULES[code]
     errors = MeasurementErrors(position_std=position_std, speed_std=speed_std)
-    error = rule.standard_error(case, rule.check(case), errors)
+    error = rule.criterion.standard_error(case, rule.criterion.check(case), errors)
     assert error is not None
     return float(error[0])
 
@@ -50,7 +50,10 @@ def test_a_zone_of_a_kind_that_the_rule_does_not_forbid_leaves_the_error_as_it_i
     alone = along_course(RoadCourse(zones=(zone,)))
     beside_another = along_course(RoadCourse(zones=(longer, zone)))
     expected = 0.1 * math.hypot(1.0, 30.0 / (3.5 / 3.0))
-    assert RULES[code].check(beside_another).margin == RULES[code].check(alone).margin
+    assert (
+        RULES[code].criterion.check(beside_another).margin
+        == RULES[code].criterion.check(alone).margin
+    )
     assert error_of(code, alone, position_std=0.1) == pytest.approx(expected, rel=2e-3)
     assert error_of(code, beside_another, position_std=0.1) == error_of(code, alone, 0.1)
 
@@ -59,7 +62,7 @@ def test_braking_forced_on_an_overlapping_follower_has_no_error_where_it_is_capp
     # The follower is 0.1 m/s faster, and overlaps with the ego from the change of lane on.
     follower = Track(s=-4.0, speed=30.1, lane=1)
     overlap = crossing(follower, ego={"lane": CHANGE_OF_LANE})
-    assert RULES["L23"].check(overlap).margin[0] == -18.0
+    assert RULES["L23"].criterion.check(overlap).margin[0] == -18.0
     assert error_of("L23", overlap, speed_std=0.05) == 0.0
 
 
@@ -68,7 +71,7 @@ def test_the_braking_that_decides_lies_within_3_s_after_a_change_of_lane():
     # after it at 0.1 m/s.
     followers = Track(s=-50.0, speed=10.0), Track(s=-20.0, speed=29.9, lane=1)
     falling_back = crossing(*followers, ego={"lane": CHANGE_OF_LANE})
-    assert RULES["L23"].check(falling_back).margin[0] == 2.0
+    assert RULES["L23"].criterion.check(falling_back).margin[0] == 2.0
     # With an error of 0.2 m/s a gap of some 16 m closes at 0.1 m/s: braking of 0.3 mm/s^2.
     assert 0.0 < error_of("L23", falling_back, speed_std=0.2) < 1e-3
 
@@ -76,7 +79,7 @@ def test_the_braking_that_decides_lies_within_3_s_after_a_change_of_lane():
 def test_a_vehicle_beside_the_ego_may_be_behind_it_by_one_error():
     # At the attempt in frame 60 the bumpers overlap by 0.05 m, at a closing speed of 0.02 m/s.
     beside = crossing(Track(s=-4.4 + 0.05 - 60 * 0.05 * 0.02, speed=30.02, lane=1))
-    assert RULES["L6"].check(beside).margin[0] == -4.0
+    assert RULES["L6"].criterion.check(beside).margin[0] == -4.0
     half_change = 0.5 * (0.1 - 0.05) / 0.02
     expected = math.sqrt(2.0) * half_change
     assert error_of("L6", beside, position_std=0.1) == pytest.approx(expected, rel=0.05)
@@ -86,13 +89,13 @@ def test_a_follower_that_indicates_has_no_error():
     indicating = crossing(
         Track(s=-40.0, speed=30.0, lights=LEFT), Track(s=-100.0, speed=36.0, lane=1)
     )
-    assert RULES["L6"].check(indicating).margin[0] == -4.0
+    assert RULES["L6"].criterion.check(indicating).margin[0] == -4.0
     assert error_of("L6", indicating, position_std=0.1, speed_std=0.1) == 0.0
 
 
 def test_a_road_with_fewer_lanes_than_trucks_may_use_has_no_error():
     truck = case(Track(kind="T"), Track(s=80.0), road=two_way_road(), events={})
-    assert RULES["L20"].check(truck).verdict[0] == Verdict.NOT_APPLICABLE
+    assert RULES["L20"].criterion.check(truck).verdict[0] == Verdict.NOT_APPLICABLE
     assert error_of("L20", truck, position_std=0.1) == 0.0
 
 
@@ -114,6 +117,6 @@ def test_a_large_gap_is_legal_also_where_the_speed_may_be_too_low_for_the_rule()
 def test_the_severity_of_a_line_is_the_one_of_its_law():
     # The line between the directions becomes continuous before the ego is back.
     breach = lined((450.0, 600.0, RoadMark.SOLID))
-    assert RULES["S1"].check(breach).severity[0] == Severity.NONE
+    assert RULES["S1"].criterion.check(breach).severity[0] == Severity.NONE
     assert judge_rule(RULES["S1"], breach).severity[0] == Severity.LIGHT
     assert judge_rule(RULES["L2"], breach).severity[0] == Severity.VERY_SERIOUS

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.support.cases import Track, case, ramp
 from tests.support.german_fixtures import behind
 from tests.support.overtakes import alone, overtake
 
-from overtaking.labels.law import germany
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import assess_legality, judge_pack, policies_of_law
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import TextSource
 from overtaking.model.verdicts import Severity, Verdict
-
-SOURCES = Path(germany.__file__).parent.glob("*.py")
 
 
 def test_each_rule_has_its_article_and_how_its_text_is_known():

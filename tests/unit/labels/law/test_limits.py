@@ -19,7 +19,7 @@ from overtaking.analysis.logic.vocabulary import RULE_CODES
 from overtaking.data.tables.encode import encode
 from overtaking.labels.attempt_features import attempt_features, attempt_features_at
 from overtaking.labels.event_detection import case_from_trajectories
-from overtaking.labels.explain.margins import margins_by_frame
+from overtaking.labels.explanation import margins_by_frame
 from overtaking.labels.law.case import speed_limit_bounds
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import judge_pack, judge_rule
@@ -90,7 +90,7 @@ def test_the_limit_of_a_tolerated_share_is_that_which_is_exceeded_most():
     speed = ramp((4.9, 125.7 / 3.6), (5.1, 71 / 3.6), frames=200)
     one = fast(limited((200.0, 600.0, 60.0)), speed=speed)
     for rule in (L12, V2):
-        limit = rule.limit and rule.limit(one)
+        limit = rule.criterion.limit(one)
         assert limit is not None
         assert limit[0] == pytest.approx(60 / 3.6)
     assert judge_rule(L12, one).margin[0] == pytest.approx(-11 / 3.6, abs=1e-3)

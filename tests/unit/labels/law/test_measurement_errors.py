@@ -47,7 +47,7 @@ MEASURED: list[tuple[str, str, Any]] = [
     (code, name, make)
     for code, verdict, name, make in FIXTURES
     if verdict in (Verdict.LEGAL, Verdict.ILLEGAL)
-    and RULES[code].error_formula != "0"
+    and RULES[code].criterion.ERROR_FORMULA != "0"
     and RULES[code].unit != "lanes"
     and (code, name) not in UPPER_BOUNDS
 ]
@@ -86,10 +86,10 @@ def measured(case: Case, errors: MeasurementErrors, draws: int = DRAWS) -> Case:
 def test_the_error_of_a_margin_is_that_of_many_measurements(code, name, make):
     del name
     rule, case = RULES[code], make()
-    error = rule.standard_error(case, rule.check(case), ERRORS)
+    error = rule.criterion.standard_error(case, rule.criterion.check(case), ERRORS)
     assert error is not None
     said = float(error[0])
-    found = rule.check(measured(case, ERRORS)).margin
+    found = rule.criterion.check(measured(case, ERRORS)).margin
     # So many draws give a standard deviation within 4 %. Two formulas are coarser: that of sight
     # leaves friction as it is (8 %), and a time due is a number of frames of 0.05 s (18 %).
     assert said == pytest.approx(float(found.std()), rel=0.2, abs=1e-3)
@@ -101,10 +101,10 @@ def test_lanes_are_in_doubt_as_often_as_measurements_change_them(side):
     width, errors = 3.75, MeasurementErrors(position_std=0.1)
     case = passing(2 - 0.5 - side / width, ego={"kind": "T"})
     rule = RULES["L20"]
-    error = rule.standard_error(case, rule.check(case), errors)
+    error = rule.criterion.standard_error(case, rule.criterion.check(case), errors)
     assert error is not None
     said = error[0]
-    share = (rule.check(measured(case, errors)).margin < 0).mean()
+    share = (rule.criterion.check(measured(case, errors)).margin < 0).mean()
     # Half a lane is as many standard errors away as the border is.
     expected = 0.5 * math.erfc(0.5 / said / math.sqrt(2.0))
     assert share == pytest.approx(expected, abs=0.03)
@@ -129,7 +129,7 @@ def test_the_error_of_a_gap_is_that_of_the_formula():
 def test_a_margin_within_two_standard_errors_is_undecidable_and_no_other():
     case = passing(1, target={"lane": 0}, ego={"lane": 1 - 1.0 / 3.75})
     rule = RULES["L10"]
-    exact = rule.check(case)
+    exact = rule.criterion.check(case)
     margin = float(exact.margin[0])
     assert 0 < margin < 1
     limit = margin / (2.0 * math.sqrt(2.0))

@@ -15,10 +15,8 @@ import overtaking as ot
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import policies_of_law
-from overtaking.labels.law.numbers import amount, bare, fill_placeholders
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Grade, adopt
-from overtaking.labels.law.texts import texts_by_code
+from overtaking.labels.law.rule import Grade
 from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
@@ -65,7 +63,8 @@ def texts_of_rule(rule: Rule) -> Iterator[str]:
         value = getattr(rule, field.name)
         if isinstance(value, (str, Grade)):
             yield str(value.value if isinstance(value, Grade) else value)
-    yield rule.error_formula
+    yield rule.predicate
+    yield rule.criterion.ERROR_FORMULA
 
 
 def labelled_by(law: str, runs: Any) -> LabelledTrajectories:
@@ -117,40 +116,3 @@ def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
         }
     # Only F2 of the German rules has one of these checks (L8), and its text was not read.
     assert codes == {"pt": {"L3", "L4", "L5", "L8"}, "de": set()}
-
-
-def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
-    rule = PORTUGAL.rule("L16")
-    adopted = adopt(
-        rule, id="xx.1@2020", code="X1", article="1", title="Own title", gloss="Own gloss.",
-        predicate="Own predicate.", grade=Grade.LIGHT, source="xx",
-    )  # fmt: skip
-    assert (adopted.check, adopted.spread, adopted.required_inputs) == (
-        rule.check,
-        rule.spread,
-        rule.required_inputs,
-    )
-    assert not {*texts_of_rule(adopted)} & {
-        rule.title,
-        rule.gloss,
-        rule.predicate,
-        rule.limit_phrase,
-    }
-    with_check = adopt(
-        rule, id="xx.2@2020", code="X2", article="2", title="t", gloss="g", predicate="p",
-        grade=Grade.LIGHT, source="xx", check=PORTUGAL.rule("L12").check,
-    )  # fmt: skip
-    assert with_check.spread is None
-
-
-@pytest.mark.parametrize("law", PACKS)
-def test_borders_contain_numbers_only_as_placeholders(law):
-    for code, entry in texts_by_code(law).items():
-        assert not re.search(r"\d", re.sub(r"\{.*?\}", "", entry.border)), code
-        assert PACKS[law].rule(code).limit_phrase == fill_placeholders(entry.border)
-
-
-def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
-    assert amount("roads.sight.min_visible", times=2.0) == "100 m"
-    assert bare("roads.sight.min_visible") == "50"
-    assert fill_placeholders("{friction.table.usable_share} of {all}") == "0.9 1 of {all}"

@@ -1,20 +1,18 @@
-"""Everything that explains the verdicts on one simulation, as numbers."""
+"""Reasons of the verdicts on one simulation: breaches, remedies, beliefs, margins by frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.explain.remedies import REMEDIES, remedies_of
+from overtaking.core.arrays import F64
 from overtaking.labels.labelling import LabelledTrajectories
 from overtaking.labels.law.beliefs import belief_at, percept_at, true_and_believed_margin
 from overtaking.labels.law.judging import STORED_POLICIES, Policy
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.remedies import BreachContext, Remedy
 from overtaking.labels.law.rule import Pack, Rule, TextSource
-from overtaking.labels.law.safe_distance import (
-    GapMargin,
-)
+from overtaking.labels.law.safe_distance import GapMargin
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Belief, Case, Severity, Verdict
 
@@ -26,12 +24,13 @@ class Breach:
     Attributes:
         rule: The rule.
         policies: Names of the policies that require it.
-        margin: How far beyond the border of the law, negative, in the unit of the rule.
+        margin: Margin of the rule, negative, in its unit.
         first_frame: First frame of the breach.
         last_frame: Last frame of the breach.
         severity: Severity by the law to which the rule belongs.
         belief: Whether the driver could know.
-        remedies: Each of them alone would have kept the rule; none where nothing would.
+        remedies: Alternative changes, each of which would have kept the rule; empty if no change
+            would.
     """
 
     rule: Rule
@@ -97,8 +96,6 @@ def _believed_margins(
     """By the kind of decision and the neighbour: code and margin of the first rule of the pack."""
     margins = dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]()
     for rule in pack.deciding_rules:
-        if rule.criterion is None:
-            continue
         for key, margin in rule.criterion.believed_margins.items():
             margins.setdefault(key, (rule.code, margin))
     return margins
@@ -126,10 +123,6 @@ def _believed_finding(
     )
 
 
-ALL_REMEDIES = REMEDIES
-"""The remedies for the rules of both laws, by the check of the rule."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UndecidedRule:
     """A rule that cannot be decided.
@@ -137,8 +130,9 @@ class UndecidedRule:
     Attributes:
         rule: The rule.
         policies: Names of the policies that require it.
-        missing_inputs: Names of what the recording does not tell and the rule needs.
-        is_text_unread: Whether its text was not read, and the pack decides by texts that were.
+        missing_inputs: Names of inputs that the rule needs and the recording lacks.
+        is_text_unread: Whether nobody read the text of the rule, and the pack leaves such rules
+            undecidable.
     """
 
     rule: Rule
@@ -155,8 +149,8 @@ class Explanation:
         breaches: The rules that are broken.
         undecided: The rules that apply and cannot be decided.
         kept: The rules that apply and are kept.
-        inapplicable: The rules that say nothing of it.
-        believed: Margins by the beliefs of the driver at each decision, beside the true ones.
+        inapplicable: The rules that do not apply.
+        believed: True and believed margins at each decision of the driver.
     """
 
     breaches: tuple[Breach, ...]
@@ -186,9 +180,8 @@ def explain(
         pack: The rules that the findings are of.
         policies: Which of the rules count for which reading.
     """
-    labelled_one = labelled.select(np.array([simulation]))
-    case = labelled_one.case()
-    verdicts = labelled_one.findings.verdict[0]
+    labelled = labelled.select(np.array([simulation]))
+    case, verdicts = labelled.case(), labelled.findings.verdict[0]
     by_verdict = {
         verdict: [
             rule
@@ -199,16 +192,39 @@ def explain(
     }
     return Explanation(
         breaches=tuple(
-            _breach(labelled_one, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]
+            _breach(labelled, case, rule, policies) for rule in by_verdict[Verdict.ILLEGAL]
         ),
         undecided=tuple(
-            _undecided_rule(labelled_one, rule, policies, pack)
+            _undecided_rule(labelled, rule, policies, pack)
             for rule in by_verdict[Verdict.UNDECIDABLE]
         ),
         kept=tuple(by_verdict[Verdict.LEGAL]),
         inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
         believed=believed_findings(case, pack),
     )
+
+
+def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:
+    """Margins of one simulation, frame by frame; the smallest is the margin of the finding.
+
+    Args:
+        labelled: A batch of one simulation with its findings.
+        pack: The pack of rules that the findings were made with.
+
+    Returns:
+        By code of the rule, the margins of the rules that are legal or illegal in this simulation
+        and have a margin in every frame: speed limits, distances to the leader and to the side,
+        stopping within sight. Shape (time,), in the unit of the rule, negative in a breach, NaN in
+        frames that the rule does not judge. Other rules judge single instants or durations.
+    """
+    case, findings = labelled.case(), labelled.findings
+    verdicts = dict(zip(findings.rule_codes, findings.verdict[0].tolist(), strict=True))
+    margins_by_code = {
+        rule.code: rule.criterion.margins_by_frame(case)
+        for rule in pack.rules
+        if verdicts[rule.code] in (Verdict.LEGAL, Verdict.ILLEGAL)
+    }
+    return {code: margins for code, margins in margins_by_code.items() if margins is not None}
 
 
 def _breach(
@@ -218,7 +234,7 @@ def _breach(
     column = (0, findings.rule_codes.index(rule.code))
     margin = float(findings.margin[column])
     first, last = int(findings.first_frame[column]), int(findings.last_frame[column])
-    facts = BreachContext(case=case, margin=margin, first_frame=first, last_frame=last)
+    context = BreachContext(case=case, margin=margin, first_frame=first, last_frame=last)
     return Breach(
         rule=rule,
         policies=_policies_that_require(rule, policies),
@@ -227,7 +243,7 @@ def _breach(
         last_frame=last,
         severity=Severity(int(findings.severity[column])),
         belief=Belief(int(findings.belief[column])),
-        remedies=remedies_of(rule, facts, ALL_REMEDIES),
+        remedies=rule.criterion.remedies(context),
     )
 
 

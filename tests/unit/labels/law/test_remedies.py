@@ -23,8 +23,6 @@ from tests.support.overtakes import (
 from tests.support.worlds import wide_road
 
 from overtaking.labels.event_detection import case_from_trajectories
-from overtaking.labels.explain.explanation import ALL_REMEDIES
-from overtaking.labels.explain.remedies import remedies_of
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import judge_rule
 from overtaking.labels.law.portugal import PORTUGAL
@@ -69,7 +67,7 @@ def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
         int(check.last_frame[0]),
     )
     facts = BreachContext(case=one, margin=margin, first_frame=first, last_frame=last)
-    return remedies_of(RULES[code], facts, ALL_REMEDIES)
+    return RULES[code].criterion.remedies(facts)
 
 
 def put_in(one: Case, change: RequiredChange, by: float) -> Case:
@@ -238,17 +236,9 @@ def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(c
             assert kept in (Verdict.LEGAL, Verdict.NOT_APPLICABLE)
 
 
-def test_every_rule_has_a_remedy_and_a_rule_with_a_check_of_its_own_has_none():
+def test_every_rule_has_a_remedy():
     for rule in RULES.values():
-        if rule.criterion is None:
-            assert rule.check in ALL_REMEDIES, rule.code
-        else:
-            assert type(rule.criterion).remedies is not Criterion.remedies, rule.code
-    facts = BreachContext(case=overtake(), margin=-1.0, first_frame=0, last_frame=0)
-    stricter = dataclasses.replace(
-        RULES["L10"], criterion=None, check=lambda case: RULES["L10"].check(case)
-    )
-    assert remedies_of(stricter, facts, ALL_REMEDIES) == ()
+        assert type(rule.criterion).remedies is not Criterion.remedies, rule.code
 
 
 def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():

@@ -10,7 +10,7 @@ from tests.support.overtakes import passing
 from tests.support.worlds import wide_road
 
 import overtaking as ot
-from overtaking.labels.explain.margins import margins_by_frame
+from overtaking.labels.explanation import margins_by_frame
 from overtaking.labels.labelling import label
 from overtaking.labels.law.germany import GERMANY
 from overtaking.labels.law.judging import judge_pack, policies_of_law

@@ -9,7 +9,7 @@ from tests.support.cases import Track
 from tests.support.overtakes import crossing
 
 import overtaking as ot
-from overtaking.labels.explain.explanation import believed_findings, explain
+from overtaking.labels.explanation import believed_findings, explain
 from overtaking.labels.labelling import LabelledTrajectories, label
 from overtaking.labels.law.judging import STORED_POLICIES, Policy, stored_policy
 from overtaking.labels.law.portugal import PORTUGAL
