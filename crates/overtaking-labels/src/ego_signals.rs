@@ -5,7 +5,7 @@ use fearless_simd::{Level, Simd, i32x16};
 use overtaking_core::math::elementary::log;
 use overtaking_core::{dispatch, friction_at_film, friction_at_speed};
 
-use crate::frame_block::{FrameBlock, for_each_frame_block};
+use crate::frame_block::{Footprint, FrameBlock, for_each_frame_block};
 use crate::recording::{
     BEYOND_KERB_EDGE, EgoSignals, MAX_LANES, METRES_PER_MM, NO_VEHICLE, NUM_ROLES, PackedRecording,
     VisibilityInputs,
@@ -22,7 +22,7 @@ const LAMP_DEPTH_MARGIN: f32 = 0.01;
 
 /// Compute the signals of a batch.
 ///
-/// `zero_from` holds the frame from which on the rows of `out` are zero, before and after the call.
+/// `zero_from` holds the frame from which on the rows of `out` are zero in each simulation; the call updates it.
 pub fn ego_signals(
     recording: &PackedRecording<'_>,
     visibility: &VisibilityInputs<'_>,
@@ -58,9 +58,9 @@ pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &m
     let near_an_end = |frame: usize| {
         let later = (frame + half).min(last);
         let earlier = frame.saturating_sub(half).min(last);
-        let moved = d[later].wrapping_sub(d[earlier]) as f32;
+        let d_change = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
-        recording.overtaking_sign * (moved / elapsed)
+        recording.overtaking_sign * (d_change / elapsed)
     };
     let inner_begin = half.min(out.len());
     let inner_end = num_recorded
@@ -80,7 +80,7 @@ pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &m
     }
 }
 
-/// Results that later blocks of a simulation can use again.
+/// Intermediate results that later blocks of a simulation reuse.
 struct LampRange<S: Simd> {
     /// Distance at which a lamp reaches the threshold of the eye [m].
     range: Option<F32<S>>,
@@ -89,16 +89,27 @@ struct LampRange<S: Simd> {
 }
 
 impl<S: Simd> LampRange<S> {
+    /// Before the first block of a simulation.
     const UNKNOWN: Self = Self {
         range: None,
         attention_depth: None,
     };
 }
 
+/// Distances at which the driver sees other vehicles [m].
+struct SightDistances<S: Simd> {
+    /// A vehicle with its lamps on.
+    lit: F32<S>,
+    /// A vehicle without lamps.
+    unlit: F32<S>,
+}
+
 /// The nearest vehicle in one role.
 #[derive(Clone, Copy)]
 struct Nearest<S: Simd> {
+    /// Distance of the centres along the road [mm].
     distance: i32x16<S>,
+    /// Slot of the vehicle, `NO_VEHICLE` without one.
     slot: i32x16<S>,
 }
 
@@ -113,28 +124,32 @@ impl<S: Simd> EgoFrames<'_, S> {
     #[inline(always)]
     fn ego_alone(
         &self,
-        (lateral_position, half_covered): (F32<S>, F32<S>),
+        footprint: Footprint<S>,
         lamp_range: &mut LampRange<S>,
         out: &mut EgoSignals<'_>,
     ) {
-        let (block, r) = (&self.block, self.block.recording);
+        let (block, recording) = (&self.block, self.block.recording);
         let ego = block.row(0);
-        let speed: F32<S> = block.load(r.speed[ego]).to_float();
-        let accel: F32<S> = block.load(r.accel[ego]).to_float();
+        let speed: F32<S> = block.load(recording.speed[ego]).to_float();
+        let accel: F32<S> = block.load(recording.accel[ego]).to_float();
         let speed = speed * METRES_PER_MM;
+        let Footprint {
+            lateral_position,
+            half_width,
+        } = footprint;
         block.store(out.accel, accel * METRES_PER_MM);
-        block.store_bytes(out.lane, block.load(r.lane[ego]));
+        block.store_bytes(out.lane, block.load(recording.lane[ego]));
         block.store(out.lateral_position, lateral_position);
         block.store(out.speed, speed);
-        block.store(out.right_edge, lateral_position - half_covered);
-        block.store(out.left_edge, lateral_position + half_covered);
+        block.store(out.right_edge, lateral_position - half_width);
+        block.store(out.left_edge, lateral_position + half_width);
         block.store(out.friction, self.friction(ego, speed));
-        let (lit, unlit) = self.sight_distances(speed, lamp_range);
-        block.store(out.sight_lit, lit);
-        block.store(out.sight_unlit, unlit);
+        let sight_distances = self.sight_distances(speed, lamp_range);
+        block.store(out.sight_lit, sight_distances.lit);
+        block.store(out.sight_unlit, sight_distances.unlit);
     }
 
-    /// Peak friction of the ego's tyres in its lane.
+    /// Peak friction of the ego's tyres in its lane; `ego` is the row of the ego [1].
     #[inline(always)]
     fn friction(&self, ego: usize, speed: F32<S>) -> F32<S> {
         let (block, visibility) = (&self.block, self.visibility);
@@ -158,54 +173,67 @@ impl<S: Simd> EgoFrames<'_, S> {
         )
     }
 
-    /// Distances at which the driver sees a lit and an unlit vehicle [m].
+    /// Distances at which the driver sees a lit and an unlit vehicle, by contrast or by lamps.
     #[inline(always)]
-    fn sight_distances(&self, speed: F32<S>, lamp_range: &mut LampRange<S>) -> (F32<S>, F32<S>) {
-        let (simd, v, k) = (self.block.simd, self.visibility, self.block.simulation);
-        let rain = v.rain[k] * (1.0 + speed / v.constants.rain_speed);
-        let extinction = v.fog[k] + rain;
-        let contrast = v.contrast_depth[k] / at_least(extinction, MIN_EXTINCTION);
-        let unlit = at_most(contrast, v.unlit_limit[k]);
-        if unlit.simd_ge(v.attention_range).all_true() {
-            return (splat(simd, v.attention_range), unlit);
+    fn sight_distances(&self, speed: F32<S>, lamp_range: &mut LampRange<S>) -> SightDistances<S> {
+        let (simd, visibility) = (self.block.simd, self.visibility);
+        let simulation = self.block.simulation;
+        let attention_range = visibility.attention_range;
+        let rain = visibility.rain[simulation] * (1.0 + speed / visibility.constants.rain_speed);
+        let extinction = visibility.fog[simulation] + rain;
+        let contrast_range =
+            visibility.contrast_depth[simulation] / at_least(extinction, MIN_EXTINCTION);
+        let unlit = at_most(contrast_range, visibility.unlit_limit[simulation]);
+        if unlit.simd_ge(attention_range).all_true() {
+            return SightDistances {
+                lit: splat(simd, attention_range),
+                unlit,
+            };
         }
         // Extinction depends on the speed only in rain; without rain one range holds for all frames.
-        let lamp = if let (Some(lamp), 0.0) = (lamp_range.range, v.rain[k]) {
+        let lamp = if let (Some(lamp), 0.0) = (lamp_range.range, visibility.rain[simulation]) {
             lamp
         } else if self.exceeds_attention_range(extinction, lamp_range) {
-            splat(simd, v.attention_range)
+            splat(simd, attention_range)
         } else {
             self.lamp_range(extinction)
         };
         lamp_range.range = Some(lamp);
-        (at_most(max(lamp, unlit), v.attention_range), unlit)
+        SightDistances {
+            lit: at_most(max(lamp, unlit), attention_range),
+            unlit,
+        }
     }
 
     /// Whether a lamp is certainly visible at the attention range, in each of these frames.
     #[inline(always)]
     fn exceeds_attention_range(&self, extinction: F32<S>, lamp_range: &mut LampRange<S>) -> bool {
-        let v = self.visibility;
+        let visibility = self.visibility;
         let attention_depth = match lamp_range.attention_depth {
             Some(depth) => depth,
-            None => 2.0 * log(splat(self.block.simd, v.attention_range)),
+            None => 2.0 * log(splat(self.block.simd, visibility.attention_range)),
         };
         lamp_range.attention_depth = Some(attention_depth);
-        let excess =
-            attention_depth + extinction * v.attention_range - v.lamp_depth[self.block.simulation];
+        let excess = attention_depth + extinction * visibility.attention_range
+            - visibility.lamp_depth[self.block.simulation];
         excess.simd_lt(-LAMP_DEPTH_MARGIN).all_true()
     }
 
     /// Distance at which a lamp reaches the threshold of the eye, by Allard's law [m].
+    ///
+    /// It solves 2 log(range) + extinction * range = depth by Newton's method.
     #[inline(always)]
     fn lamp_range(&self, extinction: F32<S>) -> F32<S> {
-        let (v, k) = (self.visibility, self.block.simulation);
-        let depth = v.lamp_depth[k];
+        let depth = self.visibility.lamp_depth[self.block.simulation];
+        let clear_range = self.visibility.lamp_clear[self.block.simulation];
+        // The range in clear air is an upper bound; in dense fog 4 / extinction is nearer to the solution.
         let mut range = min(
-            splat(self.block.simd, v.lamp_clear[k]),
+            splat(self.block.simd, clear_range),
             4.0 / at_least(extinction, 1e-6),
         );
         for _ in 0..MAX_NEWTON_STEPS {
             let excess = 2.0 * log(range) + extinction * range - depth;
+            // The bound of 0.5 m keeps the logarithm defined.
             let next = at_least(range - range * excess / (2.0 + extinction * range), 0.5);
             // Once a step changes nothing, no later step does: leaving early keeps the result.
             if next.simd_eq(range).all_true() {
@@ -219,25 +247,26 @@ impl<S: Simd> EgoFrames<'_, S> {
     /// Write the slot of the nearest vehicle in each role; of vehicles at one distance the first slot counts.
     #[inline(always)]
     fn nearest_vehicles(&self, out: &mut EgoSignals<'_>) {
-        let (block, r) = (&self.block, self.block.recording);
+        let (block, recording) = (&self.block, self.block.recording);
         let ego = block.row(0);
-        let (ego_s, ego_lane) = (block.load(r.s[ego]), block.load(r.lane[ego]));
-        let num_lanes = r.num_lanes as i32;
+        let ego_s = block.load(recording.s[ego]);
+        let ego_lane = block.load(recording.lane[ego]);
+        let num_lanes = recording.num_lanes as i32;
         let ego_is_on_road = ego_lane.simd_lt(num_lanes);
         let mut nearest = [Nearest {
             distance: block.int(i32::MAX),
             slot: block.int(i32::from(NO_VEHICLE)),
         }; NUM_ROLES];
-        for slot in 1..r.num_slots {
+        for slot in 1..recording.num_slots {
             let row = block.row(slot);
-            if !r.valid[row] {
+            if !recording.valid[row] {
                 continue;
             }
-            let lead = block.load(r.s[row]) - ego_s;
-            let lane = block.load(r.lane[row]);
+            let other_lead = block.load(recording.s[row]) - ego_s;
+            let lane = block.load(recording.lane[row]);
             let counts = block.has_state(row) & ego_is_on_road & lane.simd_lt(num_lanes);
-            let (lane_shift, is_ahead) = (lane - ego_lane, lead.simd_ge(0));
-            let distance = is_ahead.select(lead, -lead);
+            let (lane_shift, is_ahead) = (lane - ego_lane, other_lead.simd_ge(0));
+            let distance = is_ahead.select(other_lead, -other_lead);
             let slot = block.int(slot as i32);
             let lane_pairs = nearest.as_chunks_mut::<2>().0.iter_mut();
             // The order of `NeighbourRole`: own lane, left, right; in each the leader, then the follower.
@@ -253,7 +282,11 @@ impl<S: Simd> EgoFrames<'_, S> {
                 }
             }
         }
-        for (row, nearest) in out.neighbour_slot.chunks_mut(r.max_frames).zip(nearest) {
+        for (row, nearest) in out
+            .neighbour_slot
+            .chunks_mut(recording.max_frames)
+            .zip(nearest)
+        {
             block.store_bytes(row, nearest.slot);
         }
     }

@@ -114,16 +114,25 @@ fn frame_or_never(event: Option<usize>) -> i32 {
 
 /// One attempt to overtake; events that did not happen are `None`.
 struct Attempt {
+    /// Slot of the vehicle that the ego means to overtake.
     target: u8,
     /// Lane in which it begins.
     lane: u8,
+    /// Frame in which the ego begins to move to the left.
     begin: usize,
+    /// A corner of the ego crosses the left line of its lane.
     line_crossed: Option<usize>,
+    /// Ego and target begin to overlap along the road.
     overlap_begin: Option<usize>,
+    /// The ego's rear is ahead of the target's front.
     overlap_end: Option<usize>,
+    /// The ego begins to move back after the pass.
     return_begin: Option<usize>,
+    /// The ego is back in its lane, ahead of the target.
     return_end: Option<usize>,
+    /// The ego begins to move back without having passed.
     abort: Option<usize>,
+    /// The ego is back in its lane, behind the target, or back where it began.
     abort_end: Option<usize>,
 }
 
@@ -131,8 +140,11 @@ struct Attempt {
 struct LeftMovements {
     /// The last attempt.
     attempt: Option<Attempt>,
+    /// Number of attempts, among them the aborted ones.
     num_attempts: i32,
+    /// Frame in which the first drift begins.
     first_drift: Option<usize>,
+    /// Number of drifts: movements out of the lane, or of a wide shift, that are no attempt.
     num_drifts: i32,
 }
 
@@ -183,10 +195,12 @@ enum MovementOutcome {
     LeavesLane,
     /// The ego advances faster than gusts move it, and comes back.
     ComesBack,
+    /// Gusts and wandering explain the movement, or there is no lane to the left.
     Negligible,
 }
 
 impl MovementOutcome {
+    /// The outcome of a movement; `crosses_line` says whether the ego is over its left line during it.
     fn classify(drive: &EgoDrive<'_>, movement: Movement, crosses_line: bool) -> Self {
         if !drive.has_left_lane(movement.first) {
             return Self::Negligible;

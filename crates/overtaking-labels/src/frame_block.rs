@@ -1,10 +1,10 @@
 //! Sixteen consecutive frames of one simulation side by side, in two forms.
 //!
-//! `FrameBlock` computes signals of whole blocks, also behind the last recorded frame: rows usually have memory for
-//! them, and nothing reads these results. Where the memory of a row ends, the block is filled up with zeros.
+//! `FrameBlock` computes signals in whole blocks, also after the last recorded frame: rows usually have memory for
+//! them, and nothing reads these results. Where the memory of a row ends, zeros fill up the block.
 //!
-//! `SpanBlock` reads a span of frames for minima and counts. Its last frame fills it up, so that a minimum over all
-//! sixteen lanes is one over the frames of the span.
+//! `SpanBlock` reads a span of frames for minima and counts. The last frame of the span fills it up, so that a minimum
+//! over all sixteen lanes is the minimum over the frames of the span.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -14,19 +14,31 @@ use overtaking_core::prefetch;
 use crate::recording::{METRES_PER_MM, PackedRecording};
 use crate::vectors::{F32, Mask, SIMD_LANES};
 
-/// Distance of the frames that are fetched into the cache ahead of their use. The CPU's own prefetcher does not follow
-/// the rows of many vehicles at once.
+/// Number of frames by which rows are loaded into the cache ahead of their use. The CPU's own prefetcher does not
+/// follow the rows of many vehicles at once.
 const PREFETCH_DISTANCE: usize = 2 * SIMD_LANES;
-/// Radians to a recorded unit of a heading.
+/// Radians in a recorded unit of a heading.
 const RADIANS_PER_UNIT: f32 = 1e-4;
 
 /// Sixteen frames of one simulation, to compute signals.
 #[derive(Clone, Copy)]
 pub(crate) struct FrameBlock<'a, S: Simd> {
+    /// Token of the SIMD level.
     pub(crate) simd: S,
+    /// The batch.
     pub(crate) recording: &'a PackedRecording<'a>,
+    /// Index of the simulation in the batch.
     pub(crate) simulation: usize,
+    /// Frame in the first lane.
     pub(crate) first_frame: usize,
+}
+
+/// The part of the road's width that the turned body of a vehicle covers, frame by frame.
+pub(crate) struct Footprint<S: Simd> {
+    /// Lateral position of the centre, positive to the left [m].
+    pub(crate) lateral_position: F32<S>,
+    /// Half of the covered width [m].
+    pub(crate) half_width: F32<S>,
 }
 
 /// Evaluate an expression for each block of the first frames of a simulation, with the SIMD features of the CPU.
@@ -65,7 +77,7 @@ impl<'a, S: Simd> FrameBlock<'a, S> {
 }
 
 impl<S: Simd> FrameBlock<'_, S> {
-    /// The frames of a row as integers, zero behind its end.
+    /// The frames of a row as integers, zero after its end.
     #[inline(always)]
     pub(crate) fn load<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
         prefetch(row, self.first_frame + PREFETCH_DISTANCE);
@@ -82,7 +94,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         i32x16::simd_from(self.simd, values)
     }
 
-    /// The frames of a signal, zero behind its end.
+    /// The frames of a signal, zero after its end.
     #[inline(always)]
     pub(crate) fn load_signal(&self, row: &[f32]) -> F32<S> {
         let mut values = [0.0; SIMD_LANES];
@@ -91,6 +103,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         F32::simd_from(self.simd, values)
     }
 
+    /// Write the frames of a signal, as far as its row has memory.
     #[inline(always)]
     pub(crate) fn store(&self, row: &mut [f32], values: F32<S>) {
         let values: [f32; SIMD_LANES] = values.to_array();
@@ -102,6 +115,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         }
     }
 
+    /// Write the frames of a signal of bytes, as far as its row has memory.
     #[inline(always)]
     pub(crate) fn store_bytes(&self, row: &mut [u8], values: i32x16<S>) {
         let values: [i32; SIMD_LANES] = values.to_array();
@@ -114,6 +128,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         }
     }
 
+    /// The same integer in every frame.
     #[inline(always)]
     pub(crate) fn int(&self, value: i32) -> i32x16<S> {
         i32x16::splat(self.simd, value)
@@ -125,21 +140,22 @@ impl<S: Simd> FrameBlock<'_, S> {
         self.recording.row(self.simulation, slot)
     }
 
-    /// Lateral position of a vehicle's centre, and half of the width that its turned body covers [m].
+    /// The footprint of the vehicle of a row.
     #[inline(always)]
-    pub(crate) fn footprint(&self, row: usize) -> (F32<S>, F32<S>) {
-        let r = self.recording;
-        let d: F32<S> = self.load(r.d[row]).to_float();
-        let lateral_position = r.overtaking_sign * (d * METRES_PER_MM);
-        let heading: F32<S> = self.load(r.heading[row]).to_float();
-        let (sine, cosine) = sincos(heading * RADIANS_PER_UNIT - r.direction);
-        let half_length = r.length[row] * 0.5;
-        let half_width = r.width[row] * 0.5;
-        let half_covered = half_length * sine.abs() + half_width * cosine.abs();
-        (lateral_position, half_covered)
+    pub(crate) fn footprint(&self, row: usize) -> Footprint<S> {
+        let recording = self.recording;
+        let d: F32<S> = self.load(recording.d[row]).to_float();
+        let heading: F32<S> = self.load(recording.heading[row]).to_float();
+        let (sine, cosine) = sincos(heading * RADIANS_PER_UNIT - recording.direction);
+        let half_length = recording.length[row] * 0.5;
+        let half_width = recording.width[row] * 0.5;
+        Footprint {
+            lateral_position: recording.overtaking_sign * (d * METRES_PER_MM),
+            half_width: half_length * sine.abs() + half_width * cosine.abs(),
+        }
     }
 
-    /// Whether the vehicle of a row has a state.
+    /// Whether the vehicle of a row has a state, frame by frame.
     #[inline(always)]
     pub(crate) fn has_state(&self, row: usize) -> Mask<S> {
         match &self.recording.is_recorded {
@@ -152,14 +168,16 @@ impl<S: Simd> FrameBlock<'_, S> {
 /// At most sixteen frames of a span, to find minima and count; the last frame of the span fills the block up.
 #[derive(Clone, Copy)]
 pub(crate) struct SpanBlock<S: Simd> {
+    /// Token of the SIMD level.
     pub(crate) simd: S,
+    /// Frame in the first lane.
     pub(crate) first_frame: usize,
     /// Number of frames that belong to the span.
     pub(crate) len: usize,
 }
 
 impl<S: Simd> SpanBlock<S> {
-    /// The block that begins at a frame of a span, before its end.
+    /// The block that begins at `first_frame` of a span; `end` is the frame after the span.
     #[inline(always)]
     pub(crate) fn new(simd: S, first_frame: usize, end: usize) -> Self {
         let len = (end - first_frame).min(SIMD_LANES);
@@ -170,6 +188,7 @@ impl<S: Simd> SpanBlock<S> {
         }
     }
 
+    /// The frames of a row.
     #[inline(always)]
     pub(crate) fn array<T: Copy>(&self, row: &[T]) -> [T; SIMD_LANES] {
         if let Some(whole) = row[self.first_frame..].first_chunk::<SIMD_LANES>()
@@ -183,11 +202,13 @@ impl<S: Simd> SpanBlock<S> {
         values
     }
 
+    /// The frames of a signal.
     #[inline(always)]
     pub(crate) fn load(&self, row: &[f32]) -> F32<S> {
         F32::simd_from(self.simd, self.array(row))
     }
 
+    /// The frames of a row of integers.
     #[inline(always)]
     pub(crate) fn load_ints<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
         i32x16::simd_from(self.simd, self.array(row).map(Into::into))
@@ -203,7 +224,7 @@ impl<S: Simd> SpanBlock<S> {
     }
 }
 
-/// The smallest of sixteen numbers; NaN does not count.
+/// The smallest of sixteen numbers without NaN; infinity if all are NaN.
 #[inline(always)]
 pub(crate) fn min_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     let values: [f32; SIMD_LANES] = values.to_array();
@@ -212,7 +233,7 @@ pub(crate) fn min_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     })
 }
 
-/// The largest of sixteen numbers; NaN does not count.
+/// The largest of sixteen numbers without NaN; minus infinity if all are NaN.
 #[inline(always)]
 pub(crate) fn max_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     let values: [f32; SIMD_LANES] = values.to_array();

@@ -13,6 +13,22 @@ use crate::safety_measures::drac;
 use crate::span_scans::{MarginMinimum, TrackScan, UNCONSTRAINED};
 use crate::vectors::{F32, Mask, SIMD_LANES, at_most, max, min, select, splat};
 
+/// Gap to the leader minus the lawful gap, in a block of frames.
+struct LeaderMargin<S: Simd> {
+    /// The margin; undefined in frames without a leader [m].
+    margin: F32<S>,
+    /// Whether a frame has a leader.
+    has_leader: Mask<S>,
+}
+
+/// A run of consecutive frames.
+pub(crate) struct FrameRun {
+    /// Its first frame, `NEVER` if it is empty.
+    pub(crate) first_frame: i32,
+    /// Number of its frames.
+    pub(crate) length: i32,
+}
+
 impl TrackScan<'_> {
     /// Gap to the leader minus the lawful gap, except while the ego may regain a gap that a cut-in has taken [m].
     pub(crate) fn following_margin<S: Simd>(&self, simd: S, span: Range<usize>) -> MarginMinimum {
@@ -29,7 +45,8 @@ impl TrackScan<'_> {
                 for first_frame in span.clone().step_by(SIMD_LANES) {
                     let block = SpanBlock::new(simd, first_frame, span.end);
                     cut_ins.note_all(first_frame..first_frame + block.len);
-                    let Some((margin, has_leader)) = self.gap_over_lawful_gap(block) else {
+                    let Some(LeaderMargin { margin, has_leader }) = self.leader_margin(block)
+                    else {
                         continue;
                     };
                     let margin = if cut_ins.are_all_over(first_frame) {
@@ -48,26 +65,33 @@ impl TrackScan<'_> {
         minimum
     }
 
-    /// Gap to the leader minus the lawful gap, and the frames with a leader; `None` if no frame has one.
+    /// Gap to the leader minus the lawful gap; `None` if no frame has a leader.
     #[inline(always)]
-    fn gap_over_lawful_gap<S: Simd>(&self, block: SpanBlock<S>) -> Option<(F32<S>, Mask<S>)> {
+    fn leader_margin<S: Simd>(&self, block: SpanBlock<S>) -> Option<LeaderMargin<S>> {
         let leader = self.track.neighbour(block, LEADER)?;
         let signals = &self.track.signals;
         let decel = self.law.assumed_decel(block.load(signals.friction));
         let speed = block.load(signals.speed);
         let lawful_gap = self.law.lawful_gap(speed, leader.closing_speed, decel);
-        Some((leader.gap - lawful_gap, leader.exists))
+        Some(LeaderMargin {
+            margin: leader.gap - lawful_gap,
+            has_leader: leader.exists,
+        })
     }
 
-    /// The longest run of frames in which the ego could have returned: its first frame, and its length.
+    /// The longest run of frames in which the ego could have returned to `original_lane`.
     pub(crate) fn return_opportunity<S: Simd>(
         &self,
         simd: S,
         target: u8,
         original_lane: u8,
         span: Range<usize>,
-    ) -> (i32, i32) {
-        let (mut first_frame, mut longest_run, mut run) = (NEVER, 0, 0);
+    ) -> FrameRun {
+        let mut longest_run = FrameRun {
+            first_frame: NEVER,
+            length: 0,
+        };
+        let mut current_length = 0;
         let (lane, num_lanes) = (self.track.signals.lane, self.track.num_lanes);
         let is_in_other_lane =
             |frame: usize| lane[frame] != original_lane && usize::from(lane[frame]) < num_lanes;
@@ -77,24 +101,27 @@ impl TrackScan<'_> {
                 for begin in span.clone().step_by(SIMD_LANES) {
                     let block = SpanBlock::new(simd, begin, span.end);
                     if !(begin..begin + block.len).any(is_in_other_lane) {
-                        run = 0;
+                        current_length = 0;
                         continue;
                     }
                     let margin = self.return_margin(block, target);
                     block.for_each_frame(margin, |margin, frame| {
-                        run = if is_in_other_lane(frame) && margin >= 0.0 {
-                            run + 1
+                        current_length = if is_in_other_lane(frame) && margin >= 0.0 {
+                            current_length + 1
                         } else {
                             0
                         };
-                        if run > longest_run {
-                            (first_frame, longest_run) = (frame as i32 + 1 - run, run);
+                        if current_length > longest_run.length {
+                            longest_run = FrameRun {
+                                first_frame: frame as i32 + 1 - current_length,
+                                length: current_length,
+                            };
                         }
                     });
                 }
             },
         );
-        (first_frame, longest_run)
+        longest_run
     }
 
     /// Gaps in the right lane minus the gaps that a return needs, -1 while the target is not far enough behind [m].
@@ -175,6 +202,7 @@ impl TrackScan<'_> {
         minimum
     }
 
+    /// Take the margins of forced braking in some frames after a lane change.
     #[inline(always)]
     fn scan_forced_braking<S: Simd>(
         &self,
@@ -214,13 +242,16 @@ fn next_lane_change(lane: &[u8], frames: Range<usize>) -> Option<usize> {
 
 /// Vehicles that have cut in ahead of the ego.
 struct RecentCutIns<'a> {
+    /// The simulation.
     scan: &'a TrackScan<'a>,
+    /// Slot of the leader in each frame.
     leader_slots: &'a [u8],
     /// Slot and frame of each cut-in, in order of time.
     cut_ins: Vec<(u8, usize)>,
 }
 
 impl<'a> RecentCutIns<'a> {
+    /// Before the first frame.
     fn new(scan: &'a TrackScan<'a>) -> Self {
         Self {
             scan,

@@ -3,7 +3,7 @@
 use crate::recording::{NO_VEHICLE, PackedRecording, SignalViews};
 use crate::track::Track;
 
-/// A full turn, as headings are recorded [0.1 mrad].
+/// A full turn in the unit of recorded headings [0.1 mrad].
 const FULL_TURN: i32 = 62_832;
 
 /// Hand the numbers of `EventThresholds` to a macro: meaning, name and type.
@@ -54,14 +54,14 @@ macro_rules! declare_event_thresholds {
 with_event_thresholds! { declare_event_thresholds! }
 
 impl EventThresholds<'_> {
-    /// First frame in which a vehicle stands across the road, after a frame in which it does not.
+    /// First frame in which a vehicle stands across the road, after a frame in which it did not.
     fn first_spin(&self, headings: &[i16]) -> Option<usize> {
         let direction = (self.direction + FULL_TURN / 2).rem_euclid(FULL_TURN) - FULL_TURN / 2;
         first_change(headings, |heading| {
             // Heading and direction each lie within half a turn of zero, or little more. Their difference is therefore
             // at most one and a half turns, and one subtraction of a full turn makes it an angle.
-            let turned = (i32::from(heading) - direction).abs();
-            turned.min((turned - FULL_TURN).abs()) > self.spin_angle
+            let angle = (i32::from(heading) - direction).abs();
+            angle.min((angle - FULL_TURN).abs()) > self.spin_angle
         })
     }
 }
@@ -85,15 +85,21 @@ fn first_change<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> 
 
 /// The ego of one simulation up to its first accident.
 pub(crate) struct EgoDrive<'a> {
+    /// The simulation.
     pub(crate) track: Track<'a>,
+    /// Thresholds of the events.
     pub(crate) thresholds: &'a EventThresholds<'a>,
     /// `EventThresholds::min_advance` of this ego [m].
     min_advance: f32,
     /// Number of frames before the first accident.
     pub(crate) num_driven: usize,
+    /// Frame of the first collision.
     pub(crate) collision: Option<usize>,
+    /// Frame in which the ego leaves the lanes.
     pub(crate) road_departure: Option<usize>,
+    /// Frame in which the ego stands across the road.
     pub(crate) spin: Option<usize>,
+    /// Slot with which the ego has collided so far, frame by frame.
     pub(crate) collided_with: &'a [u8],
 }
 
@@ -161,6 +167,7 @@ impl<'a> EgoDrive<'a> {
         self.has_corner_over_line(frame) && self.has_been_inside(frame)
     }
 
+    /// Whether a corner of the ego is beyond the left line of its lane, by `over_line` at least.
     fn has_corner_over_line(&self, frame: usize) -> bool {
         let signals = &self.track.signals;
         let line = self.left_line(signals.lane[frame]);

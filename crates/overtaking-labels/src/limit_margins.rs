@@ -24,8 +24,10 @@ pub struct LimitQuery<'a> {
     pub is_maximum: bool,
 }
 
-/// Smallest margin of each simulation; `frames` gets a row with the first negative frame, one with the last, and one
-/// with the length of the longest run.
+/// Find the smallest margin of each simulation, and the frames with a negative margin.
+///
+/// `min_margin` has shape (simulation). `frames` has three rows, (row, simulation): the first negative frame, the last
+/// one, and the length of the longest run of them.
 pub fn limit_margins(
     query: &LimitQuery<'_>,
     level: Level,
@@ -53,6 +55,7 @@ pub fn limit_margins(
 }
 
 impl LimitQuery<'_> {
+    /// The smallest margin of one simulation over the frames of `span`.
     fn minimum<S: Simd>(&self, simd: S, simulation: usize, span: Range<usize>) -> MarginMinimum {
         let (signal, limit) = (self.signal[simulation], self.limit[simulation]);
         simd.vectorize(

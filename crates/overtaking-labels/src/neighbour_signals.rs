@@ -1,6 +1,6 @@
 //! Signals of other vehicles: gaps to all neighbours, occupancy of the left lane, and the overtaken vehicle.
 //!
-//! They are computed apart from `ego_signals`, as few callers read them.
+//! They are computed apart from `ego_signals`, because few callers read them.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd};
@@ -8,7 +8,7 @@ use overtaking_core::dispatch;
 use rayon::prelude::*;
 
 use crate::ego_signals::lateral_speed;
-use crate::frame_block::{FrameBlock, for_each_frame_block};
+use crate::frame_block::{Footprint, FrameBlock, for_each_frame_block};
 use crate::recording::{
     METRES_PER_MM, NO_VEHICLE, NUM_ROLES, PackedRecording, SignalViews, is_ahead, signal_outputs,
     span_frames,
@@ -72,7 +72,7 @@ pub fn neighbour_signals(
     out: &mut NeighbourSignals<'_>,
 ) {
     let len = NUM_ROLES * recording.max_frames;
-    // The arrays come with undefined contents, so all frames behind the recorded ones have to be cleared.
+    // The arrays come with undefined contents, so all frames after the recorded ones have to be cleared.
     let mut zero_from = vec![i32::MAX; recording.num_frames.len()];
     out.fill(
         recording,
@@ -95,20 +95,24 @@ impl<S: Simd> FrameBlock<'_, S> {
     /// Write the gaps to all neighbours, zero for a role without a vehicle.
     #[inline(always)]
     fn neighbour_gaps(&self, neighbour_slot: &[u8], out: &mut NeighbourSignals<'_>) {
-        let (r, ego, zero) = (self.recording, self.row(0), splat(self.simd, 0.0));
-        let (ego_s, ego_speed) = (self.load(r.s[ego]), self.load(r.speed[ego]));
-        let (ego_position, ego_half_covered) = self.footprint(ego);
+        let (recording, ego, zero) = (self.recording, self.row(0), splat(self.simd, 0.0));
+        let max_frames = recording.max_frames;
+        let (ego_s, ego_speed) = (self.load(recording.s[ego]), self.load(recording.speed[ego]));
+        let ego_footprint = self.footprint(ego);
+        // Gap, closing speed and lateral gap of each role.
         let mut results = [[zero; 3]; NUM_ROLES];
-        for slot in 1..r.num_slots {
+        for slot in 1..recording.num_slots {
             let row = self.row(slot);
-            let lead = self.load(r.s[row]) - ego_s;
-            let distance: F32<S> = lead.simd_ge(0).select(lead, -lead).to_float();
-            let half_length_sum = r.length[ego] * 0.5 + r.length[row] * 0.5;
-            let ego_excess = ego_speed - self.load(r.speed[row]);
-            let (position, half_covered) = self.footprint(row);
-            let lateral_gap = (ego_position - position).abs() - (ego_half_covered + half_covered);
+            let other_lead = self.load(recording.s[row]) - ego_s;
+            let distance: F32<S> = other_lead
+                .simd_ge(0)
+                .select(other_lead, -other_lead)
+                .to_float();
+            let half_length_sum = recording.length[ego] * 0.5 + recording.length[row] * 0.5;
+            let ego_excess = ego_speed - self.load(recording.speed[row]);
+            let lateral_gap = lateral_gap(&ego_footprint, &self.footprint(row));
             for (role, result) in results.iter_mut().enumerate() {
-                let slots = &neighbour_slot[role * r.max_frames..][..r.max_frames];
+                let slots = &neighbour_slot[role * max_frames..][..max_frames];
                 let is_neighbour = self.load(slots).simd_eq(slot as i32);
                 let closing_speed = if is_ahead(role) {
                     ego_excess
@@ -127,7 +131,7 @@ impl<S: Simd> FrameBlock<'_, S> {
             }
         }
         for (role, [gap, closing_speed, lateral_gap]) in results.into_iter().enumerate() {
-            let frames = role * r.max_frames..(role + 1) * r.max_frames;
+            let frames = role * max_frames..(role + 1) * max_frames;
             self.store(&mut out.gap[frames.clone()], gap);
             self.store(&mut out.closing_speed[frames.clone()], closing_speed);
             self.store(&mut out.lateral_gap[frames], lateral_gap);
@@ -139,24 +143,27 @@ impl<S: Simd> FrameBlock<'_, S> {
     /// Lengths are summed in whole half-millimetres, so that the sum does not depend on the order of the vehicles.
     #[inline(always)]
     fn left_lane(&self, out: &mut NeighbourSignals<'_>) {
-        let (r, ego) = (self.recording, self.row(0));
-        let (ego_s, ego_lane) = (self.load(r.s[ego]), self.load(r.lane[ego]));
+        let (recording, ego) = (self.recording, self.row(0));
+        let (ego_s, ego_lane) = (self.load(recording.s[ego]), self.load(recording.lane[ego]));
         let limit = self.int(2 * OCCUPANCY_REACH_MM);
         let (mut total, mut count) = (self.int(0), self.int(0));
-        for slot in 1..r.num_slots {
+        for slot in 1..recording.num_slots {
             let row = self.row(slot);
-            if !r.valid[row] {
+            if !recording.valid[row] {
                 continue;
             }
-            let lane = self.load(r.lane[row]);
-            let is_in_left_lane =
-                self.has_state(row) & lane.simd_eq(ego_lane + 1) & lane.simd_lt(r.num_lanes as i32);
+            let lane = self.load(recording.lane[row]);
+            let is_in_left_lane = self.has_state(row)
+                & lane.simd_eq(ego_lane + 1)
+                & lane.simd_lt(recording.num_lanes as i32);
             // Half of a length has as many half-millimetres as the whole length has millimetres.
-            let half_length = r.length[row] * 1000.0;
+            let half_length = recording.length[row] * 1000.0;
             let half_length = self.int(half_length.round_ties_even() as i32);
-            let lead = (self.load(r.s[row]) - ego_s).max(-limit).min(limit) * 2;
-            let front = (lead + half_length).min(limit);
-            let rear = (lead - half_length).max(-limit);
+            // The first limit keeps the double of a long distance within 32 bits.
+            let other_lead = self.load(recording.s[row]) - ego_s;
+            let other_lead = other_lead.max(-limit).min(limit) * 2;
+            let front = (other_lead + half_length).min(limit);
+            let rear = (other_lead - half_length).max(-limit);
             let covered = (front - rear).max(self.int(0));
             total = is_in_left_lane.select(total + covered, total);
             count = is_in_left_lane.select(count + 1, count);
@@ -168,7 +175,9 @@ impl<S: Simd> FrameBlock<'_, S> {
     }
 }
 
-/// Compute the signals of the overtaken vehicles: their slots by simulation, `NO_VEHICLE` without one.
+/// Compute the signals of the overtaken vehicles.
+///
+/// `target_slot` has the slot of the target of each simulation, `NO_VEHICLE` without one.
 pub fn target_signals(
     recording: &PackedRecording<'_>,
     signals: &SignalViews<'_>,
@@ -183,7 +192,7 @@ pub fn target_signals(
         |simulation, num_computed, out| {
             let signals = signals.of_simulation(simulation, recording.max_frames);
             let has_target = target_slot[simulation] != NO_VEHICLE;
-            // Without a target the row of the ego is read; `valid` is false then.
+            // Without a target the signals are those of the ego, and `valid` is false in every frame.
             let slot = if has_target {
                 usize::from(target_slot[simulation])
             } else {
@@ -214,7 +223,8 @@ pub fn target_signals(
     );
 }
 
-/// Lateral speed of a vehicle that lacks some frames: a central difference, one-sided beside a missing frame [m/s].
+/// Lateral speed of a vehicle without a state in some frames: a central difference, one-sided beside such a frame
+/// [m/s].
 fn lateral_speed_between_gaps(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
     let (d, half) = (recording.d[row], recording.half_window);
     let num_recorded = recording.num_recorded(row / recording.num_slots);
@@ -223,9 +233,9 @@ fn lateral_speed_between_gaps(recording: &PackedRecording<'_>, row: usize, out: 
         let later = frame + (frame + 1..=frame + half).take_while(has_state).count();
         let earlier_frames = (frame.saturating_sub(half)..frame).rev();
         let earlier = frame - earlier_frames.take_while(has_state).count();
-        let moved = d[later].wrapping_sub(d[earlier]) as f32;
+        let d_change = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
-        *speed = recording.overtaking_sign * (moved / elapsed);
+        *speed = recording.overtaking_sign * (d_change / elapsed);
     }
 }
 
@@ -233,12 +243,13 @@ impl<S: Simd> FrameBlock<'_, S> {
     /// Write the position and motion of the target along the road.
     #[inline(always)]
     fn target_along_road(&self, row: usize, out: &mut TargetSignals<'_>) {
-        let r = self.recording;
-        let ego_lead: F32<S> = (self.load(r.s[self.row(0)]) - self.load(r.s[row])).to_float();
+        let (recording, ego) = (self.recording, self.row(0));
+        let ego_lead = self.load(recording.s[ego]) - self.load(recording.s[row]);
+        let ego_lead: F32<S> = ego_lead.to_float();
         let ego_lead = ego_lead * METRES_PER_MM;
-        let half_length_sum = 0.5 * (r.length[self.row(0)] + r.length[row]);
-        let speed: F32<S> = self.load(r.speed[row]).to_float();
-        let accel: F32<S> = self.load(r.accel[row]).to_float();
+        let half_length_sum = 0.5 * (recording.length[ego] + recording.length[row]);
+        let speed: F32<S> = self.load(recording.speed[row]).to_float();
+        let accel: F32<S> = self.load(recording.accel[row]).to_float();
         self.store(out.ego_lead, ego_lead);
         self.store(out.gap, ego_lead.abs() - half_length_sum);
         self.store(out.speed, speed * METRES_PER_MM);
@@ -253,27 +264,30 @@ impl<S: Simd> FrameBlock<'_, S> {
         signals: &SignalViews<'_>,
         out: &mut TargetSignals<'_>,
     ) {
-        let (lateral_position, lateral_gap) = self.lateral_position_and_gap(row, signals);
-        self.store(out.lateral_position, lateral_position);
+        let footprint = self.footprint(row);
+        let lateral_gap = lateral_gap(&self.ego_footprint(signals), &footprint);
+        self.store(out.lateral_position, footprint.lateral_position);
         self.store(out.lateral_gap, lateral_gap);
         self.store_bytes(out.lane, self.load(self.recording.lane[row]));
     }
 
-    /// Lateral position of a vehicle, and the gap between its side and the ego's [m].
+    /// The footprint of the ego, from its signals.
     #[inline(always)]
-    fn lateral_position_and_gap(&self, row: usize, signals: &SignalViews<'_>) -> (F32<S>, F32<S>) {
-        let (lateral_position, half_covered) = self.footprint(row);
-        let (left, right) = (
-            self.load_signal(signals.left_edge),
-            self.load_signal(signals.right_edge),
-        );
-        let ego_half_covered = (left - right) * 0.5;
-        let distance = (lateral_position - self.load_signal(signals.lateral_position)).abs();
-        (
-            lateral_position,
-            distance - (ego_half_covered + half_covered),
-        )
+    fn ego_footprint(&self, signals: &SignalViews<'_>) -> Footprint<S> {
+        let left_edge = self.load_signal(signals.left_edge);
+        let right_edge = self.load_signal(signals.right_edge);
+        Footprint {
+            lateral_position: self.load_signal(signals.lateral_position),
+            half_width: (left_edge - right_edge) * 0.5,
+        }
     }
+}
+
+/// Gap between the sides of the ego and another vehicle; negative where they overlap across the road [m].
+#[inline(always)]
+fn lateral_gap<S: Simd>(ego: &Footprint<S>, other: &Footprint<S>) -> F32<S> {
+    let distance = (ego.lateral_position - other.lateral_position).abs();
+    distance - (ego.half_width + other.half_width)
 }
 
 /// Frames in which the ego and its target overlap along the road, ordered by simulation and time.
@@ -332,7 +346,7 @@ pub fn frames_alongside(
 }
 
 impl FramesAlongside {
-    /// Append the frames of a block, before `end`, in which the vehicle of a row overlaps the ego.
+    /// Append the frames of a block, before `end`, in which the vehicle of a row overlaps the ego along the road.
     fn append_overlaps<S: Simd>(
         &mut self,
         block: FrameBlock<'_, S>,
@@ -340,32 +354,35 @@ impl FramesAlongside {
         signals: &SignalViews<'_>,
         end: usize,
     ) {
-        let (r, first_frame) = (block.recording, block.first_frame);
+        let (recording, first_frame) = (block.recording, block.first_frame);
+        let ego = block.row(0);
         let [gap, lateral_gap] = block.simd.vectorize(
             #[inline(always)]
             || {
-                let ego_lead = block.load(r.s[block.row(0)]) - block.load(r.s[row]);
+                let ego_lead = block.load(recording.s[ego]) - block.load(recording.s[row]);
                 let ego_lead: F32<S> = ego_lead.to_float();
-                let half_length_sum = 0.5 * (r.length[block.row(0)] + r.length[row]);
+                let half_length_sum = 0.5 * (recording.length[ego] + recording.length[row]);
                 let gap = (ego_lead * METRES_PER_MM).abs() - half_length_sum;
                 let gap: [f32; SIMD_LANES] = gap.to_array();
-                let (_, lateral_gap) = block.lateral_position_and_gap(row, signals);
+                let lateral_gap = lateral_gap(&block.ego_footprint(signals), &block.footprint(row));
                 let lateral_gap: [f32; SIMD_LANES] = lateral_gap.to_array();
                 [gap, lateral_gap]
             },
         );
         for frame in first_frame..end.min(first_frame + SIMD_LANES) {
-            if gap[frame - first_frame] < 0.0 && r.has_state(row, frame) {
+            let lane = frame - first_frame;
+            if gap[lane] < 0.0 && recording.has_state(row, frame) {
                 self.simulation.push(block.simulation as i64);
                 self.frame.push(frame as i64);
-                self.lane.push(r.lane[row][frame]);
-                self.lateral_gap.push(lateral_gap[frame - first_frame]);
+                self.lane.push(recording.lane[row][frame]);
+                self.lateral_gap.push(lateral_gap[lane]);
                 self.accel
-                    .push(f32::from(r.accel[row][frame]) * METRES_PER_MM);
+                    .push(f32::from(recording.accel[row][frame]) * METRES_PER_MM);
             }
         }
     }
 
+    /// These frames, then later ones.
     fn followed_by(mut self, mut later: Self) -> Self {
         self.simulation.append(&mut later.simulation);
         self.frame.append(&mut later.frame);

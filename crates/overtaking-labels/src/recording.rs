@@ -12,7 +12,7 @@ pub const NO_VEHICLE: u8 = 255;
 pub(crate) const BEYOND_KERB_EDGE: u8 = 255;
 /// Frame of an event that did not happen.
 pub(crate) const NEVER: i32 = -1;
-/// Metres to a recorded unit of length, speed or acceleration.
+/// Metres in a recorded unit of length, and likewise of speed and acceleration.
 pub(crate) const METRES_PER_MM: f32 = 1e-3;
 /// Most driving lanes of a road.
 pub const MAX_LANES: usize = 8;
@@ -34,7 +34,7 @@ pub struct PackedRecording<'a> {
     pub num_slots: usize,
     /// Frames for which each row has memory.
     pub max_frames: usize,
-    /// Position along the road [mm].
+    /// Position of the centre along the road [mm].
     pub s: Vec<&'a [i32]>,
     /// Lateral position [mm].
     pub d: Vec<&'a [i32]>,
@@ -64,7 +64,7 @@ pub struct PackedRecording<'a> {
     pub direction: f32,
     /// Time between frames [ms].
     pub interval_ms: i32,
-    /// Frames on either side of a frame over which its lateral speed is measured.
+    /// Number of frames on either side of a frame over which its lateral speed is a central difference.
     pub half_window: usize,
 }
 
@@ -74,7 +74,8 @@ impl PackedRecording<'_> {
         (self.num_frames[simulation].max(0) as usize).min(self.max_frames)
     }
 
-    /// Recorded frames, rounded up to whole blocks of sixteen where rows have memory for them.
+    /// Number of frames to compute: the recorded ones, rounded up to whole blocks of sixteen where rows have memory for
+    /// them.
     pub(crate) fn num_computed(&self, simulation: usize) -> usize {
         let recorded = self.num_recorded(simulation);
         recorded.next_multiple_of(SIMD_LANES).min(self.max_frames)
@@ -177,7 +178,7 @@ macro_rules! with_visibility_arrays {
             lamp_depth, 1;
             /// Distance at which that lamp reaches the threshold in clear air [m].
             lamp_clear, 1;
-            /// Farthest sight of an unlit vehicle: by night the range of the ego's headlamps [m].
+            /// Largest sight distance to an unlit vehicle: by night the range of the ego's headlamps [m].
             unlit_limit, 1;
         }
     };
@@ -197,10 +198,11 @@ macro_rules! declare_visibility_inputs {
 }
 with_visibility_arrays! { declare_visibility_inputs! }
 
-/// A struct of output slices, one slice for each signal, that can be cut into simulations.
+/// Declare a struct of output slices, one for each signal, that can be cut into simulations.
 ///
-/// Each line has a name, a type and the number of rows that a simulation has in that slice. The macro `$export` hands
-/// them to another macro; `$d` is the dollar sign, which a macro that defines a macro cannot write itself.
+/// Each line has the name of a signal, its type and the number of rows that a simulation has in its slice. The macro
+/// also declares the macro `$export`, which hands these lines to another macro. `$d` is the dollar sign, which a macro
+/// that declares a macro cannot write itself.
 macro_rules! signal_outputs {
     (
         ($d:tt) $export:ident
@@ -229,9 +231,9 @@ macro_rules! signal_outputs {
 
             /// Call `compute(simulation, num_computed, outputs)` for each simulation, on all threads.
             ///
-            /// `compute` fills the first `num_computed` frames; the frames behind are set to zero. `zero_from` holds the
-            /// frame from which on the rows of a simulation are zero, before and after the call. Most simulations end
-            /// early, so clearing only what an earlier batch wrote saves most of the writes.
+            /// `compute` fills the first `num_computed` frames; the frames after them are set to zero. `zero_from`
+            /// holds the frame from which on the rows of each simulation are zero; the call reads and updates it. Most
+            /// simulations end early, so clearing only what an earlier batch wrote saves most of the writes.
             pub(crate) fn fill(
                 &mut self,
                 recording: &PackedRecording<'_>,
@@ -298,8 +300,8 @@ pub(crate) fn gap_between(s: i32, other_s: i32, half_length_sum: f32) -> f32 {
 
 /// The frames of a span that exist.
 ///
-/// `ends` holds the first frames of all simulations, then the last frames; both belong to the span. A span whose last
-/// frame is before its first one is empty.
+/// `ends` holds the first frames of all simulations, then their last frames; both belong to the span. A span is empty
+/// if its last frame is before its first one.
 pub(crate) fn span_frames(
     ends: &[i32],
     simulation: usize,

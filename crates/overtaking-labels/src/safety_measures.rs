@@ -38,7 +38,7 @@ macro_rules! with_law_numbers {
             stop_reaction_time: f32,
             /// Frames within which the ego may regain a gap that a cut-in has taken.
             regain_frames: usize,
-            /// Time gap of the target behind the ego that suffices for a return [s].
+            /// Time gap from the target to the ego ahead of it that suffices for a return [s].
             time_gap: f32,
             /// Time within which the ego must not reach the leader in the lane of its return [s].
             free_time: f32,
@@ -130,7 +130,7 @@ impl LawNumbers {
     }
 }
 
-/// Time to cover a gap at a speed, infinite at standstill [s]; at the closing speed it is the TTC.
+/// Time to cover a gap at a speed, infinite at standstill [s]. At the closing speed it is the TTC.
 #[inline(always)]
 fn time_gap<S: Simd>(gap: F32<S>, speed: F32<S>) -> F32<S> {
     let is_moving = speed.simd_gt(MIN_RELATIVE_SPEED);
@@ -223,23 +223,29 @@ impl TrackScan<'_> {
                 }
             },
         );
-        let mut worst = [0.0; WORST_MEASURES.len()];
-        worst[..7].copy_from_slice(&with_leader.result());
-        worst[7..14].copy_from_slice(&with_follower.result());
-        worst[14..18].copy_from_slice(
-            &margins
-                .smallest
-                .map(|values| with_leader.value_or_zero(min_of_lanes(values))),
-        );
-        worst[18..].copy_from_slice(&[
+        let counts = [
             margins.num_close as f32,
             margins.num_critical as f32,
             margins.shortfall as f32,
-        ]);
+        ];
+        let smallest_margins = margins
+            .smallest
+            .map(|values| with_leader.value_or_zero(min_of_lanes(values)));
+        // In the order of `WORST_MEASURES`.
+        let values = with_leader
+            .result()
+            .into_iter()
+            .chain(with_follower.result())
+            .chain(smallest_margins)
+            .chain(counts);
+        let mut worst = [0.0; WORST_MEASURES.len()];
+        for (measure, value) in worst.iter_mut().zip(values) {
+            *measure = value;
+        }
         worst
     }
 
-    /// The ego and a neighbour in a block of frames; `None` if the neighbour exists in none of them.
+    /// The ego and the neighbour in `role`, `LEADER` or `FOLLOWER`; `None` if no frame of the block has one.
     #[inline(always)]
     fn encounter<S: Simd>(&self, block: SpanBlock<S>, role: usize) -> Option<Encounter<S>> {
         let track = &self.track;
@@ -266,26 +272,32 @@ impl TrackScan<'_> {
 
 /// The ego and a neighbour in a block of frames, as a vehicle that follows another.
 struct Encounter<S: Simd> {
+    /// Whether a frame has the neighbour.
     exists: Mask<S>,
     /// Slots of the neighbour.
     slots: SlotsPerFrame,
+    /// Gap between the bumpers [m].
     gap: F32<S>,
+    /// Speed at which the gap shrinks [m/s].
     closing_speed: F32<S>,
-    /// Speed of the following vehicle.
+    /// Speed of the following vehicle [m/s].
     rear_speed: F32<S>,
+    /// Acceleration of the following vehicle minus the other vehicle's [m/s^2].
     closing_accel: F32<S>,
 }
 
 /// The worst values of an encounter so far.
 struct WorstMeasures<S: Simd> {
-    /// Gap, time gap, TTC and MTTC.
+    /// Smallest gap, time gap, TTC and MTTC.
     smallest: [F32<S>; 4],
-    /// Closing speed and DRAC.
+    /// Largest closing speed and DRAC.
     largest: [F32<S>; 2],
+    /// Whether any block so far has had the neighbour.
     exists: bool,
 }
 
 impl<S: Simd> WorstMeasures<S> {
+    /// Before the first frame.
     fn new(simd: S) -> Self {
         Self {
             smallest: [splat(simd, f32::INFINITY); 4],
@@ -314,11 +326,12 @@ impl<S: Simd> WorstMeasures<S> {
         ttc
     }
 
-    /// A value, 0 if the neighbour existed in no frame.
+    /// `value`, or 0 if no frame has had the neighbour.
     fn value_or_zero(&self, value: f32) -> f32 {
         if self.exists { value } else { 0.0 }
     }
 
+    /// The measures with one neighbour, in the order of `WORST_MEASURES`.
     fn result(&self) -> [f32; 7] {
         let [gap, time_gap, ttc, mttc] = self
             .smallest
@@ -340,7 +353,7 @@ impl<S: Simd> WorstMeasures<S> {
 
 /// Measures between the ego and its leader only.
 struct FollowingMargins<S: Simd> {
-    /// Time headway, PICUD, margins to the gaps of RSS and of the law.
+    /// Smallest time headway, PICUD, and margins to the gaps of RSS and of the law.
     smallest: [F32<S>; 4],
     /// Number of frames with less than the lawful gap.
     num_close: usize,
@@ -351,6 +364,7 @@ struct FollowingMargins<S: Simd> {
 }
 
 impl<S: Simd> FollowingMargins<S> {
+    /// Before the first frame.
     fn new(simd: S) -> Self {
         Self {
             smallest: [splat(simd, f32::INFINITY); 4],
@@ -360,6 +374,7 @@ impl<S: Simd> FollowingMargins<S> {
         }
     }
 
+    /// Take a block of frames; `ttc` is the TTC in each of them.
     #[inline(always)]
     fn take(
         &mut self,
@@ -480,6 +495,7 @@ impl EncounterBlock {
         };
     }
 
+    /// The measures of all encounters, in the order of `ENCOUNTER_NAMES`.
     fn measures<S: Simd>(&self, simd: S) -> [[f32; SIMD_LANES]; ENCOUNTER_NAMES.len()] {
         simd.vectorize(
             #[inline(always)]

@@ -11,6 +11,7 @@ use overtaking_core::neighbour_role::LEADER;
 use rayon::prelude::*;
 
 use crate::frame_block::{SpanBlock, min_of_lanes};
+use crate::gap_duties::FrameRun;
 use crate::recording::{
     BEYOND_KERB_EDGE, NEVER, NO_VEHICLE, PackedRecording, SignalViews, span_frames,
 };
@@ -27,16 +28,19 @@ pub const SPAN_NAMES: [&str; 5] = ["conduct", "settled", "passed", "manoeuvre", 
 /// Names of frames and slots, in the order of `SpanQuery::moments`; fields of `OvertakeEvents`.
 pub const MOMENT_NAMES: [&str; 4] = ["line_crossed", "return_end", "target_slot", "original_lane"];
 
-/// Spans and moments of each simulation.
+/// Spans and moments of each simulation, and the numbers by which they are judged.
 pub struct SpanQuery<'a> {
     /// First and last frame of each span, (span, end, simulation); empty if the last frame is before the first.
     pub spans: &'a [i32],
     /// Frames (-1: no event) and slots (255: no vehicle), (moment, simulation).
     pub moments: &'a [i32],
+    /// Numbers of the law.
+    pub law: &'a LawNumbers,
 }
 
 /// Margins whose smallest value is searched, `UNCONSTRAINED` if no frame counts.
 const MARGIN_NAMES: [&str; 4] = ["stop_lit", "stop_unlit", "follow", "braking"];
+/// Number of rows of `SpanOutputs::measures`.
 const NUM_MEASURES: usize = MARGIN_NAMES.len() + WORST_MEASURES.len();
 
 /// Names of the rows of `SpanOutputs::measures`: smallest margins, then worst measures.
@@ -47,9 +51,9 @@ pub fn measure_names() -> Vec<&'static str> {
 
 /// Names of the rows of `SpanOutputs::frames`.
 ///
-/// For each margin: its first and last negative frame, -1 without one, and the length of the longest run of negative
+/// Each margin has its first and last negative frame, -1 without one, and the length of the longest run of negative
 /// frames. `due` is the longest run of frames in which the ego could return. An arrival is the frame in which another
-/// vehicle reaches the position of the ego's rear, -1 if it does not.
+/// vehicle reaches the position of the ego's rear, -1 if it never does.
 pub const FRAME_NAMES: [&str; 16] = [
     "stop_lit.first",
     "stop_lit.last",
@@ -71,8 +75,8 @@ pub const FRAME_NAMES: [&str; 16] = [
 
 /// Names of the rows of `SpanOutputs::sums`.
 ///
-/// `frames`, `ego_speed` and `left_count` are sums over all frames of a span, the others over those with a leader, which
-/// `led` counts.
+/// `frames`, `ego_speed` and `left_count` are sums over all frames of a span, the others over those with a leader,
+/// which `led` counts.
 pub const SUM_NAMES: [&str; 7] = [
     "frames",
     "led",
@@ -95,8 +99,11 @@ pub struct SpanOutputs<'a> {
 
 /// The results of one simulation.
 struct SpanResult {
+    /// In the order of `measure_names`.
     measures: [f32; NUM_MEASURES],
+    /// In the order of `FRAME_NAMES`.
     frames: [i32; FRAME_NAMES.len()],
+    /// In the order of `SUM_NAMES`.
     sums: [i64; SUM_NAMES.len()],
 }
 
@@ -104,7 +111,6 @@ struct SpanResult {
 pub fn scan_spans(
     recording: &PackedRecording<'_>,
     signals: &SignalViews<'_>,
-    law: &LawNumbers,
     query: &SpanQuery<'_>,
     level: Level,
     out: SpanOutputs<'_>,
@@ -115,7 +121,10 @@ pub fn scan_spans(
         .with_min_len(SIMULATIONS_PER_TASK)
         .map(|simulation| {
             let track = Track::new(recording, signals, simulation);
-            let scan = TrackScan { track, law };
+            let scan = TrackScan {
+                track,
+                law: query.law,
+            };
             dispatch!(level, |simd| scan.results(
                 simd,
                 query,
@@ -144,11 +153,14 @@ fn transpose<T: Copy>(
 
 /// One simulation, and the numbers of the law by which its margins are computed.
 pub(crate) struct TrackScan<'a> {
+    /// The simulation.
     pub(crate) track: Track<'a>,
+    /// Numbers of the law.
     pub(crate) law: &'a LawNumbers,
 }
 
 impl TrackScan<'_> {
+    /// All results of the simulation, which has number `simulation` among those of the query.
     fn results<S: Simd>(
         &self,
         simd: S,
@@ -157,6 +169,7 @@ impl TrackScan<'_> {
         num_simulations: usize,
     ) -> SpanResult {
         let track = &self.track;
+        // In the order of `SPAN_NAMES` and of `MOMENT_NAMES`.
         let [conduct, settled, passed, manoeuvre, counted] = [0, 1, 2, 3, 4].map(|span| {
             let ends = &query.spans[2 * span * num_simulations..];
             span_frames(ends, simulation, num_simulations, track.num_frames)
@@ -171,8 +184,10 @@ impl TrackScan<'_> {
             self.following_margin(simd, settled),
             self.forced_braking_margin(simd, manoeuvre),
         ];
-        let (due_first, due_length) =
-            self.return_opportunity(simd, target_slot, original_lane as u8, passed);
+        let FrameRun {
+            first_frame: due_first,
+            length: due_length,
+        } = self.return_opportunity(simd, target_slot, original_lane as u8, passed);
         let mut measures = [0.0; NUM_MEASURES];
         let (smallest, worst) = measures.split_at_mut(margins.len());
         smallest.copy_from_slice(&margins.map(|margin| margin.min_margin));
@@ -243,13 +258,13 @@ impl Track<'_> {
             }
             let slot = usize::from(leaders[frame]);
             let speed = self.speed[slot][frame];
-            let lead = self.s[slot][frame].wrapping_sub(self.s[0][frame]);
+            let leader_lead = self.s[slot][frame].wrapping_sub(self.s[0][frame]);
             let speed_difference = ego_speed.wrapping_sub(speed);
             let values = [
                 1,
                 speed,
                 speed_difference.wrapping_abs(),
-                lead.wrapping_abs(),
+                leader_lead.wrapping_abs(),
             ];
             for (sum, value) in sums_with_leader.iter_mut().zip(values) {
                 *sum += i64::from(value);
@@ -301,18 +316,20 @@ pub(crate) const UNCONSTRAINED: f32 = 3.0e38;
 /// A margin over a span: its smallest value, and the frames in which it is negative.
 #[derive(Clone, Copy)]
 pub(crate) struct MarginMinimum {
+    /// The smallest margin.
     pub(crate) min_margin: f32,
     /// First negative frame, `NEVER` without one.
     pub(crate) first_frame: i32,
     /// Last negative frame, `NEVER` without one.
     pub(crate) last_frame: i32,
-    /// Number of frames of the longest unbroken run of negative ones.
+    /// Number of frames of the longest unbroken run of negative margins.
     pub(crate) longest_run: i32,
     /// Number of frames of the run that ends in `last_frame`.
     current_run: i32,
 }
 
 impl MarginMinimum {
+    /// The minimum over no frame.
     pub(crate) const UNCONSTRAINED: Self = Self {
         min_margin: UNCONSTRAINED,
         first_frame: NEVER,
@@ -321,7 +338,7 @@ impl MarginMinimum {
         current_run: 0,
     };
 
-    /// Take the margin of a frame behind all frames so far.
+    /// Take the margin of a frame that is later than all frames so far.
     pub(crate) fn take(&mut self, margin: f32, frame: usize) {
         if margin < self.min_margin {
             self.min_margin = margin;
@@ -338,7 +355,8 @@ impl MarginMinimum {
         }
     }
 
-    /// Take consecutive frames behind all frames so far, each with a negative margin. The caller sets `min_margin`.
+    /// Take consecutive frames that are later than all frames so far, each with a negative margin. The caller sets
+    /// `min_margin`.
     pub(crate) fn take_negative_frames(&mut self, frames: Range<usize>) {
         let (begin, end) = (frames.start as i32, frames.end as i32);
         let run_before = if self.last_frame + 1 == begin {

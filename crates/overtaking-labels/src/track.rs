@@ -10,7 +10,7 @@ use crate::recording::{
 };
 use crate::vectors::{F32, Mask, SIMD_LANES};
 
-/// Keeps time gaps finite [m/s].
+/// Smallest speed by which a time gap is computed; it keeps the time gap of a standing ego finite [m/s].
 const MIN_SPEED: f32 = 0.1;
 
 /// One simulation; recorded states are rows of frames by slot, the ego in slot 0.
@@ -26,11 +26,15 @@ pub(crate) struct Track<'a> {
     pub(crate) accel: &'a [&'a [i16]],
     /// Lane indices.
     pub(crate) lane: &'a [&'a [u8]],
+    /// Whether a vehicle has a state in a frame; `None` if every vehicle has one in every frame.
     pub(crate) is_recorded: Option<&'a [&'a [bool]]>,
+    /// Whether each slot holds a vehicle.
     pub(crate) valid: &'a [bool],
     /// Lengths [m].
     pub(crate) length: &'a [f32],
+    /// Number of driving lanes.
     pub(crate) num_lanes: usize,
+    /// Signals of the ego.
     pub(crate) signals: SignalViews<'a>,
 }
 
@@ -57,7 +61,7 @@ impl<'a> Track<'a> {
         }
     }
 
-    /// The leader of the ego in a recorded frame.
+    /// Slot of the leader of the ego in a recorded frame.
     pub(crate) fn leader(&self, frame: usize) -> Option<u8> {
         let slot = self.signals.neighbour(LEADER)[frame];
         (frame < self.num_frames && slot != NO_VEHICLE).then_some(slot)
@@ -68,7 +72,7 @@ impl<'a> Track<'a> {
         self.is_recorded.is_none_or(|rows| rows[slot][frame])
     }
 
-    /// The leader, if its time gap is less than a limit [s].
+    /// Slot of the leader, if the time gap to it is less than `max_time_gap` [s].
     fn close_leader(&self, frame: usize, max_time_gap: f32) -> Option<u8> {
         let speed = self.signals.speed[frame];
         let speed = if speed > MIN_SPEED { speed } else { MIN_SPEED };
@@ -92,7 +96,7 @@ impl<'a> Track<'a> {
         close.or_else(|| frames.clone().find_map(|frame| self.leader(frame)))
     }
 
-    /// First frame, up to `last`, in which the ego is close behind the target, else 0.
+    /// First frame, up to `last`, in which the ego is close behind the target; 0 if it never is.
     pub(crate) fn following_begin(&self, target: u8, last: usize, max_time_gap: f32) -> usize {
         let end = self.num_frames.min(last + 1);
         (0..end)
@@ -111,7 +115,7 @@ impl<'a> Track<'a> {
         }
     }
 
-    /// Number of vehicles that the ego is behind in one frame and ahead of in another.
+    /// Number of vehicles ahead of the ego in frame `begin` and behind it in frame `end`.
     pub(crate) fn num_passed(&self, begin: usize, end: usize) -> i32 {
         let exists = |slot: usize, frame: usize| {
             self.valid[slot] && frame < self.num_frames && self.has_state(slot, frame)
@@ -145,15 +149,15 @@ impl<'a> Track<'a> {
         let ego_s = self.s[0][begin];
         let half_length_sum = 0.5 * (self.length[0] + self.length[slot]);
         let has_arrived = |frame: &usize| {
-            let lead = self.s[slot][*frame].wrapping_sub(ego_s) as f32 * METRES_PER_MM;
-            lead + half_length_sum >= 0.0 && self.has_state(slot, *frame)
+            let vehicle_lead = self.s[slot][*frame].wrapping_sub(ego_s) as f32 * METRES_PER_MM;
+            vehicle_lead + half_length_sum >= 0.0 && self.has_state(slot, *frame)
         };
         (begin..self.num_frames)
             .find(has_arrived)
             .map_or(NEVER, |frame| frame as i32)
     }
 
-    /// A neighbour in a block of frames; `None` if it exists in none of them.
+    /// The neighbour in `role` in a block of frames; `None` if no frame has one.
     #[inline(always)]
     pub(crate) fn neighbour<S: Simd>(
         &self,
@@ -166,14 +170,17 @@ impl<'a> Track<'a> {
         }
         let exists = slots.map(|slot| f32::from(u8::from(slot != NO_VEHICLE)));
         let slots = SlotsPerFrame::new(slots);
-        let lead = slots.gather(block, self.s) - block.load_ints(self.s[0]);
+        let neighbour_lead = slots.gather(block, self.s) - block.load_ints(self.s[0]);
         let ego_excess = block.load_ints(self.speed[0]) - slots.gather(block, self.speed);
         let closing_speed = if is_ahead(role) {
             ego_excess
         } else {
             -ego_excess
         };
-        let distance: F32<S> = lead.simd_ge(0).select(lead, -lead).to_float();
+        let distance: F32<S> = neighbour_lead
+            .simd_ge(0)
+            .select(neighbour_lead, -neighbour_lead)
+            .to_float();
         let half_length_sum = self.length[0] * 0.5 + slots.values(block.simd, self.length) * 0.5;
         let closing_speed: F32<S> = closing_speed.to_float();
         Some(NeighbourFrames {
@@ -185,10 +192,11 @@ impl<'a> Track<'a> {
     }
 }
 
-/// A neighbour of the ego in a block of frames; its numbers are undefined where it does not exist.
+/// A neighbour of the ego in a block of frames; its numbers are undefined in frames without one.
 pub(crate) struct NeighbourFrames<S: Simd> {
+    /// Whether a frame has a neighbour.
     pub(crate) exists: Mask<S>,
-    /// Its slots; the ego's slot where it does not exist.
+    /// Slots of the neighbour; the ego's slot in frames without one.
     pub(crate) slots: SlotsPerFrame,
     /// Gap between the bumpers [m].
     pub(crate) gap: F32<S>,
@@ -199,19 +207,21 @@ pub(crate) struct NeighbourFrames<S: Simd> {
 /// One slot in each frame of a block.
 #[derive(Clone, Copy)]
 pub(crate) struct SlotsPerFrame {
+    /// The slot in each frame.
     slots: [u8; SIMD_LANES],
-    /// The slot of all frames, if they have the same one: rows are then loaded without a gather.
+    /// The slot of all frames, if they have the same one: one row then has the numbers of all frames.
     common: Option<usize>,
 }
 
 impl SlotsPerFrame {
+    /// Slots of the block; the ego's slot in place of `NO_VEHICLE`.
     fn new(slots: [u8; SIMD_LANES]) -> Self {
         let slots = slots.map(|slot| if slot == NO_VEHICLE { 0 } else { slot });
         let common = (slots == [slots[0]; SIMD_LANES]).then_some(usize::from(slots[0]));
         Self { slots, common }
     }
 
-    /// A number of each vehicle, frame by frame.
+    /// A number of the vehicle in each frame; `by_slot` has one number for each vehicle.
     #[inline(always)]
     pub(crate) fn values<S: Simd>(&self, simd: S, by_slot: &[f32]) -> F32<S> {
         match self.common {
@@ -220,7 +230,7 @@ impl SlotsPerFrame {
         }
     }
 
-    /// A recorded quantity of each vehicle, frame by frame.
+    /// A recorded quantity of the vehicle in each frame; `rows` has one row for each vehicle.
     #[inline(always)]
     pub(crate) fn gather<S: Simd, T: Copy + Into<i32>>(
         &self,
@@ -241,13 +251,18 @@ impl SlotsPerFrame {
 
 /// The ego relative to another vehicle along the road, frame by frame.
 pub(crate) struct RelativePosition<'a> {
+    /// Positions of the ego along the road [mm].
     ego_s: &'a [i32],
+    /// Positions of the other vehicle [mm].
     other_s: &'a [i32],
+    /// Half of both lengths together [m].
     half_length_sum: f32,
+    /// Whether the other vehicle has a state; `None` if it has one in every frame.
     is_recorded: Option<&'a [bool]>,
 }
 
 impl RelativePosition<'_> {
+    /// Whether the other vehicle has a state in a frame.
     fn other_has_state(&self, frame: usize) -> bool {
         self.is_recorded.is_none_or(|row| row[frame])
     }
@@ -264,8 +279,10 @@ impl RelativePosition<'_> {
 
     /// Whether the ego's rear is ahead of the other's front.
     pub(crate) fn is_past(&self, frame: usize) -> bool {
-        let lead = self.ego_lead(frame);
-        self.other_has_state(frame) && lead > 0.0 && lead.abs() - self.half_length_sum >= 0.0
+        let ego_lead = self.ego_lead(frame);
+        self.other_has_state(frame)
+            && ego_lead > 0.0
+            && ego_lead.abs() - self.half_length_sum >= 0.0
     }
 
     /// Whether the ego's centre is behind the other's centre.

@@ -388,9 +388,11 @@ pub fn scan_spans(
     expect_length("measures", measures.len(), measure_names().len() * count)?;
     expect_length("frames", frames.len(), FRAME_NAMES.len() * count)?;
     expect_length("sums", sums.len(), SUM_NAMES.len() * count)?;
+    let law = law.law();
     let query = SpanQuery {
         spans: spans.as_slice()?,
         moments: moments.as_slice()?,
+        law: &law,
     };
     let (moment_frames, slots) = query.moments.split_at(2 * count);
     let max_frames = recording.max_frames as i32;
@@ -399,16 +401,13 @@ pub fn scan_spans(
     }
     let target_slot: Vec<u8> = slots[..count].iter().map(|&slot| slot as u8).collect();
     expect_slots("target_slot", &target_slot, recording.num_slots)?;
-    let (law, outputs) = (
-        law.law(),
-        SpanOutputs {
-            measures: measures.as_slice_mut()?,
-            frames: frames.as_slice_mut()?,
-            sums: sums.as_slice_mut()?,
-        },
-    );
+    let outputs = SpanOutputs {
+        measures: measures.as_slice_mut()?,
+        frames: frames.as_slice_mut()?,
+        sums: sums.as_slice_mut()?,
+    };
     spread(py, count * SIMULATION_BYTES, || {
-        overtaking_labels::scan_spans(&recording, &signals, &law, &query, level, outputs);
+        overtaking_labels::scan_spans(&recording, &signals, &query, level, outputs);
     })
 }
 
