@@ -16,11 +16,11 @@ use crate::state::{EGO_SLOT, LEADER, LEFT_LEADER, NO_ACCEL_LIMIT, RIGHT_LEADER, 
 use crate::steering::start_path;
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the braking finite right before vehicles meet [s].
+/// Smallest time until vehicles meet, which keeps the braking finite [s].
 const MIN_MEETING_TIME: f32 = 0.1;
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Acceleration behind the leader of the lane that is driven in or entered [m/s^2].
+    /// Acceleration behind the leader of the lane that the vehicle is in or enters [m/s^2].
     #[inline(always)]
     pub fn accel_behind_leader(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);
@@ -75,7 +75,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         select(follows, kept_time_gap * factor, kept_time_gap)
     }
 
-    /// Speed that the driver wants now, also while it passes or is passed, and in bends [m/s].
+    /// Speed that the driver desires now, also while it passes, while another vehicle passes it, and in bends [m/s].
     #[inline(always)]
     fn current_desired_speed(self, context: &DriverContext<S>) -> F32<S> {
         let mut desired_speed = self.desired_speed();
@@ -102,7 +102,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         desired_speed
     }
 
-    /// Acceleration behind the leader of the lane that is left, until the bodies are clear [m/s^2].
+    /// Acceleration behind the leader of the lane that the vehicle leaves, until the bodies are clear [m/s^2].
     ///
     /// The driver brakes so that the gap lasts until its body has left the lane, with a margin of time, and no harder
     /// than behind a leader in its own lane.
@@ -171,16 +171,16 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Acceleration that the driver wants, behind its leader and behind the leader of the lane that it leaves [m/s^2].
     ///
-    /// `leader_accel` is the acceleration behind the leader, with all other limits.
+    /// `leader_accel` is the acceleration behind the leader, with all other limits [m/s^2].
     #[inline(always)]
     pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
         min(leader_accel, self.accel_behind_old_leader(context))
     }
 }
 
-/// Constant deceleration with which a gap lasts for a time; negative where the driver need not brake [m/s^2].
+/// Constant deceleration with which a gap [m] lasts for a time [s]; negative where the driver need not brake [m/s^2].
 ///
-/// If the closing speed would fall to 0 before that time, it is the deceleration with which the gap is just used up.
+/// If the closing speed falls to 0 before that time, it is the deceleration that takes up the whole gap until then.
 #[inline(always)]
 fn braking_until_clear<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -252,7 +252,7 @@ pub fn accel_for_oncoming<S: Simd, const N: usize>(
     let lifts = meets & meeting_time.simd_lt(constants.oncoming_flash_time);
     let brakes = meets & meeting_time.simd_lt(constants.oncoming_brake_time);
     state.controls.flashes_high_beam[slot] = select(lifts, splat(1.0), splat(0.0));
-    // This braking stops the driver within vx t, half of the gap if both vehicles are as fast.
+    // This braking stops the driver within vx t, which is half of the gap if both vehicles have the same speed.
     let decel = clamp_to(
         state.motion.vx[slot] / (2.0 * at_least(meeting_time, MIN_MEETING_TIME)),
         constants.oncoming_min_decel,
@@ -264,7 +264,7 @@ pub fn accel_for_oncoming<S: Simd, const N: usize>(
     select(brakes, -decel, accel_limit)
 }
 
-/// Move to the edge of the lane for an oncoming or a passing vehicle, and back afterwards.
+/// Move to the edge of the lane for an oncoming or an overtaking vehicle, and back afterwards.
 #[inline(always)]
 fn shift_to_edge<S: Simd, const N: usize>(
     state: &mut State<S, N>,

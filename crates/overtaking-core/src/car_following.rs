@@ -7,13 +7,14 @@ use crate::math::elementary::{exp, log};
 use crate::math::vectors::{F32, at_least, at_most, clamp_to, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 
-/// Keeps the stopping acceleration finite behind a leader at rest [m^2/s^2].
+/// Smallest divisor of the stopping acceleration, which is 0 behind a leader at rest [m^2/s^2].
 const MIN_STOPPING_TERM: f32 = 1e-3;
-/// Near the desired speed the free acceleration approaches 0 [m/s^2] ...
+/// Smallest free acceleration in a divisor: near the desired speed it approaches 0 [m/s^2].
 const MIN_FREE_ACCEL: f32 = 1e-3;
-/// ... and the exponent of the blend infinity.
+/// Largest exponent of the blend of free and interaction acceleration, which near the desired speed approaches infinity
+/// [1].
 const MAX_EXPONENT: f32 = 1000.0;
-/// Keeps the logarithm of the ratio of gaps finite.
+/// Smallest ratio of desired gap to gap, which keeps its logarithm finite [1].
 const MIN_GAP_RATIO: f32 = 1e-6;
 
 /// A driver behind a leader.
@@ -149,6 +150,7 @@ fn iidm_accel<S: Simd>(
     leader: &Leader<S>,
 ) -> F32<S> {
     let (vehicle, one) = (follower.vehicle, splat(follower.speed.simd, 1.0));
+    // Desired gap over gap.
     let z = desired_gap(
         vehicle,
         follower.speed,
@@ -195,6 +197,7 @@ pub fn imposed_accel<S: Simd>(
     time_gap: F32<S>,
     leader: &Leader<S>,
 ) -> F32<S> {
+    // Desired gap over gap.
     let z = desired_gap(vehicle, speed, time_gap, leader.closing_speed)
         / at_least(leader.gap, constants.min_effective_gap);
     at_most(vehicle.accel * (1.0 - z * z), 0.0)

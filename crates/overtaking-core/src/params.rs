@@ -87,7 +87,7 @@ pub struct CourseTable {
     pub allowed_speed_against: Box<[f32]>,
 }
 
-/// Number of fields of a `CourseTable`.
+/// Number of rows of a `CourseTable`.
 const COURSE_ROWS: usize = 10;
 
 impl CourseTable {
@@ -111,11 +111,11 @@ impl CourseTable {
 }
 
 impl Road {
-    /// Whether the driver of slot `i` overtakes through the stages of the ego's model.
+    /// Whether the driver in `slot` overtakes through the stages of the ego's model.
     ///
     /// With oncoming traffic all drivers do. Otherwise only the ego does, and other drivers change lanes by MOBIL.
-    pub fn can_overtake(&self, i: usize) -> bool {
-        i == EGO_SLOT || self.directions.has_oncoming_traffic
+    pub fn can_overtake(&self, slot: usize) -> bool {
+        slot == EGO_SLOT || self.directions.has_oncoming_traffic
     }
 
     /// Whether the road bends, rises or has several speed limits.
@@ -263,8 +263,11 @@ impl DerivedConstants {
 pub struct Params<S: Simd, const N: usize> {
     /// Token of the SIMD level, which vectors are made with.
     pub simd: S,
+    /// Constants of the model.
     pub constants: Arc<ModelConstants>,
+    /// Quotients of these constants.
     pub derived: DerivedConstants,
+    /// Road of all simulations.
     pub road: Arc<Road>,
     /// Parameters of the vehicle and driver in each slot (number of a vehicle in its simulation).
     pub vehicles: [VehicleParams<S>; N],
@@ -278,7 +281,7 @@ pub struct Params<S: Simd, const N: usize> {
     pub key: [u32; 2],
     /// Lower 32 bits of the scenario index of each simulation, which its random numbers depend on.
     pub scenario_index_low: [u32; SIMD_LANES],
-    /// Upper 32 bits.
+    /// Upper 32 bits of the scenario index of each simulation.
     pub scenario_index_high: [u32; SIMD_LANES],
 }
 

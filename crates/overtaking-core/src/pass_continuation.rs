@@ -16,20 +16,22 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// How a driver goes on with a pass against oncoming traffic.
 pub struct PassContinuation<S: Simd> {
-    /// It falls back behind its target.
+    /// Whether it falls back behind its target.
     pub must_abort: Mask<S>,
-    /// It returns as soon as it can.
+    /// Whether it returns as soon as it can.
     pub must_return_urgently: Mask<S>,
-    /// It accepts a small gap for the return.
+    /// Whether it accepts a small gap for the return.
     pub accepts_small_gap: Mask<S>,
-    /// It has gaps behind the target: to it and to the next leader, once the driver has braked to their speed.
+    /// Whether it fits in behind the target: it has gaps to the target and to its leader in that lane once it has
+    /// braked to their speed.
     pub fits_into_lane: Mask<S>,
 }
 
 /// How far the target's centre is ahead of the driver's [m].
 struct TargetLead<S: Simd> {
+    /// The present lead.
     now: F32<S>,
-    /// At which the driver fits in behind the target.
+    /// The lead at which the driver fits in behind the target.
     needed: F32<S>,
 }
 
@@ -41,12 +43,12 @@ struct RelativeMotion<S: Simd> {
     target_speed: F32<S>,
     /// Speed of the driver minus the target's [m/s].
     closing_speed: F32<S>,
-    /// How far the target is ahead, now and for an abort.
+    /// Lead of the target.
     target_lead: TargetLead<S>,
 }
 
 impl<S: Simd> RelativeMotion<S> {
-    /// Distance that the driver still has to gain on its target to return ahead of it [m].
+    /// Distance that the driver still has to gain on its target so that it can return ahead of it [m].
     #[inline(always)]
     fn distance_to_clear(&self) -> F32<S> {
         at_least(self.target_lead.now + self.target_lead.needed, 0.0)
@@ -55,11 +57,11 @@ impl<S: Simd> RelativeMotion<S> {
 
 /// Durations that a passing driver compares [s].
 struct PassTimes<S: Simd> {
-    /// Until it is past the target and back in its lane.
+    /// Time until it is past the target and back in its lane.
     complete: F32<S>,
-    /// Until it is back behind the target.
+    /// Time until it is back behind the target.
     abort: F32<S>,
-    /// Until it meets the oncoming vehicle.
+    /// Time until it meets the oncoming vehicle.
     meet: F32<S>,
 }
 
@@ -81,7 +83,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ///   the pass and aborting is quicker.
     /// - Past the target and with no time for the next vehicle, it returns between the two. If the space is too small,
     ///   or aborting is quicker than clearing the target, it aborts.
-    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid lines
+    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid
+    ///   lines
     ///   also returns urgently before one, but keeps its usual gap.
     #[inline(always)]
     pub fn decide_pass_continuation(self, context: &DriverContext<S>) -> PassContinuation<S> {
@@ -91,16 +94,16 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             abort: self.time_to_abort(&motion),
             meet: time_to_meet(&context.oncoming.nearest),
         };
-        let is_out = self.is_before_return();
+        let is_passing = self.is_before_return();
         let must_return_now = self.must_return_before_next(context);
         let space = self.return_space(context, &motion);
-        // Not taken back while the driver is out.
+        // A driver that has decided to abort does not change its mind while it is in the opposing lane.
         let has_aborted = self.state.overtake.must_abort[self.slot].simd_gt(0.0);
         let must_abort = (self.aborts_early(&motion, &times)
             | (must_return_now & self.is_trapped(&motion, &times, &space))
             | has_aborted)
-            & is_out;
-        let goes_on = (is_out | self.is_in_stage(stage::RETURN)) & !must_abort;
+            & is_passing;
+        let goes_on = (is_passing | self.is_in_stage(stage::RETURN)) & !must_abort;
         let has_little_time =
             (times.meet - times.complete).simd_lt(self.params.constants.urgent_return_margin);
         let accepts_small_gap = goes_on & (has_little_time | (must_return_now & space.is_cramped));
@@ -126,7 +129,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// How far the target is ahead, and has to be ahead for an abort.
+    /// Lead of the target, now and as an abort needs it.
     #[inline(always)]
     fn target_lead(self) -> TargetLead<S> {
         let (s, params, slot) = (&self.state.motion.s, self.params, self.slot);
@@ -142,13 +145,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Half of an urgent lane change, which follows once the bodies are clear [s].
+    /// Duration of half an urgent lane change, which follows once the bodies are clear [s].
     #[inline(always)]
     fn time_to_move_over(self) -> F32<S> {
         0.5 * self.params.simulations.urgent_change_duration
     }
 
-    /// Braking of an aborting driver, positive [m/s^2].
+    /// Deceleration of an aborting driver, positive [m/s^2].
     #[inline(always)]
     fn abort_decel(self) -> F32<S> {
         self.params.constants.abort_decel_share * self.vehicle().max_assumed_decel
@@ -228,19 +231,19 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether an aborting driver has gaps to its target and in its lane once it has braked.
     ///
-    /// Braking takes effect late, so this tests the gap that is left after it. Without that, drivers touched the vehicle
-    /// ahead of them.
+    /// Braking takes effect late, so the gaps are those after it. Judged by the present gaps, drivers touched the
+    /// vehicle ahead of them.
     #[inline(always)]
     fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
         let TargetLead { now, needed } = motion.target_lead;
         let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
-        // The vehicle ahead in the lane is tested too: the target may have pulled out.
+        // The leader in that lane counts, too: it need not be the target, which may have pulled out itself.
         let leader = context.beliefs.steady_leader(RIGHT_LEADER);
         let gap = leader.gap - self.distance_gained_while_braking(leader.closing_speed);
         lead_after_braking.simd_gt(needed) & gap.simd_gt(self.params.constants.min_return_gap)
     }
 
-    /// Distance that is still gained on a vehicle until braking has taken the closing speed [m].
+    /// Distance that the driver gains on a vehicle until braking has reduced the closing speed to 0 [m].
     #[inline(always)]
     fn distance_gained_while_braking(self, closing_speed: F32<S>) -> F32<S> {
         let closing_speed = at_least(closing_speed, 0.0);
@@ -311,9 +314,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Largest acceleration of a driver in the opposing lane [m/s^2].
     ///
-    /// An aborting driver brakes below its target's speed. A driver that has passed its target and has too
-    /// little time to pass the next vehicle keeps behind that vehicle, to fit in between: with a share of its time
-    /// gap, or in the middle of the space if the middle is nearer.
+    /// An aborting driver brakes below its target's speed. A driver that has passed its target, and has too little time
+    /// to pass the next vehicle, follows that vehicle so that it fits in behind it: with a share of its time gap, or in
+    /// the middle of the space between both vehicles if the middle is nearer.
     #[inline(always)]
     pub fn accel_limit_while_passing(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);

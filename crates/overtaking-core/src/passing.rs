@@ -1,4 +1,4 @@
-//! Whether drivers pass against oncoming traffic: distance, time needed, and sight; the twin of
+//! Whether drivers pass against oncoming traffic, by distance, passing time and sight; the twin of
 //! `overtaking.sim.reference.passing`.
 
 use fearless_simd::Simd;
@@ -13,22 +13,25 @@ use crate::params::{LineMarks, Params, station_indices};
 use crate::state::{FAR, LEADER};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the times of passing and of meeting finite [m/s].
+/// Smallest closing speed, which keeps the times of passing and of meeting finite [m/s].
 pub const MIN_CLOSING_SPEED: f32 = 0.5;
-/// Keeps the time of accelerating finite [m/s^2].
+/// Smallest acceleration, which keeps the time of accelerating finite [m/s^2].
 const MIN_ACCEL: f32 = 0.1;
 
 /// Speeds of a passing driver and its target [m/s].
 pub struct PassingSpeeds<S: Simd> {
+    /// Speed of the passing driver.
     pub passer: F32<S>,
+    /// Speed of the vehicle that it passes.
     pub target: F32<S>,
-    /// A believed closing speed differs in its last bits from the difference of the speeds, so it is a field.
+    /// The first minus the second. A field of its own, because a believed closing speed differs in its last bits from
+    /// the difference of the speeds.
     pub closing: F32<S>,
 }
 
-/// Time to gain a distance on another vehicle, at constant acceleration up to a speed [s].
+/// Time to gain a distance [m] on another vehicle, at constant acceleration up to a speed [s].
 ///
-/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus the other vehicle's.
+/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus the other vehicle's [m/s].
 #[inline(always)]
 fn time_to_gain<S: Simd>(
     distance: F32<S>,
@@ -39,13 +42,14 @@ fn time_to_gain<S: Simd>(
     let a = at_least(accel, MIN_ACCEL);
     let v_max = at_least(max_closing_speed, MIN_CLOSING_SPEED);
     let v = min(at_least(closing_speed, 0.0), v_max);
-    let ramp = (v_max - v) / a;
-    let covered = 0.5 * (v + v_max) * ramp;
-    let time_of_ramp = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
+    let ramp_time = (v_max - v) / a;
+    let ramp_distance = 0.5 * (v + v_max) * ramp_time;
+    // The driver gains the distance while it still accelerates, or at its largest speed after the ramp.
+    let time_within_ramp = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
     select(
-        distance.simd_lt(covered),
-        time_of_ramp,
-        ramp + (distance - covered) / v_max,
+        distance.simd_lt(ramp_distance),
+        time_within_ramp,
+        ramp_time + (distance - ramp_distance) / v_max,
     )
 }
 
@@ -86,7 +90,8 @@ pub fn assumed_oncoming_gap<S: Simd>(
     )
 }
 
-/// Factor on the gap that drivers keep to the vehicle in a slot, 1 for a car [1].
+/// Factor on the gap that drivers keep to the vehicle in a slot: above 1 if no driver sees over that vehicle, else 1
+/// [1].
 #[inline(always)]
 pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -102,9 +107,9 @@ pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Speed at which the driver passes: well above the target's, if the vehicle can [m/s].
+    /// Speed at which the driver passes: well above the target's, if the vehicle can reach it [m/s].
     ///
-    /// A driver that heeds the limit on a free road heeds it as much while passing, and takes longer.
+    /// A driver that complies with the speed limit on a free road complies as much while it passes, and takes longer.
     #[inline(always)]
     fn passing_speed(self, target_speed: F32<S>) -> F32<S> {
         let vehicle = self.vehicle();
@@ -127,7 +132,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             .0)
     }
 
-    /// Speed that the passing driver wants now [m/s].
+    /// Speed that the passing driver desires now; higher in urgency [m/s].
     #[inline(always)]
     pub fn current_passing_speed(self) -> F32<S> {
         let usual = self.passing_speed(self.target_speed());
@@ -139,17 +144,27 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Time that the driver expects to need to gain a distance on its target [s].
     #[inline(always)]
     pub fn time_to_pass(self, distance: F32<S>, speeds: &PassingSpeeds<S>) -> F32<S> {
-        let top = self.passing_speed(speeds.target);
-        let accel = expected_accel(&self.params.constants, self.vehicle(), speeds.passer, top);
-        time_to_gain(distance, speeds.closing, top - speeds.target, accel)
+        let passing_speed = self.passing_speed(speeds.target);
+        let accel = expected_accel(
+            &self.params.constants,
+            self.vehicle(),
+            speeds.passer,
+            passing_speed,
+        );
+        time_to_gain(
+            distance,
+            speeds.closing,
+            passing_speed - speeds.target,
+            accel,
+        )
     }
 
     /// Whether the driver believes that the opposing lane is free for long enough.
     ///
-    /// It compares the time that passing takes, as it misjudges it and with a reserve, with the time until it meets the
-    /// nearest oncoming vehicle. Where it does not see the road it assumes one. Passing takes half a lane change before
-    /// speed is gained, and half of one at its end. A waiting driver keeps a smaller reserve, but not less than a share
-    /// of its first one.
+    /// It compares the passing time, as it misjudges it and with a reserve, with the time until it meets the nearest
+    /// oncoming vehicle. Where it does not see the road it assumes an oncoming vehicle. A pass has half a lane change
+    /// before the driver gains on its target, and half a lane change at the end. A waiting driver keeps a smaller
+    /// reserve, but not less than a share of its first one.
     #[inline(always)]
     pub fn accepts_oncoming_gap(
         self,
@@ -167,7 +182,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             * tall_vehicle_gap_factor(params, leader_slot)
             * leader_speed;
         let distance = inputs.beliefs.gap[LEADER] + lengths + return_gap;
-        let top = self.passing_speed(leader_speed);
+        let passing_speed = self.passing_speed(leader_speed);
         let speeds = PassingSpeeds {
             passer: speed,
             target: leader_speed,
@@ -175,7 +190,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let gaining_time = self.time_to_pass(distance, &speeds);
         let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
-        let closing_speed = oncoming.closing_speed + 0.5 * at_least(top - speed, 0.0);
+        // On average over its acceleration the driver is half of the gained speed faster.
+        let closing_speed = oncoming.closing_speed + 0.5 * at_least(passing_speed - speed, 0.0);
         let reserve =
             vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);
         let has_time =
@@ -190,7 +206,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         has_time & oncoming.is_certain & fits_ahead & !heeds_line
     }
 
-    /// Gap between the vehicle in `other_slot` and the next one ahead of it, which is not this driver's [m].
+    /// Gap between the vehicle in `other_slot` and the next vehicle ahead of it; this driver's own does not count [m].
     #[inline(always)]
     pub fn gap_ahead_of(self, other_slot: F32<S>) -> F32<S> {
         let (s, params) = (&self.state.motion.s, self.params);

@@ -1,7 +1,7 @@
 //! Simulates batches from files and prints the trace hash of each simulation, without Python.
 //!
 //! `replay [--level LEVEL] FILE ...`; `benchmarks/arm.py` writes the files: numbers in little-endian order,
-//! in the order in which `batch` reads them.
+//! in the order in which `simulate_batch` reads them.
 
 use std::error::Error;
 use std::fs::File;
@@ -14,10 +14,11 @@ use overtaking_core::{
 };
 use overtaking_portable::simulate_at;
 
+/// A result with any error, for a program that only prints it.
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// The next `count` numbers of a file.
-fn numbers<const SIZE: usize, T>(
+/// Read the next `count` numbers of a file.
+fn read_numbers<const SIZE: usize, T>(
     file: &mut impl Read,
     count: usize,
     from: fn([u8; SIZE]) -> T,
@@ -27,27 +28,27 @@ fn numbers<const SIZE: usize, T>(
     Ok(bytes.as_chunks().0.iter().copied().map(from).collect())
 }
 
-/// As many of the next numbers of a file as the caller's array holds.
-fn row<const SIZE: usize, const N: usize, T>(
+/// Read as many numbers of a file as the array has that the caller expects.
+fn read_array<const SIZE: usize, const N: usize, T>(
     file: &mut impl Read,
     from: fn([u8; SIZE]) -> T,
 ) -> Outcome<[T; N]> {
-    let values = numbers(file, N, from)?;
+    let values = read_numbers(file, N, from)?;
     values.try_into().map_err(|_| "a short row".into())
 }
 
-/// The next floats of a file.
-fn floats<const N: usize>(file: &mut impl Read) -> Outcome<[f32; N]> {
-    row(file, f32::from_le_bytes)
+/// Read float32 numbers of a file into an array.
+fn read_floats<const N: usize>(file: &mut impl Read) -> Outcome<[f32; N]> {
+    read_array(file, f32::from_le_bytes)
 }
 
-/// A table of friction.
-fn table(file: &mut impl Read) -> Outcome<[[f32; 4]; 3]> {
-    Ok([floats(file)?, floats(file)?, floats(file)?])
+/// Read a friction table of `ModelConstants`.
+fn read_friction_table(file: &mut impl Read) -> Outcome<[[f32; 4]; 3]> {
+    Ok([read_floats(file)?, read_floats(file)?, read_floats(file)?])
 }
 
-/// Outputs in memory of their own, given to `$run`.
-macro_rules! allocated {
+/// Allocate all outputs of a batch, and call `$run` with them.
+macro_rules! with_allocated_outputs {
     (
         {
             { $inputs:expr, $frames:expr, $run:expr }
@@ -68,54 +69,54 @@ macro_rules! allocated {
     }};
 }
 
-/// Read and simulate a batch; its trace hashes, four words each.
-fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
-    let header = row(file, u64::from_le_bytes)?;
+/// Read a batch from a file and simulate it; returns the trace hashes, four words for each simulation.
+fn simulate_batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
+    let header = read_array(file, u64::from_le_bytes)?;
     let [
         simulations,
         slots,
         frames,
         steps_per_frame,
         num_lanes,
-        branched,
-        switch,
+        has_switch,
+        switch_step,
     ] = header.map(|number| number as usize);
-    let [seed] = row(file, u64::from_le_bytes)?;
-    let index = numbers(file, simulations, u64::from_le_bytes)?;
+    let [seed] = read_array(file, u64::from_le_bytes)?;
+    let index = read_numbers(file, simulations, u64::from_le_bytes)?;
     let mut constants = ModelConstants::default();
-    constants.set(&numbers(
+    constants.set(&read_numbers(
         file,
         ModelConstants::NAMES.len(),
         f32::from_le_bytes,
     )?);
-    constants.friction_new = table(file)?;
-    constants.friction_worn = table(file)?;
-    constants.friction_speeds = floats(file)?;
-    constants.friction_films = floats(file)?;
-    let (boundaries, film_path) = (floats(file)?, floats(file)?);
-    let [overtaking_sign] = floats(file)?;
-    let pose = RoadPose::from(floats(file)?);
-    let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = floats(file)?;
+    constants.friction_new = read_friction_table(file)?;
+    constants.friction_worn = read_friction_table(file)?;
+    constants.friction_speeds = read_floats(file)?;
+    constants.friction_films = read_floats(file)?;
+    let (boundaries, film_path) = (read_floats(file)?, read_floats(file)?);
+    let [overtaking_sign] = read_floats(file)?;
+    let pose = RoadPose::from(read_floats(file)?);
+    let [num_own_lanes, has_oncoming_traffic, length, edge_sum] = read_floats(file)?;
     let directions = RoadDirections {
         num_own_lanes: num_own_lanes as usize,
         has_oncoming_traffic: has_oncoming_traffic > 0.0,
         length,
         edge_sum,
-        sight_along: [floats(file)?, floats(file)?, floats(file)?].into(),
-        sight_against: [floats(file)?, floats(file)?, floats(file)?].into(),
-        line_marks: [floats(file)?, floats(file)?, floats(file)?].into(),
+        sight_along: [read_floats(file)?, read_floats(file)?, read_floats(file)?].into(),
+        sight_against: [read_floats(file)?, read_floats(file)?, read_floats(file)?].into(),
+        line_marks: [read_floats(file)?, read_floats(file)?, read_floats(file)?].into(),
     };
-    let mut parameters = || -> Outcome<_> {
-        let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;
-        let of_simulations = SIMULATION_NAMES.len() * simulations;
+    let mut read_params = || -> Outcome<_> {
+        let num_vehicle_numbers = VEHICLE_NAMES.len() * slots * simulations;
+        let num_simulation_numbers = SIMULATION_NAMES.len() * simulations;
         Ok((
-            numbers(file, of_vehicles, f32::from_le_bytes)?,
-            numbers(file, of_simulations, f32::from_le_bytes)?,
+            read_numbers(file, num_vehicle_numbers, f32::from_le_bytes)?,
+            read_numbers(file, num_simulation_numbers, f32::from_le_bytes)?,
         ))
     };
-    let (vehicle, simulation) = parameters()?;
-    let afterwards = if branched == 1 {
-        Some(parameters()?)
+    let (vehicle, simulation) = read_params()?;
+    let params_after_switch = if has_switch == 1 {
+        Some(read_params()?)
     } else {
         None
     };
@@ -138,14 +139,14 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         steps_per_frame: steps_per_frame as u32,
         action_log: None,
     };
-    let later = afterwards
+    let switch = params_after_switch
         .as_ref()
         .map(|(vehicle, simulation)| ParameterSwitch {
             vehicle,
             simulation,
             scenario_index: &index,
             judgement_errors: None,
-            step: switch as u32,
+            step: switch_step as u32,
         });
     let run = |out: Output<'_>| -> Outcome<_> {
         let mut hashes = vec![0; 4 * simulations];
@@ -153,10 +154,10 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
             trace_hash: &mut hashes,
             ..out
         };
-        simulate_at(require_level(level)?, &inputs, later.as_slice(), out)?;
+        simulate_at(require_level(level)?, &inputs, switch.as_slice(), out)?;
         Ok(hashes)
     };
-    with_outputs! { allocated! { inputs, frames, run } }
+    with_outputs! { with_allocated_outputs! { inputs, frames, run } }
 }
 
 fn main() -> Outcome<()> {
@@ -165,7 +166,10 @@ fn main() -> Outcome<()> {
     let level = level.then(|| arguments.drain(..2).nth(1)).flatten();
     for name in arguments {
         let mut file = BufReader::new(File::open(name)?);
-        for hash in batch(&mut file, level.as_deref())?.as_chunks::<4>().0 {
+        for hash in simulate_batch(&mut file, level.as_deref())?
+            .as_chunks::<4>()
+            .0
+        {
             println!("{}", hash.map(|word| format!("{word:08x}")).concat());
         }
         if file.read(&mut [0])? > 0 {

@@ -7,6 +7,7 @@
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
 use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
+use overtaking_core::require_level;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -45,6 +46,7 @@ pub fn random_words<'py>(
     draw: u32,
     level: Option<&str>,
 ) -> PyResult<Words<'py>> {
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     expect_length("stream", stream.len(), index.len())?;
     let block = DrawBlock {
         seed,
@@ -56,8 +58,7 @@ pub fn random_words<'py>(
     expect_room(4 * size_of_val(block.stream))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);
-    let result = py.detach(|| core::random_words(&block, level, out));
-    result.map_err(PyValueError::new_err)?;
+    py.detach(|| core::random_words(level, &block, out));
     Ok(words.map(|column| PyArray1::from_vec(py, column)))
 }
 
@@ -72,9 +73,10 @@ pub fn exp_in_place(
     mut values: PyReadwriteArray1<'_, f32>,
     level: Option<&str>,
 ) -> PyResult<()> {
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     let values = values.as_slice_mut()?;
-    let result = py.detach(|| core::exp_in_place(level, values));
-    result.map_err(PyValueError::new_err)
+    py.detach(|| core::exp_in_place(level, values));
+    Ok(())
 }
 
 /// Replace each number of a flat float32 array by `core.float32_math.log` of it.
@@ -88,9 +90,10 @@ pub fn log_in_place(
     mut values: PyReadwriteArray1<'_, f32>,
     level: Option<&str>,
 ) -> PyResult<()> {
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     let values = values.as_slice_mut()?;
-    let result = py.detach(|| core::log_in_place(level, values));
-    result.map_err(PyValueError::new_err)
+    py.detach(|| core::log_in_place(level, values));
+    Ok(())
 }
 
 /// Convert random words to uniform numbers, as `random_numbers.uniform_from_word`.
@@ -166,8 +169,9 @@ pub fn normal_pairs_in_place(
     mut v: PyReadwriteArray1<'_, f32>,
     level: Option<&str>,
 ) -> PyResult<()> {
+    let level = require_level(level).map_err(PyValueError::new_err)?;
     expect_length("v", v.len(), u.len())?;
     let (u, v) = (u.as_slice_mut()?, v.as_slice_mut()?);
-    let result = py.detach(|| core::normal_pairs_in_place(level, u, v));
-    result.map_err(PyValueError::new_err)
+    py.detach(|| core::normal_pairs_in_place(level, u, v));
+    Ok(())
 }

@@ -19,7 +19,9 @@ const HASHED_TOGETHER: usize = 32 << 10;
 /// A BLAKE3 hash that collects short pieces of bytes.
 #[derive(Default)]
 struct BufferedHash {
+    /// Hash of the earlier bytes.
     hasher: blake3::Hasher,
+    /// Bytes that are collected and not hashed yet.
     unhashed: Vec<u8>,
 }
 
@@ -32,6 +34,7 @@ impl BufferedHash {
         }
     }
 
+    /// The hash of all bytes so far, 64 hexadecimal digits.
     fn hexdigest(&self) -> String {
         let mut hasher = self.hasher.clone();
         hasher
@@ -60,9 +63,13 @@ pub struct ArrowRows {
 
 /// A copy of `ArrowRows`, because other Python threads may change the buffers while the rows are hashed.
 struct OwnedRows {
+    /// Number of rows.
     count: usize,
+    /// Index of the first row in `data` and `ends`.
     offset: usize,
+    /// As `ArrowRows::data`; empty if the column is.
     data: Vec<u8>,
+    /// As `ArrowRows::ends`; empty for other columns than texts.
     ends: Vec<u8>,
     /// 1 for each row without a value, else 0.
     missing: Vec<u8>,
@@ -113,9 +120,13 @@ enum Layout {
 /// BLAKE3 hashes of an Arrow column: over its values, and over its nulls.
 #[pyclass]
 pub struct ColumnHash {
+    /// Layout of the rows.
     layout: Layout,
+    /// Whether the column may hold nulls.
     nullable: bool,
+    /// Hash over the values; a missing value counts as zero or as an empty text.
     values: BufferedHash,
+    /// Hash over one byte for each row: 1 without a value, else 0.
     nulls: BufferedHash,
 }
 

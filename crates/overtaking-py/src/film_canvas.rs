@@ -23,9 +23,9 @@ use tiny_skia::{
 use crate::inputs::expect_length;
 use crate::spread::{expect_room, reserve};
 
-/// Bytes of a pixel: red, green, blue and opacity.
+/// Number of bytes of a pixel: red, green, blue and opacity.
 const BYTES: usize = 4;
-/// The share 1 in integer arithmetic; a power of two, so that a division is a shift.
+/// The share 1 in integer arithmetic: a power of two, so that a division is a shift.
 const WHOLE: u16 = 256;
 
 /// An opaque picture.
@@ -37,6 +37,7 @@ const WHOLE: u16 = 256;
 pub struct Canvas(Pixmap);
 
 impl Canvas {
+    /// Number of columns.
     fn width(&self) -> usize {
         self.0.width() as usize
     }
@@ -216,7 +217,7 @@ impl Canvas {
         }
         let width = self.width() / 2;
         let lines = self.rows(rows.0..rows.1)?;
-        // The light on each square of two times two pixels.
+        // The light on each square of two times two pixels; half the resolution is enough for soft light.
         let mut lit = vec![moonlight; width * lines.len().div_ceil(2)];
         for (light, x, y) in &lights {
             add_light(
@@ -364,6 +365,7 @@ type Interval = (f32, f32);
 /// 4 / 3 (sqrt(2) - 1).
 const QUARTER: f32 = 0.552_285;
 
+/// One shape of a drawing.
 enum Shape {
     /// A filled outline.
     Fill(Path, Paint<'static>),
@@ -423,6 +425,7 @@ pub fn parse_colour(colour: &str) -> PyResult<[u8; 3]> {
     Ok(rgb)
 }
 
+/// A colour written as `#rrggbb`, with an opacity of 0 to 1.
 fn colour_with_opacity(colour: &str, opacity: f32) -> PyResult<Color> {
     let [red, green, blue] = parse_colour(colour)?;
     let mut shade = Color::from_rgba8(red, green, blue, 255);
@@ -430,6 +433,7 @@ fn colour_with_opacity(colour: &str, opacity: f32) -> PyResult<Color> {
     Ok(shade)
 }
 
+/// A paint of one colour and opacity.
 fn solid_paint(colour: &str, opacity: f32) -> PyResult<Paint<'static>> {
     Ok(Paint {
         shader: Shader::SolidColor(colour_with_opacity(colour, opacity)?),

@@ -185,12 +185,12 @@ impl Stepper {
 
 /// The observations as arrays of Python.
 fn to_arrays(py: Python<'_>, observations: EgoObservations) -> PyResult<ObservationArrays<'_>> {
-    let shape = (observations.runs.len(), OBSERVATION_SIZE);
+    let shape = (observations.is_running.len(), OBSERVATION_SIZE);
     let table = Array2::from_shape_vec(shape, observations.table)
         .map_err(|error| PyValueError::new_err(error.to_string()))?;
     Ok((
         table.into_pyarray(py),
-        observations.runs.to_pyarray(py),
+        observations.is_running.to_pyarray(py),
         observations.num_decisions.into_pyarray(py),
     ))
 }

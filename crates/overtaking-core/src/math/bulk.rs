@@ -1,16 +1,14 @@
 //! Random numbers and elementary functions of whole arrays, for Python.
 //!
 //! `overtaking.core.native` calls these functions for large arrays. They return the same bits as their Python twins
-//! in `overtaking.core.random_numbers` and `overtaking.core.float32_math`, at every SIMD level. `forced` is the name
-//! of a level, `None` the fastest level of this CPU.
+//! in `overtaking.core.random_numbers` and `overtaking.core.float32_math`, at every SIMD level.
 
-use fearless_simd::Simd;
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd};
 
 use crate::math::elementary::{exp, log, sincos};
 use crate::math::philox;
 use crate::math::vectors::{F32, SIMD_LANES, dispatch};
-use crate::run::engine::require_level;
 
 /// The position of one block of four random words in the random numbers of each simulation.
 pub struct DrawBlock<'a> {
@@ -25,37 +23,18 @@ pub struct DrawBlock<'a> {
 }
 
 /// Fill `out` with the four random words of a block, four arrays as long as `block.index`.
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn random_words(
-    block: &DrawBlock<'_>,
-    forced: Option<&str>,
-    out: [&mut [u32]; 4],
-) -> Result<(), String> {
-    let level = require_level(forced)?;
+pub fn random_words(level: Level, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
     dispatch!(level, |simd| fill_words(simd, block, out));
-    Ok(())
 }
 
 /// Replace each number by its exponential.
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn exp_in_place(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
-    let level = require_level(forced)?;
+pub fn exp_in_place(level: Level, values: &mut [f32]) {
     dispatch!(level, |simd| fill_exponentials(simd, values));
-    Ok(())
 }
 
 /// Replace each number by its natural logarithm.
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn log_in_place(forced: Option<&str>, values: &mut [f32]) -> Result<(), String> {
-    let level = require_level(forced)?;
+pub fn log_in_place(level: Level, values: &mut [f32]) {
     dispatch!(level, |simd| fill_logarithms(simd, values));
-    Ok(())
 }
 
 /// Convert each random word to a uniform number in (0, 1).
@@ -105,17 +84,8 @@ fn combine_in_place(values: &mut [f32], operands: &Operand<'_>, choose: impl Fn(
 }
 
 /// Replace each pair of uniform numbers (`u`, `v`) by two independent standard normal numbers (Box-Muller transform).
-///
-/// # Errors
-/// The SIMD level is unknown or not supported by this CPU.
-pub fn normal_pairs_in_place(
-    forced: Option<&str>,
-    u: &mut [f32],
-    v: &mut [f32],
-) -> Result<(), String> {
-    let level = require_level(forced)?;
+pub fn normal_pairs_in_place(level: Level, u: &mut [f32], v: &mut [f32]) {
     dispatch!(level, |simd| fill_pairs(simd, u, v));
-    Ok(())
 }
 
 fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {

@@ -1,9 +1,9 @@
-//! A batch of simulations that waits at every decision for the orders of an external driver of the egos.
+//! A batch of simulations that waits at every decision for the actions of an external driver of the egos.
 //!
 //! The *ego* is the vehicle under study of a simulation; drivers decide every 50 ms, `SUBSTEPS` steps of 10 ms. Each
-//! simulation has a fixed *row* in the arrays of actions and observations, and new simulations can begin in rows between
-//! two calls. Simulations that began together are divided into *groups* (`StepGroup`), each advanced by one thread in
-//! blocks of sixteen lanes (`block`). Nothing is recorded.
+//! simulation has a fixed *row* in the arrays of actions and observations, and new simulations can begin in rows
+//! between two calls. Simulations that began together are divided into *groups* (`StepGroup`), each advanced by one
+//! thread in blocks of sixteen lanes (`block`). Nothing is recorded.
 //!
 //! A call runs in the thread pool of its caller. The batch holds no thread between calls, so that a forked child can go
 //! on with its copy.
@@ -50,7 +50,7 @@ pub struct EgoObservations {
     /// A simulation that ends during the call is observed at its end, not at the end of the call.
     pub table: Vec<f32>,
     /// Whether each simulation still runs.
-    pub runs: Vec<bool>,
+    pub is_running: Vec<bool>,
     /// Number of decisions that each simulation has carried out in the call.
     pub num_decisions: Vec<u32>,
 }
@@ -58,7 +58,7 @@ pub struct EgoObservations {
 /// The entries of one simulation in an `EgoObservations`.
 struct ObservationRow<'o> {
     table: &'o mut [f32],
-    runs: &'o mut bool,
+    is_running: &'o mut bool,
     num_decisions: &'o mut u32,
 }
 
@@ -114,10 +114,10 @@ struct StepGroups<S: Simd, const N: usize> {
     /// Histories of blocks that have ended, for the next blocks.
     free_histories: Vec<History<N>>,
     groups: Vec<StepGroup<S, N>>,
-    /// Position of each row in `initial_rows` of its group.
-    places: Vec<usize>,
-    /// Number of the group of each row.
-    owners: Vec<usize>,
+    /// Position of each row of the batch in `initial_rows` of its group.
+    positions_in_group: Vec<usize>,
+    /// Number of the group of each row, as in `StepGroup::number`.
+    group_of_row: Vec<usize>,
     /// Number of groups that have begun so far; the next group gets it as its number.
     num_groups_begun: usize,
     /// Working memory for perception of each thread.
@@ -132,7 +132,7 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
             scenario_index: inputs.scenario_index,
             ..self.shared.clone()
         };
-        let mut observed_rows = vec![None; self.places.len()];
+        let mut observed_rows = vec![None; self.positions_in_group.len()];
         for (observed_row, row) in rows.iter().enumerate() {
             observed_rows[*row] = Some(observed_row);
         }
@@ -162,7 +162,8 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
             values: actions,
             decisions: 1,
         });
-        let (steps_per_frame, num_rows) = (self.shared.steps_per_frame, self.places.len());
+        let (steps_per_frame, num_rows) =
+            (self.shared.steps_per_frame, self.positions_in_group.len());
         let observations = self.observe_groups(0, num_rows, &|row| row, &|group, context, rows| {
             let first_step = group.step;
             for decision in 1..=decisions {
@@ -211,8 +212,8 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
             source,
             free_histories: Vec::new(),
             groups: Vec::new(),
-            places: vec![0; batch],
-            owners: vec![0; batch],
+            positions_in_group: vec![0; batch],
+            group_of_row: vec![0; batch],
             num_groups_begun: 0,
             contexts: Vec::new(),
         })
@@ -223,8 +224,8 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         let number = self.num_groups_begun;
         self.num_groups_begun += 1;
         let initial_rows: Vec<_> = simulations.iter().map(|index| rows[*index]).collect();
-        for (place, row) in initial_rows.iter().enumerate() {
-            (self.places[*row], self.owners[*row]) = (place, number);
+        for (position, row) in initial_rows.iter().enumerate() {
+            (self.positions_in_group[*row], self.group_of_row[*row]) = (position, number);
         }
         let mut blocks = Vec::new();
         for simulations in simulations.chunks(SIMD_LANES) {
@@ -259,22 +260,22 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
             .resize_with(num_threads, || Mutex::new(DecisionContext::new(self.simd)));
         let mut observations = EgoObservations {
             table: vec![0.0; num_observed * OBSERVATION_SIZE],
-            runs: vec![false; num_observed],
+            is_running: vec![false; num_observed],
             num_decisions: vec![0; num_observed],
         };
         let table = observations.table.chunks_exact_mut(OBSERVATION_SIZE);
         let mut rows: Vec<_> = table
-            .zip(&mut observations.runs)
+            .zip(&mut observations.is_running)
             .zip(&mut observations.num_decisions)
-            .map(|((table, runs), num_decisions)| {
+            .map(|((table, is_running), num_decisions)| {
                 Some(ObservationRow {
                     table,
-                    runs,
+                    is_running,
                     num_decisions,
                 })
             })
             .collect();
-        let (owners, source) = (&self.owners, self.source);
+        let (group_of_row, source) = (&self.group_of_row, self.source);
         let mut groups_with_rows: Vec<_> = self.groups[first_group..]
             .iter_mut()
             .map(|group| {
@@ -282,14 +283,15 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
                     .initial_rows
                     .iter()
                     .map(|row| {
-                        (owners[*row] == group.number).then(|| rows[observed_row(*row)].take())
+                        (group_of_row[*row] == group.number)
+                            .then(|| rows[observed_row(*row)].take())
                     })
                     .map(Option::flatten)
                     .collect();
                 (group, group_rows)
             })
             .collect();
-        let (places, contexts) = (&self.places, &self.contexts);
+        let (positions_in_group, contexts) = (&self.positions_in_group, &self.contexts);
         groups_with_rows.par_iter_mut().for_each(|(group, rows)| {
             // Each thread of the pool has its own context, so the lock never waits.
             let thread = rayon::current_thread_index().unwrap_or(0);
@@ -298,7 +300,7 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
                 .unwrap_or_else(PoisonError::into_inner);
             let mut rows = GroupRows {
                 source,
-                places,
+                positions_in_group,
                 rows,
             };
             work(group, &mut context, &mut rows);
@@ -320,12 +322,12 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
 struct GroupRows<'r, 'o> {
     source: ObservationSource,
     /// Position of each row of the batch in `initial_rows` of its group.
-    places: &'r [usize],
+    positions_in_group: &'r [usize],
     /// The entries of each of `initial_rows`; `None` for a row in which another group has begun a simulation.
     rows: &'r mut [Option<ObservationRow<'o>>],
 }
 
-/// The work of a group in a call: its last step writes the observations of its egos.
+/// The work of a group in a call, which writes the observations of its egos at its end.
 type GroupWork<'w, S, const N: usize> =
     dyn Fn(&mut StepGroup<S, N>, &mut DecisionContext<S, N>, &mut GroupRows<'_, '_>) + Sync + 'w;
 
@@ -345,7 +347,7 @@ struct StepGroup<S: Simd, const N: usize> {
     ego_contexts: Vec<DriverContext<S>>,
     /// Rows of the simulations that began in this group.
     initial_rows: Vec<usize>,
-    /// Number of the group, as in `StepGroups::owners`.
+    /// Number of the group, as in `StepGroups::group_of_row`.
     number: usize,
     /// Number of steps of 10 ms since these simulations began.
     step: u32,
@@ -354,7 +356,8 @@ struct StepGroup<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> StepGroup<S, N> {
-    /// Let the egos decide, by orders or by the model, and move all vehicles until the next decision.
+    /// Let the egos decide, by the actions of the external driver or by the model, and move all vehicles until the next
+    /// decision.
     ///
     /// A simulation leaves the group after the call in which it ended, because that call still has to write the
     /// observation at its end. `call_start` is the step at which the present call began.
@@ -423,14 +426,14 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
             } = &mut **block;
             perceive(state, params, context, self.step, true);
             let step = self.step as f32;
-            let runs = |lane: usize| step <= state.end_step[lane];
+            let is_running = |lane: usize| step <= state.end_step[lane];
             // A simulation that ended at an earlier decision of this call moves on with its block until the call is
             // over. Its row already has the observation at its end.
             let ended_before = |lane: usize| step - SUBSTEPS as f32 > state.end_step[lane];
             let is_written = |lane: usize| {
                 has_simulation[lane]
                     && !ended_before(lane)
-                    && (writes == Writes::All || !runs(lane))
+                    && (writes == Writes::All || !is_running(lane))
             };
             if (0..SIMD_LANES).any(is_written) {
                 let driver = &context.drivers[EGO_SLOT];
@@ -441,13 +444,14 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
                         .observation_table(driver, rows.source)
                 );
                 for lane in (0..SIMD_LANES).filter(|lane| is_written(*lane)) {
-                    let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {
+                    let Some(row) = &mut rows.rows[rows.positions_in_group[simulations[lane]]]
+                    else {
                         continue;
                     };
                     for (entry, values) in row.table.iter_mut().zip(&table) {
                         *entry = values[lane];
                     }
-                    *row.runs = runs(lane);
+                    *row.is_running = is_running(lane);
                     *row.num_decisions = (self.step - first_step) / SUBSTEPS;
                 }
             }
