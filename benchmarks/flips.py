@@ -57,7 +57,7 @@ OPERATORS = (
 """Kind, where it stands, and the instrumented operator with # for the flip's number."""
 
 EQUIVALENT = {
-    "let facing = start «+ change * clamp_to(begin, 0.0, 1.0);": (
+    "let offset = start «+ change * clamp_to(axis_enter, 0.0, 1.0);": (
         "only its sign is used: at the first contact the centres are on the side where they began"
     ),
     "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
@@ -65,30 +65,27 @@ EQUIVALENT = {
     "is_detected: [zero«.simd_lt(zero); NUM_ROLES],": (
         "overwritten for every role before it is read"
     ),
-    "self.motion.vx[i] * sine «+ self.motion.vy[i] * cosine,": (
-        "no function reads the speed across the road"
-    ),
     "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
-    "leader.as_ref().filter(|_| role != «LEADER),": (
-        "a leader hides neither itself nor anybody behind: both are asked again"
+    "tall_leader: tall_leader.as_ref().filter(|_| role != «LEADER),": (
+        "a leader hides neither itself nor a vehicle behind the driver: `is_visible` tests both"
     ),
-    "& state.lane_choice.wanted_side[i]«.simd_eq(0.0)": (
-        "who wants a lane change has signalled for a moment; so it is never still, and looks again"
+    "& state.lane_choice.wanted_side[slot]«.simd_eq(0.0)": (
+        "a driver that wants a lane change has indicated for a moment, so another condition fails"
     ),
-    "& state.controls.indicator[i]«.simd_eq(0.0);": (
-        "the indicator goes off with the signal, so no driver is ever still, and each looks again"
+    "& state.controls.indicator[slot]«.simd_eq(0.0);": (
+        "no driver has no plan then, so each one decides, which changes nothing"
     ),
-    "splat(params.simd, road.boundaries[1] «- constants.corridor_margin),": (
-        "more may be in the lane of those who come; who is there is asked of each again"
+    "splat(simd, road.boundaries[1] «- constants.corridor_margin),": (
+        "more vehicles may be in the lane of oncoming ones; the search tests each of them again"
     ),
-    "let along = other.travel_sign«.simd_gt(0.0);": (
-        "both directions change names, and each is asked for the other"
+    "let drives_along = vehicle.travel_sign«.simd_gt(0.0);": (
+        "both directions exchange their names, and each meets the other one"
     ),
-    "traffic.as_seen_by_oncoming[j].on_road &= slot«.simd_ne(j as i32 as f32);": (
-        "told to another driver of the ego, who answers outside; nothing of it is recorded"
+    "search.as_seen_by_oncoming[j].on_road &= except_slot«.simd_ne(j as i32 as f32);": (
+        "only external drivers observe the second oncoming vehicle, and nothing of it is recorded"
     ),
-    "let at_home = state.lane_choice.lane[i]«.simd_eq(0.0).all_true();": (
-        "who is outside its lane overtakes and gives way to no other; others look at more"
+    "if lane«.simd_eq(0.0).all_true() {": (
+        "drivers outside their lane overtake and meet no vehicle in it; others search more slots"
     ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
