@@ -78,7 +78,7 @@ SERVER_SIMULATORS = ("carla", "carla-traffic-manager")
 
 
 def get_simulator(name: str) -> Simulator:
-    """The simulator of a name, with all that the generation of data sets needs to know of it.
+    """The simulator of a name, with its version and the sizes that suit its speed.
 
     Args:
         name: A name in `SIMULATORS`.

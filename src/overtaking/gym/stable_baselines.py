@@ -1,7 +1,7 @@
 """Adapter of `OvertakingVectorEnv` for Stable-Baselines3, a library of learning algorithms.
 
-The library has an interface of its own (`VecEnv`) for many environments that step together.
-`step` is two calls there, `step_async` and `step_wait`, and an ended episode is replaced at once.
+The library has its own interface (`VecEnv`) for many environments that step together. It divides
+`step` into two calls, `step_async` and `step_wait`, and replaces an ended episode at once.
 
     from stable_baselines3 import PPO
     from overtaking.gym.stable_baselines import StableBaselinesVecEnv
@@ -86,8 +86,8 @@ class StableBaselinesVecEnv(VecEnv):
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(terminated | truncated):
             final: Info = info["final_info"]  # Exists only in steps in which an episode ends.
-            # Gymnasium adds to each name a mask, "_" and the name: the environments that have a
-            # value. A row of the mask says nothing here.
+            # Names that begin with "_" are Gymnasium's masks of the environments with a value; the
+            # value of a single environment needs no mask.
             infos[row] = {name: final[name][row] for name in final if not name.startswith("_")} | {
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row]),

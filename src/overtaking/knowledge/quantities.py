@@ -6,9 +6,9 @@ An entry is a TOML table with a number, or with a distribution of a number over 
     patience = { distribution = "lognormal", median = 30.0, sigma = 0.4, low = 1.0, high = 120.0,
                  unit = "s", source = "choice", rationale = "..." }
 
-Only traits of drivers (`drivers.toml`) are distributions, because a driver's style lies between
-two of them. All other numbers have a `value`; quantities of vehicle classes may state a spread
-around it (`sigma`, `low`, `high`).
+Only traits of drivers (`drivers.toml`) have distributions, one for careful and one for reckless
+drivers; the driving style interpolates between the two. All other numbers have a `value`;
+quantities of vehicle classes may state a spread around it (`sigma`, `low`, `high`).
 
 `parse_quantity` and `parse_distribution` check an entry and convert its numbers to SI. A name with
 a suffix such as `_percent` or `_mm` is the exception: its numbers stay in that unit
@@ -432,9 +432,10 @@ def _range_of_draws(kind: str, numbers: Mapping[str, float], where: str) -> tupl
         return 0.0, 1.0
     low, high = numbers["low"], numbers["high"]
     centre = numbers["median" if kind == "lognormal" else "mean"]
-    has_logarithm = kind != "lognormal" or low > 0.0
+    # Lognormal numbers are positive.
+    is_low_valid = kind != "lognormal" or low > 0.0
     is_ordered = low < high and low <= centre <= high
-    if not (is_ordered and numbers["sigma"] > 0.0 and has_logarithm):
+    if not (is_ordered and numbers["sigma"] > 0.0 and is_low_valid):
         raise _error("parameters", where, "low < high around the centre, sigma > 0", numbers)
     return low, high
 

@@ -38,7 +38,7 @@ from overtaking.core.arrays import Mask
 from overtaking.core.equality import ContentEquality, is_same_content
 from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.representation import CompactRepr
-from overtaking.model.import_report import joined_findings
+from overtaking.model.import_report import join_findings
 
 BatchT = TypeVar("BatchT", bound="Batch")
 
@@ -466,7 +466,7 @@ def concatenate(batches: list[BatchT]) -> BatchT:
                 concatenate(list(parts)) for parts in zip(*values, strict=True)
             )
         elif not field.compare:  # `Trajectories.import_findings`, a tuple of findings.
-            joined[field.name] = joined_findings(values)
+            joined[field.name] = join_findings(values)
         elif not all(is_same_content(value, values[0]) for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
     return dataclasses.replace(first, **joined)  # type: ignore[type-var]

@@ -44,8 +44,8 @@ class ImportFinding:
         return asdict(self)
 
 
-def joined_findings(reports: Iterable[Iterable[ImportFinding]]) -> tuple[ImportFinding, ...]:
-    """The findings of several reports, in order and without repetitions.
+def join_findings(reports: Iterable[Iterable[ImportFinding]]) -> tuple[ImportFinding, ...]:
+    """Join the findings of several reports, in order and without repetitions.
 
     Batches that are parts of one recording have the same report, so their findings repeat.
 

@@ -3,11 +3,11 @@
 `specification` and `traffic_specification` declare the sections of a specification, a TOML file, as
 Pydantic models. Their fields have the types at the end of this module, such as `SpeedRange`. A type
 is a Python type with limits and with *checks*: functions that return the value, or raise
-`specification_error`. `config_error` turns what Pydantic finds into the one-line error that users
+`specification_error`. `config_error` converts an error of Pydantic to the one-line error that users
 see.
 
-Two sections have several models: `[weather]` always has a key `mode` that names one, `[traffic]`
-has it except for placed traffic (a few vehicles in a short zone).
+Two sections have several models, and their key `mode` names the model. `[weather]` always has this
+key; `[traffic]` lacks it for placed traffic (a few vehicles in a short zone).
 """
 
 from __future__ import annotations
@@ -261,7 +261,7 @@ Position = Annotated[float, Field(ge=0.0, le=MAX_LENGTH)]  # Distance along a ro
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Duration = Annotated[float, Field(ge=0.01, le=MAX_HORIZON_S)]  # At least a time step, 10 ms [s].
 Factor = Annotated[float, Field(ge=0.01, le=100.0)]
-Density = Annotated[float, Field(ge=0.1, le=250.0)]  # Vehicles on a kilometre of a lane.
+Density = Annotated[float, Field(ge=0.1, le=250.0)]  # Vehicles per kilometre and lane.
 SpeedKmh = Annotated[float, Field(gt=0.0, le=MAX_SPEED_KMH)]
 Count = Annotated[int, Field(ge=MIN_VEHICLES, le=MAX_VEHICLES)]  # Vehicles, the ego included.
 LaneNumber = Annotated[int, Field(ge=0, lt=MAX_LANES)]  # 0 is the slowest lane.

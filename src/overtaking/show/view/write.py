@@ -10,7 +10,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.files import write_atomically
 from overtaking.data.load import Dataset
 from overtaking.labels.law.judging import choose_policy
-from overtaking.model.import_report import ImportFinding, joined_findings
+from overtaking.model.import_report import ImportFinding, join_findings
 from overtaking.show import wording
 from overtaking.show.video.jobs import jobs, num_films, profile_of
 from overtaking.show.view.pack import pack
@@ -69,7 +69,7 @@ def write(
         if progress is not None:
             progress(len(entries), total or len(entries))
     entries.sort(key=lambda entry: entry["number"])
-    findings = joined_findings(reports)
+    findings = join_findings(reports)
     content = page(_title(source), policy, entries, findings).encode()
     if say is not None and len(content) > LARGE:
         say(len(content))
@@ -88,7 +88,7 @@ def page_of(title: str, policy: str, shown: Iterable[tuple[int, LabelledTrajecto
     """
     simulations = list(shown)
     entries = [_entry(pack(labelled, number)) for number, labelled in simulations]
-    findings = joined_findings(labelled.trajectories.import_findings for _, labelled in simulations)
+    findings = join_findings(labelled.trajectories.import_findings for _, labelled in simulations)
     return page(title, policy, entries, findings).encode()
 
 
