@@ -55,7 +55,7 @@ def seconds_of(case: Case, frames: Frames) -> F32:
 
 @cached_per_batch
 def last_driven_frame(case: Case) -> I32:
-    """Last frame in which the ego is driven: before a collision, off the road or a spin."""
+    """Last frame before a collision, a departure from the road or a spin; else the last frame."""
     events = case.events
     end = events.last.copy()
     for stop in (events.collision, events.road_departure, events.spin):
@@ -113,7 +113,7 @@ def span_after_passing(case: Case) -> FrameSpan:
 
 @cached_per_batch
 def is_regaining_gap(case: Case) -> Mask:
-    """Whether the leader has cut in so lately that it may be too near, shape (simulation, time).
+    """Whether the leader cut in so recently that it may be too near, shape (simulation, time).
 
     A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
     its own.
@@ -145,8 +145,9 @@ def is_regaining_gap(case: Case) -> Mask:
 
 @cached_per_batch
 def scans(case: Case) -> ScanResults:
-    """All that rules and features ask about stretches of frames."""
+    """Results of the compiled scan over the spans that rules and features read."""
     events = case.events
+    # Features count the frames up to a collision, and only in simulations without an attempt.
     until = np.where(events.collision == NEVER, events.last, events.collision)
     until = np.where(events.has_attempt, NEVER, until).astype(np.int32)
     spans = {
@@ -161,9 +162,10 @@ def scans(case: Case) -> ScanResults:
 
 @cached_per_batch
 def opposing_lane_span(case: Case) -> FrameSpan:
-    """The manoeuvre while a corner is beyond the line between the directions.
+    """From the first to the last frame in which the ego is in the opposing lane.
 
-    From the first to the last such frame; empty on one-way roads.
+    In these frames a corner of the ego is beyond the line between the directions of travel. The
+    span lies within the manoeuvre, and is empty on one-way roads.
     """
     span, road = manoeuvre(case), case.trajectories.road
     never = np.full(len(span.first), NEVER)
@@ -181,7 +183,7 @@ RoadInterval = tuple[float, float]
 
 @cached_per_batch
 def overtaking_span(case: Case) -> FrameSpan:
-    """From the line being crossed until the target is passed, and the ego back on its side."""
+    """From the line crossing until the target is passed and the ego is back on its own side."""
     events, span = case.events, manoeuvre(case)
     passing_frame = np.where(events.overlap_end != NEVER, events.overlap_end, span.last)
     last = np.minimum(np.maximum(passing_frame, opposing_lane_span(case).last), span.last)
@@ -191,16 +193,16 @@ def overtaking_span(case: Case) -> FrameSpan:
     )
 
 
-def distance_to_intervals(case: Case, along: Iterable[RoadInterval]) -> F32:
-    """Distance of the ego's front from the nearest of some stretches, (simulation, time) [m].
+def distance_to_intervals(case: Case, intervals: Iterable[RoadInterval]) -> F32:
+    """Distance of the ego's front from the nearest interval, shape (simulation, time) [m].
 
-    Within a stretch it is negative: the way to the nearer end.
+    Within an interval it is negative: the distance to the nearer end with a minus sign.
     """
     trajectories = case.trajectories
     front = as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES_PER_MM
     front = front + trajectories.scenario.vehicles.length[:, [EGO_SLOT]] * HALF
     distance = np.full(front.shape, UNCONSTRAINED)
-    for interval in along:
+    for interval in intervals:
         start, stop = np.float32(interval[0]), np.float32(interval[1])
         distance = np.minimum(distance, np.maximum(start - front, front - stop))
     return distance
@@ -209,12 +211,13 @@ def distance_to_intervals(case: Case, along: Iterable[RoadInterval]) -> F32:
 def zone_intervals(
     case: Case, kinds: Iterable[ZoneKind], approach_length: Callable[[ZoneKind], float]
 ) -> list[RoadInterval]:
-    """The stretches of some kinds of places for those who come along the road.
+    """Intervals of the road with zones of some kinds for traffic in the ego's direction.
 
     Args:
         case: The batch.
-        kinds: Which.
-        approach_length: How long before a place of a kind its stretch begins [m].
+        kinds: Kinds of the zones.
+        approach_length: Function from a kind to the length of road before a zone that belongs to
+            its interval [m].
     """
     kinds_of_zones, zones = frozenset(kinds), all_zones_for(case.trajectories.road, 1)
     return [
@@ -229,11 +232,11 @@ class Alongside:
     """The frames in which ego and target overlap, in order; arrays have shape (instant,).
 
     Attributes:
-        simulation: Simulation of each.
-        frame: Its frame.
+        simulation: Simulation of each instant.
+        frame: Frame of each instant.
         lane: Lane of the target.
-        lateral_gap: Between the sides of their bodies [m].
-        accel: Of the target [m/s^2].
+        lateral_gap: Gap between the sides of ego and target [m].
+        accel: Acceleration of the target [m/s^2].
     """
 
     simulation: IndexArray
@@ -243,17 +246,23 @@ class Alongside:
     accel: F32
 
     def finding(self, case: Case, margin: F32, applies: Mask | None = None) -> Finding:
-        """A margin of these frames that may never be negative, in the simulations that count."""
-        rows, frames = self.simulation, self.frame
+        """Finding of which the smallest margin in these frames decides.
+
+        Args:
+            case: The batch.
+            margin: Margin at each instant, shape (instant,).
+            applies: The simulations to which the rule applies, shape (simulation,); None for all.
+        """
+        simulation, frame = self.simulation, self.frame
         if applies is not None:
-            counted = applies[rows]
-            rows, frames, margin = rows[counted], frames[counted], margin[counted]
-        return finding_at_instants(margin, rows, frames, case.signals.num_simulations)
+            is_judged = applies[simulation]
+            simulation, frame, margin = simulation[is_judged], frame[is_judged], margin[is_judged]
+        return finding_at_instants(margin, simulation, frame, case.signals.num_simulations)
 
 
 @cached_per_batch
 def alongside(case: Case) -> Alongside:
-    """The frames in which ego and target overlap, in the overtake."""
+    """The frames in which ego and target overlap during the overtake."""
     events, end = case.events, last_driven_frame(case)
     last = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
     has_begun = (events.overlap_begin != NEVER) & (case.target.slot != NO_VEHICLE)
@@ -264,19 +273,21 @@ def alongside(case: Case) -> Alongside:
 
 def overlaps_in(case: Case, span: FrameSpan) -> Alongside:
     """The frames of a span in which ego and target overlap along the road."""
-    rows, frames, lane, lateral_gap, accel = frames_alongside_target(case, span.packed_ends)
-    return Alongside(simulation=rows, frame=frames, lane=lane, lateral_gap=lateral_gap, accel=accel)
+    simulation, frame, lane, lateral_gap, accel = frames_alongside_target(case, span.packed_ends)
+    return Alongside(
+        simulation=simulation, frame=frame, lane=lane, lateral_gap=lateral_gap, accel=accel
+    )
 
 
 def signed_lane(lane: U8) -> np.ndarray:
-    """Lane indices as signed numbers, with -1 for what is beyond the slow edge."""
+    """Lane indices as signed numbers: -1 for a vehicle beyond the slow edge."""
     return lane.view(np.int8)
 
 
 def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
     """Whether the ego is of a kind, or its kind is unknown, shape (simulation,)."""
-    is_one = case.trajectories.scenario.vehicles.kind[:, EGO_SLOT] == kind
-    return is_one | ("kinds" in case.trajectories.unknown)
+    is_kind = case.trajectories.scenario.vehicles.kind[:, EGO_SLOT] == kind
+    return is_kind | ("kinds" in case.trajectories.unknown)
 
 
 def target_may_be(case: Case, *, bicycle: bool) -> Mask:
@@ -286,21 +297,21 @@ def target_may_be(case: Case, *, bicycle: bool) -> Mask:
         case: The batch.
         bicycle: Whether to ask for a bicycle; otherwise for a vehicle that is no bicycle.
     """
-    vehicle, kind = case.target.slot, case.trajectories.scenario.vehicles.kind
-    is_bicycle = kind[np.arange(len(vehicle)), slot_or_ego(vehicle)] == VehicleKind.BICYCLE
-    unknown = "kinds" in case.trajectories.unknown
-    return (vehicle != NO_VEHICLE) & ((is_bicycle == bicycle) | unknown)
+    slot, kind = case.target.slot, case.trajectories.scenario.vehicles.kind
+    is_bicycle = kind[np.arange(len(slot)), slot_or_ego(slot)] == VehicleKind.BICYCLE
+    is_unknown = "kinds" in case.trajectories.unknown
+    return (slot != NO_VEHICLE) & ((is_bicycle == bicycle) | is_unknown)
 
 
 def neighbour_at(case: Case, role: NeighbourRole, frame: Frames) -> Encounter:
-    """The neighbour in a role at one frame of each simulation; invalid where that is `NEVER`."""
-    rows = np.flatnonzero(frame != NEVER)
-    encounters = encounters_at(case, role, rows, frame[rows].astype(np.intp))
-    if len(rows) == len(frame):
+    """The neighbour in a role at one frame of each simulation; invalid where `frame` is `NEVER`."""
+    simulation = np.flatnonzero(frame != NEVER)
+    encounters = encounters_at(case, role, simulation, frame[simulation].astype(np.intp))
+    if len(simulation) == len(frame):
         return encounters
-    spread = partial(scatter, simulations=rows, num_simulations=len(frame))
+    to_batch = partial(scatter, simulations=simulation, num_simulations=len(frame))
     return Encounter(
-        **{field.name: spread(getattr(encounters, field.name)) for field in fields(Encounter)}
+        **{field.name: to_batch(getattr(encounters, field.name)) for field in fields(Encounter)}
     )
 
 

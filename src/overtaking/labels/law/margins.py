@@ -57,16 +57,18 @@ def finding_from_margins(
     doubtful: Mask | None = None,
     belief: U8 | None = None,
 ) -> Finding:
-    """A check from margins.
+    """Make a finding from margins; every array has shape (simulation,).
 
     Args:
-        applies: Whether the rule is about this simulation at all, shape (simulation,).
-        margin: Negative in a breach, same shape.
-        first: First frame of the breach, read where there is one.
-        last: Last frame of the breach.
-        longest: Number of frames of its longest unbroken part; None if it has no break.
-        doubtful: Whether what is unknown could still break the rule.
-        belief: `Belief`, read where the rule applies.
+        applies: Whether the rule applies to the simulation.
+        margin: Margin, negative in a breach.
+        first: First frame of the breach; ignored without a breach.
+        last: Last frame of the breach; ignored without a breach.
+        longest: Number of frames of the longest unbroken run of the breach; None for a breach
+            without a break.
+        doubtful: Whether an unknown input could make a breach of a margin that is not negative; the
+            verdict is then undecidable.
+        belief: `Belief`; ignored where the rule does not apply.
     """
     is_broken, is_decided = applies & (margin < 0), applies
     verdict = is_broken.view(np.uint8)  # Legal is 0, illegal 1.
@@ -90,14 +92,14 @@ def finding_from_margins(
 
 
 def finding_not_applicable(num_simulations: int) -> Finding:
-    """The check of a rule that says nothing of any simulation."""
+    """Finding of a rule that applies to no simulation of a batch."""
     never = np.full(num_simulations, NEVER)
-    nothing = np.zeros(num_simulations, np.float32)
-    return finding_from_margins(np.zeros(num_simulations, np.bool_), nothing, never, never)
+    margin = np.zeros(num_simulations, np.float32)
+    return finding_from_margins(np.zeros(num_simulations, np.bool_), margin, never, never)
 
 
 UNCONSTRAINED = np.float32(3.0e38)
-"""Larger than any margin."""
+"""Margin where a rule asks for nothing: larger than any other, and finite in float32."""
 
 
 def num_frames_in(case: Case, seconds: float | np.floating) -> int:
@@ -259,18 +261,37 @@ def _law_numbers(case: Case) -> dict[str, Any]:
 
 
 def reduce_span(reduction: np.ufunc, values: NDArray[Any], span: FrameSpan) -> NDArray[Any]:
-    """`values` (simulation, time) of a span, reduced by a ufunc; any value where it is empty."""
+    """Reduce the frames of a span by a ufunc, such as a minimum.
+
+    Args:
+        reduction: The ufunc.
+        values: Shape (simulation, time).
+        span: The frames.
+
+    Returns:
+        Shape (simulation,); undefined where the span is empty.
+    """
     first, is_nonempty = np.arange(len(values)) * values.shape[1], span.is_nonempty
     index = np.empty(2 * len(values), np.intp)
     index[::2] = first + np.where(is_nonempty, span.first, 0)
     index[1::2] = first + np.where(is_nonempty, span.last + 1, 1)
     flat = values.reshape(-1)
-    # `reduceat` takes no end beyond the array, and needs none after the last start.
+    # `reduceat` reduces from each index to the next: every second result is that of a span. It
+    # accepts no index beyond the array, and the last span needs none.
     return reduction.reduceat(flat, index[index < flat.size])[::2]
 
 
 def breach_frames_in(span: FrameSpan, rows: IndexArray, broken: Mask) -> tuple[I32, I32, I32]:
-    """`breach_frames` the frames of a mask (row, time) of some simulations within a span."""
+    """First frame, last frame and longest run of a breach within a span.
+
+    Args:
+        span: The judged frames.
+        rows: Some simulations, in order.
+        broken: Whether each frame is in breach, shape (row, time).
+
+    Returns:
+        As `breach_frames`.
+    """
     row, frame = np.nonzero(span.mask(rows, broken.shape[1]) & broken)
     return breach_frames(rows[row], frame, len(span.first))
 
@@ -278,19 +299,21 @@ def breach_frames_in(span: FrameSpan, rows: IndexArray, broken: Mask) -> tuple[I
 def breach_frames(
     rows: IndexArray, frames: IndexArray, num_simulations: int
 ) -> tuple[I32, I32, I32]:
-    """First and last of some frames of each simulation, and how many of them follow each other.
+    """First frame, last frame and longest run of the frames in breach.
 
     Args:
-        rows: Simulation of each frame, in order.
-        frames: In order within a simulation.
+        rows: Simulation of each frame in breach, in order.
+        frames: The frames in breach, in order within a simulation.
         num_simulations: Length of the results.
 
     Returns:
-        Both, `NEVER` without any, and the number of frames of the longest run of consecutive ones.
+        First and last frame, `NEVER` without a breach, and the number of frames of the longest run
+        of consecutive frames; each of shape (simulation,).
     """
     first = np.full(num_simulations, NEVER)
     last, longest = first.copy(), np.zeros(num_simulations, np.int32)
-    # Of several frames of a simulation the one that is written last stays.
+    # Of several values for one simulation, the last one written remains: so the first frames are
+    # written in reverse order.
     first[rows[::-1]], last[rows] = frames[::-1], frames
     breaks = (np.diff(rows) != 0) | (np.diff(frames) != 1)
     begins = np.flatnonzero(np.append(True, breaks)[: rows.size])
@@ -299,7 +322,12 @@ def breach_frames(
 
 
 def minimum_over(margin: F32, span: FrameSpan) -> MarginMinimum:
-    """A margin (simulation, time) over a span; `UNCONSTRAINED` where it does not count."""
+    """Minimum of a margin over a span.
+
+    Args:
+        margin: Shape (simulation, time); `UNCONSTRAINED` in frames that the rule does not judge.
+        span: The frames.
+    """
     low = reduce_span(np.minimum, margin, span)
     rows = np.flatnonzero(span.is_nonempty & (low < 0))
     first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
@@ -309,14 +337,14 @@ def minimum_over(margin: F32, span: FrameSpan) -> MarginMinimum:
 def minimum_to_limit(
     signal: F32, limit: F32 | np.float32, span: FrameSpan, *, is_most: bool
 ) -> MarginMinimum:
-    """`minimum_over` of a signal minus the least that is allowed, or of the most minus the signal.
+    """`minimum_over` of the margin between a signal and its limit, by the compiled engine.
 
     Args:
         signal: Shape (simulation, time).
-        limit: The limit in each frame, shape (simulation, time), of each simulation, (simulation,),
-            or of all.
-        span: Where the margin counts.
-        is_most: Whether the limit is the most that is allowed.
+        limit: Limit in each frame, shape (simulation, time), in each simulation, shape
+            (simulation,), or one for all.
+        span: The judged frames.
+        is_most: Whether the limit is the largest lawful value, or the smallest one.
     """
     if limit.ndim == signal.ndim:
         signal, limit = signal - limit, np.float32(0.0)
@@ -343,11 +371,14 @@ def margins_within_span(span: FrameSpan, margins: NDArray[np.floating]) -> F64:
 
 
 def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:
-    """Bits that are set in any frame of a span, and in all: none and all where it is empty.
+    """Bits that are set in any frame of a span, and bits that are set in all frames.
 
     Args:
         values: Shape (simulation, time).
-        span: Where to look.
+        span: The frames. In an empty span no bit is set in any frame, and all bits in all frames.
+
+    Returns:
+        Each of shape (simulation,).
     """
     out = np.empty((2, len(values)), np.uint8)
     _core.flag_bits(values=with_adjacent_frames(values), span=span.packed_ends, out=out)
@@ -357,12 +388,12 @@ def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:
 def finding_of_minimum(
     minimum: MarginMinimum, span: FrameSpan, *, belief: U8 | None = None
 ) -> Finding:
-    """A margin that may never be negative: its smallest value, and the frames in which it is.
+    """Finding of which the smallest margin over a span decides.
 
     Args:
-        minimum: The margin over the span.
-        span: Where it counts; the rule applies where it counts in any frame.
-        belief: `Belief` of each simulation, where the rule is about one.
+        minimum: Minimum of the margin over the span.
+        span: The judged frames. The rule applies where the margin of any frame is constrained.
+        belief: `Belief` of each simulation, for a rule that judges beliefs.
     """
     applies = span.is_nonempty & (minimum.min_margin < UNCONSTRAINED)
     return finding_from_margins(
@@ -376,19 +407,21 @@ def finding_of_minimum(
 
 
 def finding_over_span(margin: F32, span: FrameSpan) -> Finding:
-    """`finding_of_minimum` of a margin of shape (simulation, time)."""
+    """`finding_of_minimum` of a margin (simulation, time), as `minimum_over` takes it."""
     return finding_of_minimum(minimum_over(margin, span), span)
 
 
 def finding_at_instants(
     margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int
 ) -> Finding:
-    """The same of a margin at single frames; the rule applies to simulations that have any.
+    """Finding of which the smallest margin over listed instants decides.
+
+    The rule applies to the simulations that have an instant with a constrained margin.
 
     Args:
-        margin: Shape (instant,).
-        rows: Simulation of each, in order.
-        frames: Frame of each, in order within a simulation.
+        margin: Margin at each instant, shape (instant,).
+        rows: Simulation of each instant, in order.
+        frames: Frame of each instant, in order within a simulation.
         num_simulations: Length of the results.
     """
     low = np.full(num_simulations, UNCONSTRAINED)

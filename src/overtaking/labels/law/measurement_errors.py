@@ -1,10 +1,10 @@
-"""Errors of measurement and what they do to margins.
+"""Standard errors of margins, from standard errors of measured positions and speeds.
 
 A margin is a function of positions and speeds. By the law of propagation of uncertainty its
-variance is the sum of the squares of what each of them contributes, and a contribution is half the
-change of the margin as that one moves by its standard deviation to either side (JCGM 100:2008,
-5.1.2 and the note to 5.1.3). So each rule needs only its margin as a function of errors, at the
-frame that decides.
+variance is the sum of the squared contributions of these inputs. The contribution of an input is
+half the change of the margin as the input moves by its standard deviation to either side (JCGM
+100:2008, 5.1.2 and the note to 5.1.3). So a rule needs no derivatives, only its margin as a
+function of errors in the frame that decides.
 """
 
 from collections.abc import Callable
@@ -66,7 +66,7 @@ def propagated_error(margin: Callable[..., F32], *sizes: float) -> F32:
     """Standard deviation of a margin.
 
     Args:
-        margin: The margin as a function of one error for each of the inputs.
+        margin: The margin as a function of one error for each input.
         sizes: Standard deviation of each input.
 
     Source:
@@ -83,10 +83,53 @@ def propagated_error(margin: Callable[..., F32], *sizes: float) -> F32:
     return np.sqrt(variance)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateError:
+    """Errors of one vehicle.
+
+    Attributes:
+        position: Error of the position along the road [m].
+        speed: Error of the speed [m/s].
+    """
+
+    position: F32
+    speed: F32
+
+
+def error_from_vehicles(
+    margin: Callable[..., F32], num_vehicles: int, errors: MeasurementErrors
+) -> F32:
+    """Standard deviation of a margin that depends on positions and speeds of several vehicles.
+
+    Args:
+        margin: The margin as a function of a `StateError` of each vehicle.
+        num_vehicles: Number of vehicles.
+        errors: Standard deviations of positions and speeds.
+    """
+
+    def margin_with(*state_errors: F32) -> F32:
+        positions, speeds = state_errors[:num_vehicles], state_errors[num_vehicles:]
+        pairs = zip(positions, speeds, strict=True)
+        return margin(*(StateError(position=position, speed=speed) for position, speed in pairs))
+
+    # All positions before all speeds: another order could change the last bits of the sum.
+    sizes = [errors.position_std] * num_vehicles + [errors.speed_std] * num_vehicles
+    return propagated_error(margin_with, *sizes)
+
+
 def deciding_frame(
     span: FrameSpan, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding
 ) -> I32:
-    """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
+    """First frame of a span in which a margin is nearest to the margin of a finding.
+
+    Args:
+        span: The frames that the rule judges.
+        margin: Function from simulation and frame of each instant to its margin.
+        checked: The finding.
+
+    Returns:
+        Shape (simulation,); the first frame, at least 0, of an empty span.
+    """
     simulation, frames = span.instants()
     deciding = np.maximum(span.first, 0).astype(np.int32)
     if not simulation.size:
@@ -101,7 +144,18 @@ def deciding_frame(
 def gap_error(
     case: Case, role: NeighbourRole, frame: I32, margin: GapMargin, errors: MeasurementErrors
 ) -> F32:
-    """Error of a margin of the gap to a neighbour, from positions and speeds of both."""
+    """Error of a margin of the gap to a neighbour, from positions and speeds of both vehicles.
+
+    Args:
+        case: The batch.
+        role: The neighbour.
+        frame: A frame of each simulation.
+        margin: The margin of the gap.
+        errors: Standard deviations of positions and speeds.
+
+    Returns:
+        Shape (simulation,), in the unit of the margin.
+    """
     neighbour, signals = neighbour_at(case, role, frame), case.signals
     speed, decel = (
         at_frame(signals.speed, frame),
@@ -113,81 +167,59 @@ def gap_error(
         NeighbourRole.RIGHT_LEADER,
     )
 
-    def margin_with(
-        ego_position_error: F32,
-        other_position_error: F32,
-        ego_speed_error: F32,
-        other_speed_error: F32,
-    ) -> F32:
-        moved_neighbour = encounter_with_error(
-            neighbour,
-            ego_position_error,
-            other_position_error,
-            ego_speed_error,
-            other_speed_error,
-            is_ahead=is_ahead,
-        )
-        return margin(
-            moved_neighbour.gap, speed + ego_speed_error, moved_neighbour.closing_speed, decel
-        )
+    def margin_with(ego_error: StateError, neighbour_error: StateError) -> F32:
+        measured = encounter_with_error(neighbour, ego_error, neighbour_error, is_ahead=is_ahead)
+        return margin(measured.gap, speed + ego_error.speed, measured.closing_speed, decel)
 
-    return propagated_error(margin_with, *errors_of_two_vehicles(errors))
+    return error_from_vehicles(margin_with, 2, errors)
 
 
 def encounter_with_error(
-    encounter: Encounter,
-    ego_position_error: F32,
-    position_error: F32,
-    ego_speed_error: F32,
-    speed_error: F32,
-    *,
-    is_ahead: bool,
+    encounter: Encounter, ego_error: StateError, neighbour_error: StateError, *, is_ahead: bool
 ) -> Encounter:
-    """A neighbour as it would have been seen with errors.
+    """A neighbour as it would have been measured with errors.
 
     Args:
-        encounter: As it was seen.
-        ego_position_error: Error of the ego's position along the road [m].
-        position_error: Of the neighbour's [m].
-        ego_speed_error: Of the ego's speed [m/s].
-        speed_error: Of the neighbour's [m/s].
-        is_ahead: Whether it is ahead of the ego.
+        encounter: The neighbour as it was measured.
+        ego_error: Errors of the ego.
+        neighbour_error: Errors of the neighbour.
+        is_ahead: Whether the neighbour is ahead of the ego.
     """
     sign = np.float32(1.0 if is_ahead else -1.0)
     return encounter.replace(
-        gap=encounter.gap + sign * (position_error - ego_position_error),
-        closing_speed=encounter.closing_speed + sign * (ego_speed_error - speed_error),
+        gap=encounter.gap + sign * (neighbour_error.position - ego_error.position),
+        closing_speed=encounter.closing_speed + sign * (ego_error.speed - neighbour_error.speed),
     )
 
 
-def errors_of_two_vehicles(errors: MeasurementErrors) -> tuple[float, float, float, float]:
-    """Errors of two positions and two speeds."""
-    return errors.position_std, errors.position_std, errors.speed_std, errors.speed_std
-
-
 def lane_margin_error(distance: F32, errors: MeasurementErrors) -> F32:
-    """Error of a margin in lanes: half a lane where a centre is one error from the border [lanes].
+    """Error of a margin in lanes: half a lane where a centre is one error from a border [lanes].
 
     Args:
-        distance: From the border that decides, either way [m].
-        errors: Of the measurement.
+        distance: Distance of the centre from the border that decides, of either sign [m].
+        errors: Standard deviations of positions and speeds.
     """
     return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES_PER_MM)
 
 
 def zero_if_infinite(error: F32) -> F32:
-    """The error, 0 where it is infinite because no vehicle is near."""
+    """Replace errors that are infinite because no vehicle is near by 0."""
     return np.where(np.isfinite(error), error, np.float32(0.0))
 
 
 GAP_ERROR_FORMULA = "sqrt(2 sp^2 + sv^2 ((t + v/b)^2 + (u/b)^2)), v behind and u ahead"
+"""Error of a gap minus `lawful_gap`, in the notation of `Criterion.ERROR_FORMULA`."""
 
 BRAKING_ERROR_FORMULA = (
     f"sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = {ABRUPT_BRAKING} decides"
 )
+"""Error of a gap minus the distance in which the vehicle behind loses its closing speed."""
 
 
 def return_time_error(case: Case, errors: MeasurementErrors) -> F32:
-    """Error of when the ego is back on its side, by its position across the road [s]."""
-    across = at_frame(case.signals.lateral_speed, opposing_lane_span(case).last)
-    return np.float32(errors.position_std) / np.maximum(np.abs(across), MIN_RATE_OF_CHANGE)
+    """Error of the time at which the ego is back on its side of the road, (simulation,) [s].
+
+    An error of the lateral position moves that time by the position error over the lateral speed.
+    """
+    lateral_speed = at_frame(case.signals.lateral_speed, opposing_lane_span(case).last)
+    return np.float32(errors.position_std) / np.maximum(np.abs(lateral_speed), MIN_RATE_OF_CHANGE)

@@ -21,8 +21,8 @@ from overtaking.labels.law.margins import (
 )
 from overtaking.labels.law.measurement_errors import (
     MeasurementErrors,
-    errors_of_two_vehicles,
-    propagated_error,
+    StateError,
+    error_from_vehicles,
     return_time_error,
 )
 from overtaking.labels.law.numbers import (
@@ -92,18 +92,11 @@ class GapAtReturn(Criterion):
         del finding
         others = _others_at_return(case)
 
-        def margin_with(
-            ego_position_error: F32,
-            other_position_error: F32,
-            ego_speed_error: F32,
-            other_speed_error: F32,
-        ) -> F32:
-            measured = _oncoming_with_errors(
-                others, ego_position_error, other_position_error, other_speed_error
-            )
-            return self._margins(case, measured, ego_speed_error).min(axis=1)
+        def margin_with(ego_error: StateError, oncoming_error: StateError) -> F32:
+            measured = _oncoming_with_errors(others, ego_error, oncoming_error)
+            return self._margins(case, measured, ego_error.speed).min(axis=1)
 
-        return propagated_error(margin_with, *errors_of_two_vehicles(errors))
+        return error_from_vehicles(margin_with, 2, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap to the oncoming vehicle with the smallest margin."""
@@ -188,23 +181,16 @@ class TimeToPass(Criterion):
         del finding
         others = _others_at_pull_out(case)
 
-        def margin_with(
-            ego_position_error: F32,
-            other_position_error: F32,
-            ego_speed_error: F32,
-            other_speed_error: F32,
-        ) -> F32:
-            measured = _oncoming_with_errors(
-                others, ego_position_error, other_position_error, other_speed_error
-            )
-            return self._margins(case, measured, ego_speed_error).min(axis=1)
+        def margin_with(ego_error: StateError, oncoming_error: StateError) -> F32:
+            measured = _oncoming_with_errors(others, ego_error, oncoming_error)
+            return self._margins(case, measured, ego_error.speed).min(axis=1)
 
         margins = self._margins(case, others)
         simulation, slot = np.arange(len(margins)), margins.argmin(axis=1)
         ego_speed = at_frame(case.signals.speed, opposing_lane_span(case).last)
         closing_speed = ego_speed + others.speed[simulation, slot]
         delay_error = closing_speed * return_time_error(case, errors)
-        gap_error = propagated_error(margin_with, *errors_of_two_vehicles(errors))
+        gap_error = error_from_vehicles(margin_with, 2, errors)
         return np.sqrt(gap_error * gap_error + delay_error * delay_error)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -250,20 +236,13 @@ def _speed_at(case: Case, frame: I32, error: F32 | None) -> F32:
 
 
 def _oncoming_with_errors(
-    others: OtherVehicles, ego_position_error: F32, position_error: F32, speed_error: F32
+    others: OtherVehicles, ego_error: StateError, oncoming_error: StateError
 ) -> OtherVehicles:
-    """Oncoming vehicles as they would have been measured with errors.
-
-    Args:
-        others: As they were measured.
-        ego_position_error: Error of the ego's position along the road [m].
-        position_error: Error of their positions along the road [m].
-        speed_error: Error of their speeds [m/s].
-    """
+    """Oncoming vehicles as they would have been measured with errors."""
     return replace(
         others,
-        gap=others.gap + position_error - ego_position_error,
-        speed=others.speed + speed_error,
+        gap=others.gap + oncoming_error.position - ego_error.position,
+        speed=others.speed + oncoming_error.speed,
     )
 
 
@@ -424,21 +403,16 @@ class GapToReturnInto(Criterion):
         frame = opposing_lane_span(case).first
         decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
 
-        def margin_with(
-            follower_position_error: F32,
-            leader_position_error: F32,
-            follower_speed_error: F32,
-            leader_speed_error: F32,
-        ) -> F32:
+        def margin_with(follower_error: StateError, leader_error: StateError) -> F32:
             measured = replace(
                 gap,
-                length=gap.length + leader_position_error - follower_position_error,
-                follower_speed=gap.follower_speed + follower_speed_error,
-                leader_speed=gap.leader_speed + leader_speed_error,
+                length=gap.length + leader_error.position - follower_error.position,
+                follower_speed=gap.follower_speed + follower_error.speed,
+                leader_speed=gap.leader_speed + leader_error.speed,
             )
             return _return_gap_margin(measured, decel)
 
-        return propagated_error(margin_with, *errors_of_two_vehicles(errors))
+        return error_from_vehicles(margin_with, 2, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap between the two vehicles."""

@@ -34,10 +34,10 @@ from overtaking.labels.law.measurement_errors import (
     BRAKING_ERROR_FORMULA,
     GAP_ERROR_FORMULA,
     MeasurementErrors,
+    StateError,
     deciding_frame,
     encounter_with_error,
-    errors_of_two_vehicles,
-    propagated_error,
+    error_from_vehicles,
     zero_if_infinite,
 )
 from overtaking.labels.law.numbers import (
@@ -270,20 +270,15 @@ def _begin_error(case: Case, errors: MeasurementErrors) -> F32:
     ego_speed = at_frame(case.signals.speed, first)
     decel = decel_for_safe_distance(at_frame(case.signals.friction, first))
 
-    def margin_with(
-        ego_position_error: F32,
-        target_position_error: F32,
-        ego_speed_error: F32,
-        target_speed_error: F32,
-    ) -> F32:
-        target_speed = target.speed + target_speed_error
-        lawful = lawful_gap(target_speed, target_speed - ego_speed - ego_speed_error, decel)
+    def margin_with(ego_error: StateError, target_error: StateError) -> F32:
+        target_speed = target.speed + target_error.speed
+        lawful = lawful_gap(target_speed, target_speed - ego_speed - ego_error.speed, decel)
         needed = np.maximum(RETURN_TIME_GAP.f32 * target_speed, lawful)
-        return target.gap + ego_position_error - target_position_error - needed
+        return target.gap + ego_error.position - target_error.position - needed
 
     # A lower bound on the opening speed keeps the error finite where the gap hardly opens.
     opening_speed = np.maximum(ego_speed - target.speed, MIN_RATE_OF_CHANGE)
-    error = propagated_error(margin_with, *errors_of_two_vehicles(errors)) / opening_speed
+    error = error_from_vehicles(margin_with, 2, errors) / opening_speed
     return np.where(target.valid, error, np.float32(0.0))
 
 
@@ -398,20 +393,16 @@ def _error_between_neighbours(
         is_first_ahead: Whether `first` is ahead of the ego and `second` behind it.
     """
 
-    def margin_with(*errors_of_vehicles: F32) -> F32:
-        positions, speeds = errors_of_vehicles[:3], errors_of_vehicles[3:]
-        moved = (
-            encounter_with_error(
-                neighbour, positions[0], positions[k], speeds[0], speeds[k], is_ahead=is_ahead
-            )
-            for k, neighbour, is_ahead in (
-                (1, first, is_first_ahead),
-                (2, second, not is_first_ahead),
-            )
+    def margin_with(
+        ego_error: StateError, first_error: StateError, second_error: StateError
+    ) -> F32:
+        return margin(
+            ego_error.speed,
+            encounter_with_error(first, ego_error, first_error, is_ahead=is_first_ahead),
+            encounter_with_error(second, ego_error, second_error, is_ahead=not is_first_ahead),
         )
-        return margin(speeds[0], *moved)
 
-    return propagated_error(margin_with, *[errors.position_std] * 3, *[errors.speed_std] * 3)
+    return error_from_vehicles(margin_with, 3, errors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -451,10 +442,12 @@ class NoForcedBraking(Criterion):
         frame = deciding_frame(manoeuvre(case), margin, finding)
         follower = neighbour_at(case, NeighbourRole.FOLLOWER, frame)
 
-        def margin_with(*errors_of_both: F32) -> F32:
-            return _braking_margin(encounter_with_error(follower, *errors_of_both, is_ahead=False))
+        def margin_with(ego_error: StateError, follower_error: StateError) -> F32:
+            return _braking_margin(
+                encounter_with_error(follower, ego_error, follower_error, is_ahead=False)
+            )
 
-        return propagated_error(margin_with, *errors_of_two_vehicles(errors))
+        return error_from_vehicles(margin_with, 2, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A gap to the follower at which it need not brake hard."""

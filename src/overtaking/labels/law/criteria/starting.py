@@ -28,9 +28,9 @@ from overtaking.labels.law.measurement_errors import (
     BRAKING_ERROR_FORMULA,
     GAP_ERROR_FORMULA,
     MeasurementErrors,
-    errors_of_two_vehicles,
+    StateError,
+    error_from_vehicles,
     gap_error,
-    propagated_error,
 )
 from overtaking.labels.law.numbers import (
     ABRUPT_BRAKING,
@@ -441,22 +441,17 @@ class NoOtherOvertaking(Criterion):
         others, has_attempt = _others_at_attempt(case), case.events.has_attempt
         is_follower, is_left_follower = self._followers(case, others)
 
-        def arrival_with(
-            ego_position_error: F32,
-            other_position_error: F32,
-            ego_speed_error: F32,
-            other_speed_error: F32,
-        ) -> F32:
+        def arrival_with(ego_error: StateError, other_error: StateError) -> F32:
             # `_first_arrival` reads the ego's speed from the signals and uses the difference of
             # the speeds alone, so the error of the ego's speed enters by the other speed.
             measured = replace(
                 others,
-                gap=others.gap + ego_position_error - other_position_error,
-                speed=others.speed + other_speed_error - ego_speed_error,
+                gap=others.gap + ego_error.position - other_error.position,
+                speed=others.speed + other_error.speed - ego_error.speed,
             )
             return self._first_arrival(case, measured, is_left_follower)
 
-        error = propagated_error(arrival_with, *errors_of_two_vehicles(errors))
+        error = error_from_vehicles(arrival_with, 2, errors)
         # A follower that has begun to pull out decides whatever the vehicles on the left do.
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         error = np.where(has_begun, np.float32(0.0), error)
