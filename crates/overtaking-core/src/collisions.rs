@@ -381,9 +381,15 @@ fn pair_frame<S: Simd, const N: usize>(
 }
 
 /// A component of a vector, or a lever, of the second vehicle in the frame of the first.
+///
+/// `match` instead of `Option::map_or`: the compiler leaves `map_or` outside as a function without the SIMD features of
+/// the CPU, where each operation on a vector is a call.
 #[inline(always)]
 fn in_frame<S: Simd>(frame: PairFrame<S>, value: F32<S>) -> F32<S> {
-    frame.map_or(value, |turn| turn * value)
+    match frame {
+        Some(turn) => turn * value,
+        None => value,
+    }
 }
 
 /// A position of the second vehicle in the frame of the first.
@@ -394,9 +400,10 @@ fn in_first_frame<S: Simd, const N: usize>(
     s: F32<S>,
     d: F32<S>,
 ) -> RoadVector<S> {
-    let (s, d) = frame.map_or((s, d), |turn| {
-        in_opposite_frame(params, turn.simd_lt(0.0), s, d)
-    });
+    let (s, d) = match frame {
+        Some(turn) => in_opposite_frame(params, turn.simd_lt(0.0), s, d),
+        None => (s, d),
+    };
     RoadVector { s, d }
 }
 
@@ -411,19 +418,24 @@ fn stay_clear<S: Simd>(
     end_offset: RoadVector<S>,
 ) -> Mask<S> {
     let (extent_a, extent_b) = (extent(a), extent(b));
-    let is_apart = |start: F32<S>, end: F32<S>, distance: F32<S>| {
-        (start.simd_gt(distance) & end.simd_gt(distance))
-            | (start.simd_lt(-distance) & end.simd_lt(-distance))
-    };
-    is_apart(
+    stays_beyond(
         start_offset.s,
         end_offset.s,
         extent_a.s + extent_b.s + ROUNDING_MARGIN,
-    ) | is_apart(
+    ) | stays_beyond(
         start_offset.d,
         end_offset.d,
         extent_a.d + extent_b.d + ROUNDING_MARGIN,
     )
+}
+
+/// Whether an offset exceeds a distance on the same side at the start and at the end of the step.
+///
+/// A function, because the compiler leaves a closure that is called twice outside, without the SIMD features of the CPU.
+#[inline(always)]
+fn stays_beyond<S: Simd>(start: F32<S>, end: F32<S>, distance: F32<S>) -> Mask<S> {
+    (start.simd_gt(distance) & end.simd_gt(distance))
+        | (start.simd_lt(-distance) & end.simd_lt(-distance))
 }
 
 /// Half of the space that a body takes along and across the road.

@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use crate::math::elementary::{atan, exp, sincos};
 use crate::math::philox::{MOTION, uniform, words};
 use crate::math::vectors::{
-    F32, SIMD_LANES, at_least, at_most, clamp_to, floor, max, min, select, splat,
+    F32, Mask, SIMD_LANES, at_least, at_most, clamp_to, floor, max, min, select, splat,
 };
 use crate::names::{ModelConstants, SimulationParams, VehicleParams};
 use crate::params::Params;
@@ -209,10 +209,6 @@ pub fn update_road_course<S: Simd, const N: usize>(
     let travel_sign = vehicle.travel_sign;
     let drives_against = travel_sign.simd_lt(0.0);
     let last = (table.curvature.len() - 1) as f32;
-    let station_at = |s: F32<S>| {
-        let road_s = select(drives_against, directions.length - s, s);
-        clamp_to(road_s * constants.per_station, 0.0, last)
-    };
     let is_oncoming = |lane: usize| usize::from(travel_sign[lane] < 0.0);
 
     // Bend and slope in the middle of the interval, and the bend where the vehicle will be when it answers its steering.
@@ -222,20 +218,19 @@ pub fn update_road_course<S: Simd, const N: usize>(
         splat(params.simd, constants.two_wheeler_lag),
         constants.steering_lag + vehicle.side_lag * v,
     );
-    let middle = station_at(s + half_interval * v);
-    let ahead = station_at(s + (half_interval + steering_lag) * v);
+    let middle = course_station(params, drives_against, s + half_interval * v);
+    let ahead_s = s + (half_interval + steering_lag) * v;
+    let ahead = course_station(params, drives_against, ahead_s);
     let offset = select(drives_against, d - directions.edge_sum, d);
-    let station_per_metre =
-        |curvature: F32<S>| 1.0 / at_least(1.0 - curvature * offset, MIN_RADIUS_SHARE);
     let curvature = travel_sign * interpolate_course(middle, last, |_| &table.curvature);
     let curvature_ahead = travel_sign * interpolate_course(ahead, last, |_| &table.curvature);
     let road = &mut state.road;
-    road.station_per_metre[slot] = station_per_metre(curvature);
+    road.station_per_metre[slot] = station_per_metre(curvature, offset);
     road.curvature[slot] = curvature * road.station_per_metre[slot];
-    road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead);
+    road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead, offset);
     road.sin_slope[slot] = travel_sign * interpolate_course(middle, last, |_| &table.sine_of_slope);
 
-    let station = station_at(s);
+    let station = course_station(params, drives_against, s);
     let radii = [&table.radius_along, &table.radius_against];
     let radius = interpolate_course(station, last, |lane| radii[is_oncoming(lane)]);
     let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
@@ -252,17 +247,16 @@ pub fn update_road_course<S: Simd, const N: usize>(
     });
 
     let allowed_speeds = [&table.allowed_speed_along, &table.allowed_speed_against];
-    let speed_limit_at = |station: F32<S>| {
-        interpolate_course(station, last, |lane| allowed_speeds[is_oncoming(lane)])
-    };
-    let desired_speed_under = |speed_limit: F32<S>| {
-        let speed = adapted_speed(vehicle, &params.simulations, speed_limit);
-        min(speed, vehicle.desired_speed)
-    };
-    road.speed_limit[slot] = speed_limit_at(station);
-    let desired_speed = desired_speed_under(road.speed_limit[slot]);
-    let next_station = station_at(s + constants.decision * v);
-    let next_desired_speed = desired_speed_under(speed_limit_at(next_station));
+    let next_s = s + constants.decision * v;
+    let next_station = course_station(params, drives_against, next_s);
+    let speed_limit = interpolate_course(station, last, |lane| allowed_speeds[is_oncoming(lane)]);
+    let next_speed_limit =
+        interpolate_course(next_station, last, |lane| allowed_speeds[is_oncoming(lane)]);
+    road.speed_limit[slot] = speed_limit;
+    let adapted_speed_now = adapted_speed(vehicle, &params.simulations, speed_limit);
+    let desired_speed = min(adapted_speed_now, vehicle.desired_speed);
+    let next_adapted_speed = adapted_speed(vehicle, &params.simulations, next_speed_limit);
+    let next_desired_speed = min(next_adapted_speed, vehicle.desired_speed);
     // On the way to a lower limit the driver follows the falling desired speed.
     let desired_accel = (next_desired_speed - desired_speed) / constants.decision;
     let accel_limit = max(
@@ -279,6 +273,27 @@ pub fn update_road_course<S: Simd, const N: usize>(
         vehicle.passing_speed,
     );
     road.desired_speed[slot] = desired_speed;
+}
+
+/// Row of the course table, with its fraction, at station `s` in the direction of travel of a vehicle.
+///
+/// This and `station_per_metre` are functions: the compiler leaves a closure that is called twice outside, without the
+/// SIMD features of the CPU.
+#[inline(always)]
+fn course_station<S: Simd, const N: usize>(
+    params: &Params<S, N>,
+    drives_against: Mask<S>,
+    s: F32<S>,
+) -> F32<S> {
+    let last = (params.road.course_table.curvature.len() - 1) as f32;
+    let road_s = select(drives_against, params.road.directions.length - s, s);
+    clamp_to(road_s * params.constants.per_station, 0.0, last)
+}
+
+/// Stations passed for each metre driven along the road by a vehicle `offset` metres to the left of the road's axis [1].
+#[inline(always)]
+fn station_per_metre<S: Simd>(curvature: F32<S>, offset: F32<S>) -> F32<S> {
+    1.0 / at_least(1.0 - curvature * offset, MIN_RADIUS_SHARE)
 }
 
 /// Speed that a driver desires under a speed limit in its weather and light [m/s].

@@ -216,15 +216,18 @@ pub fn drive_others<S: Simd, const N: usize>(
         }
         return;
     }
-    for i in (1..params.num_slots_in_use).filter(|i| drivers[*i].checks_mirrors.any_true()) {
+    for i in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            lane_change::change_lanes_by_mobil(
-                state,
-                params,
-                i,
-                (bodies, &drivers[i]),
-                accel_limit[i],
-            );
+            // Asked in here: outside, `any_true` would be compiled without the SIMD features of the CPU.
+            if drivers[i].checks_mirrors.any_true() {
+                lane_change::change_lanes_by_mobil(
+                    state,
+                    params,
+                    i,
+                    (bodies, &drivers[i]),
+                    accel_limit[i],
+                );
+            }
         });
     }
 }
