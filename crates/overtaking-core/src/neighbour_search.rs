@@ -12,6 +12,17 @@ use crate::vehicle_handle::VehicleHandle;
 /// The own lane, the next one to the left and the next one to the right, from the own [lanes].
 const LANE_OFFSETS: [f32; 3] = [0.0, 1.0, -1.0];
 
+/// Neighbours that are searched for at a decision.
+#[derive(Clone, Copy)]
+pub enum SearchedNeighbours {
+    /// The leader in the own lane.
+    Leader,
+    /// The leaders in the own lane and in both lanes beside it.
+    Leaders,
+    /// Leaders and followers in these three lanes.
+    All,
+}
+
 /// Nearest vehicles of the own direction around one vehicle, by role.
 #[derive(Clone, Copy)]
 pub struct Neighbours<S: Simd> {
@@ -161,11 +172,15 @@ impl<S: Simd> NearestVehicle<S> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Find the nearest vehicle ahead and behind, in the own lane and in the lanes beside it.
+    /// Find the leaders in the first `NUM_LANES` of `LANE_OFFSETS`, and if `FINDS_FOLLOWERS` also the followers there.
     ///
-    /// If `NUM_LANES_SEARCHED` is 1, only the leader in the own lane is found: the driver looks at no other neighbour.
+    /// All other roles get `NO_SLOT`, and their gaps keep old values.
     #[inline(always)]
-    pub fn find_neighbours<const NUM_LANES_SEARCHED: usize, const TWO_WAY: bool>(
+    pub fn find_neighbours<
+        const NUM_LANES: usize,
+        const FINDS_FOLLOWERS: bool,
+        const TWO_WAY: bool,
+    >(
         self,
         bodies: &[VisibleBody<S>; N],
         neighbours: &mut Neighbours<S>,
@@ -181,17 +196,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             (right_edge_beside, right_edge),
         ];
         neighbours.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
-        for index in 0..NUM_LANES_SEARCHED {
-            let nearest = self.nearest_in_lane::<NUM_LANES_SEARCHED, TWO_WAY>(
+        let num_ends = if FINDS_FOLLOWERS { 2 } else { 1 };
+        for index in 0..NUM_LANES {
+            let nearest = self.nearest_in_lane::<FINDS_FOLLOWERS, TWO_WAY>(
                 bodies,
                 edges[index],
                 LANE_OFFSETS[index],
             );
-            for (end, vehicle) in nearest
-                .into_iter()
-                .enumerate()
-                .take(NUM_LANES_SEARCHED.min(2))
-            {
+            for (end, vehicle) in nearest.into_iter().enumerate().take(num_ends) {
                 let role = 2 * index + end;
                 let NearestVehicle { slot, distance } = vehicle;
                 let [half_length, d] = each_at_slot!(params.num_slots_in_use, slot, |j| [
@@ -211,12 +223,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         (neighbours.lane_right_edge, neighbours.lane_left_edge) = (right_edge, left_edge);
     }
 
-    /// The nearest vehicle ahead and behind in the lane between these edges, `offset` lanes to the left of the own one;
-    /// only the one ahead if `NUM_LANES_SEARCHED` is 1.
+    /// The nearest vehicle ahead and, if `FINDS_FOLLOWERS`, the nearest one behind in the lane between these edges,
+    /// `offset` lanes to the left of the own one.
     ///
     /// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
     #[inline(always)]
-    fn nearest_in_lane<const NUM_LANES_SEARCHED: usize, const TWO_WAY: bool>(
+    fn nearest_in_lane<const FINDS_FOLLOWERS: bool, const TWO_WAY: bool>(
         self,
         bodies: &[VisibleBody<S>; N],
         (right_edge, left_edge): (F32<S>, F32<S>),
@@ -244,7 +256,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             }
             let is_ahead = distance.simd_ge(0.0);
             ahead.consider(other_slot, distance, is_in_lane & is_ahead);
-            if NUM_LANES_SEARCHED > 1 {
+            if FINDS_FOLLOWERS {
                 behind.consider(other_slot, -distance, is_in_lane & !is_ahead);
             }
         }

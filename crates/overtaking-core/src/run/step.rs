@@ -17,7 +17,7 @@ use crate::decision_context::{DecisionContext, DriverContext, RoadPositions};
 use crate::ego_action::EgoAction;
 use crate::lane_change;
 use crate::math::vectors::{F32, min, splat, with_cpu_features};
-use crate::neighbour_search::VisibleBody;
+use crate::neighbour_search::{SearchedNeighbours, VisibleBody};
 use crate::oncoming::observe_oncoming;
 use crate::overtake::{self, EgoDecision};
 use crate::params::{Params, SUBSTEPS, StepLength};
@@ -78,34 +78,41 @@ pub fn perceive<S: Simd, const N: usize>(
     for i in 0..params.num_slots_in_use {
         let driver = &mut drivers[i];
         driver.decision_index = decision;
-        let mut needs_adjacent_lanes = false;
+        let mut searched = SearchedNeighbours::Leader;
         with_cpu_features!(params.simd, {
-            needs_adjacent_lanes = update_gaze(state, params, i, driver, ego_may_change_any_time);
+            searched = update_gaze(state, params, i, driver, ego_may_change_any_time);
         });
         let neighbours = &mut driver.neighbours;
-        // The four variants (1 or 3 lanes, one or two directions) are compiled separately: a common loop would need
-        // more registers than the CPU has.
-        match (needs_adjacent_lanes, two_way) {
-            (false, false) => with_cpu_features!(params.simd, {
+        // The variants are compiled separately: a common loop would need more registers than the CPU has.
+        match (searched, two_way) {
+            (SearchedNeighbours::Leader, false) => with_cpu_features!(params.simd, {
                 state
                     .vehicle(params, i)
-                    .find_neighbours::<1, false>(bodies, neighbours);
+                    .find_neighbours::<1, false, false>(bodies, neighbours);
             }),
-            (true, false) => with_cpu_features!(params.simd, {
+            (SearchedNeighbours::Leaders, false) => with_cpu_features!(params.simd, {
                 state
                     .vehicle(params, i)
-                    .find_neighbours::<3, false>(bodies, neighbours);
+                    .find_neighbours::<3, false, false>(bodies, neighbours);
             }),
-            (false, true) => with_cpu_features!(params.simd, {
+            (SearchedNeighbours::All, false) => with_cpu_features!(params.simd, {
                 state
                     .vehicle(params, i)
-                    .find_neighbours::<1, true>(bodies, neighbours);
+                    .find_neighbours::<3, true, false>(bodies, neighbours);
             }),
-            (true, true) => with_cpu_features!(params.simd, {
+            (SearchedNeighbours::Leader, true) => with_cpu_features!(params.simd, {
                 state
                     .vehicle(params, i)
-                    .find_neighbours::<3, true>(bodies, neighbours);
+                    .find_neighbours::<1, false, true>(bodies, neighbours);
             }),
+            // `update_gaze` never returns `Leaders` on a two-way road; it shares this arm to save compiled code.
+            (SearchedNeighbours::Leaders | SearchedNeighbours::All, true) => {
+                with_cpu_features!(params.simd, {
+                    state
+                        .vehicle(params, i)
+                        .find_neighbours::<3, true, true>(bodies, neighbours);
+                })
+            }
         }
         if two_way {
             with_cpu_features!(params.simd, {
@@ -132,8 +139,8 @@ pub fn perceive<S: Simd, const N: usize>(
 
 /// Update `checks_mirrors` of driver `i`: whether it looks at the adjacent lanes at this decision.
 ///
-/// Returns whether the neighbours in the adjacent lanes are needed in any simulation of the block: where the driver
-/// looks there, where a lane change is under way, or where the ego may change lanes without a look.
+/// Returns the neighbours that are needed in any simulation of the block: all where the driver looks at the adjacent
+/// lanes, and the leaders there while it changes lanes without a look, because it watches only these.
 #[inline(always)]
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -141,7 +148,7 @@ fn update_gaze<S: Simd, const N: usize>(
     i: usize,
     driver: &mut DriverContext<S>,
     ego_may_change_any_time: bool,
-) -> bool {
+) -> SearchedNeighbours {
     let decision = driver.decision_index;
     if decision == 0 {
         let exists = params.vehicles[i].valid.simd_gt(0.0);
@@ -160,7 +167,17 @@ fn update_gaze<S: Simd, const N: usize>(
     let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0);
     let may_change_any_time =
         i == EGO_SLOT && (ego_may_change_any_time || (accepts_every_gap | is_forced).any_true());
-    may_change_any_time || (checks_mirrors | is_changing_lane).any_true()
+    if may_change_any_time || checks_mirrors.any_true() {
+        SearchedNeighbours::All
+    } else if !is_changing_lane.any_true() {
+        SearchedNeighbours::Leader
+    } else if i == EGO_SLOT || params.road.directions.has_oncoming_traffic {
+        // The recorder writes down all neighbours of an ego that changes lanes. On two-way roads every driver decides
+        // through the stages of the ego's model, which read the followers at any decision of a pass.
+        SearchedNeighbours::All
+    } else {
+        SearchedNeighbours::Leaders
+    }
 }
 
 /// Decide for all drivers but the ego: acceleration first, then lane changes or overtakes.
