@@ -135,9 +135,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             neighbours.lateral_distance[LEFT_LEADER],
         )
         .abs();
-        let leader_half_width = at_slot!(params.num_slots_in_use, leader_slot, |j| params.vehicles
-            [j]
-            .half_width);
+        let leader_half_width = at_slot!(params, leader_slot, |j| params.vehicles[j].half_width);
         let bodies_overlap = lateral_distance
             .simd_lt(vehicle.half_width + leader_half_width + constants.footprint_margin);
         // At 0.6 of its duration the path has moved by more than a car's width. The margin covers misjudged distances:

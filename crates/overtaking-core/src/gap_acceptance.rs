@@ -354,10 +354,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     pub fn true_closing_speed_to_leader(self, neighbours: &Neighbours<S>) -> F32<S> {
         let vx = &self.state.motion.vx;
-        vx[self.slot]
-            - at_slot!(self.params.num_slots_in_use, neighbours.slot[LEADER], |j| {
-                vx[j]
-            })
+        vx[self.slot] - at_slot!(self.params, neighbours.slot[LEADER], |j| { vx[j] })
     }
 
     /// Whether the driver wants to overtake and accepts the gaps, or a branch forces it to.
@@ -474,10 +471,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn has_passed_target(self) -> Mask<S> {
         let (s, params) = (&self.state.motion.s, self.params);
         let target_slot = self.state.overtake.target_slot[self.slot];
-        let target_s = at_slot!(params.num_slots_in_use, target_slot, |j| s[j]);
-        let target_half_length = at_slot!(params.num_slots_in_use, target_slot, |j| params
-            .vehicles[j]
-            .half_length);
+        let target_s = at_slot!(params, target_slot, |j| s[j]);
+        let target_half_length = at_slot!(params, target_slot, |j| params.vehicles[j].half_length);
         let half_lengths = self.vehicle().half_length + target_half_length;
         (s[self.slot] - target_s).simd_gt(half_lengths + params.constants.return_clearance)
     }
@@ -487,7 +482,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn is_behind_target(self) -> Mask<S> {
         let s = &self.state.motion.s;
         let target_slot = self.state.overtake.target_slot[self.slot];
-        s[self.slot].simd_lt(at_slot!(self.params.num_slots_in_use, target_slot, |j| s[j]))
+        s[self.slot].simd_lt(at_slot!(self.params, target_slot, |j| s[j]))
     }
 
     /// Whether it is quicker to turn back than to finish the lane change.

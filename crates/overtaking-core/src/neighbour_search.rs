@@ -206,7 +206,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             for (end, vehicle) in nearest.into_iter().enumerate().take(num_ends) {
                 let role = 2 * index + end;
                 let NearestVehicle { slot, distance } = vehicle;
-                let [half_length, d] = each_at_slot!(params.num_slots_in_use, slot, |j| [
+                let [half_length, d] = each_at_slot!(params, slot, |j| [
                     params.vehicles[j].half_length,
                     motion.d[j]
                 ]);

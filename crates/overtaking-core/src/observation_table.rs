@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::decision_context::DriverContext;
 use crate::gap_acceptance::is_scripted;
-use crate::math::vectors::{F32, Mask, at_most, each_at_slot, select, splat};
+use crate::math::vectors::{F32, Mask, at_most, at_slot, each_at_slot, select, splat};
 use crate::oncoming::OncomingVehicle;
 use crate::passing::tall_vehicle_gap_factor;
 use crate::state::{LEADER, NUM_ROLES, is_leader_role, stage};
@@ -194,10 +194,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let neighbour_slot = context.neighbours.slot[role];
         let exists = neighbour_slot.simd_ge(0.0);
         let (ego_speed, _) = self.road_velocity();
-        let [speed, accel] = each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
-            self.at_slot(j).road_velocity().0,
-            state.motion.accel_lon[j]
-        ]);
+        let speed = state.road_speed_at(params, neighbour_slot);
+        let accel = at_slot!(params, neighbour_slot, |j| state.motion.accel_lon[j]);
         let closing_speed = if is_leader_role(role) {
             ego_speed - speed
         } else {
@@ -220,23 +218,16 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> NeighbourColumns<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let zero = splat(params.simd, 0.0);
-        let [
-            speed,
-            accel,
-            d,
-            indicator,
-            half_length,
-            is_truck,
-            is_two_wheeler,
-        ] = each_at_slot!(params.num_slots_in_use, vehicle.slot, |j| [
-            self.at_slot(j).road_velocity().0,
-            state.motion.accel_lon[j],
-            state.motion.d[j],
-            state.controls.indicator[j],
-            params.vehicles[j].half_length,
-            params.vehicles[j].has_truck_tyres,
-            params.vehicles[j].two_wheeler
-        ]);
+        let speed = state.road_speed_at(params, vehicle.slot);
+        let [accel, d, indicator, half_length, is_truck, is_two_wheeler] =
+            each_at_slot!(params, vehicle.slot, |j| [
+                state.motion.accel_lon[j],
+                state.motion.d[j],
+                state.controls.indicator[j],
+                params.vehicles[j].half_length,
+                params.vehicles[j].has_truck_tyres,
+                params.vehicles[j].two_wheeler
+            ]);
         let ego_speed = self.road_velocity().0;
         let (is_detected, gap, closing_speed, accel) = match source {
             ObservationSource::Beliefs => (
@@ -327,17 +318,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             is_wreck,
             is_truck,
             is_two_wheeler,
-        ] = each_at_slot!(
-            params.num_slots_in_use,
-            context.neighbours.slot[role],
-            |j| [
-                state.controls.indicator[j],
-                state.controls.requested_accel[j],
-                state.motion.is_wreck[j],
-                params.vehicles[j].has_truck_tyres,
-                params.vehicles[j].two_wheeler
-            ]
-        );
+        ] = each_at_slot!(params, context.neighbours.slot[role], |j| [
+            state.controls.indicator[j],
+            state.controls.requested_accel[j],
+            state.motion.is_wreck[j],
+            params.vehicles[j].has_truck_tyres,
+            params.vehicles[j].two_wheeler
+        ]);
         let brakes =
             requested_accel.simd_lt(-params.constants.stop_lamp_decel) | is_wreck.simd_gt(0.0);
         let if_detected = |value| select(motion.is_detected, value, zero);

@@ -115,9 +115,7 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
             .vehicle(params, slot)
             .believe(&sighting, certain, decision_index);
         let leader_slot = neighbours.slot[LEADER];
-        let indicator = at_slot!(params.num_slots_in_use, leader_slot, |j| state
-            .controls
-            .indicator[j]);
+        let indicator = at_slot!(params, leader_slot, |j| state.controls.indicator[j]);
         oncoming.leader_pulls_out = leader_slot.simd_ge(0.0) & indicator.simd_gt(0.0);
     }
     if nearest_in_own_lane.slot.simd_ge(0.0).any_true() {
@@ -236,7 +234,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> Sighting<S> {
         let (vx, params) = (&self.state.motion.vx, self.params);
         let [half_length, log_contrast, inverse_lamp_intensity] =
-            each_at_slot!(params.num_slots_in_use, oncoming.slot, |j| [
+            each_at_slot!(params, oncoming.slot, |j| [
                 params.vehicles[j].half_length,
                 params.vehicles[j].log_contrast,
                 params.vehicles[j].inverse_head_lamp
@@ -244,7 +242,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let half_lengths = half_length + self.vehicle().half_length;
         let gap = oncoming.distance - half_lengths;
         let leader_slot = neighbours.slot[LEADER];
-        let leader_speed = at_slot!(params.num_slots_in_use, leader_slot, |j| vx[j]);
+        let leader_speed = at_slot!(params, leader_slot, |j| vx[j]);
         let extinction = self.extinction_ahead(neighbours, leader_speed);
         let conspicuity = Conspicuity {
             log_contrast,
@@ -278,12 +276,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> OncomingVehicle<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
-        let [width, two_wheeler, oncoming_vx] =
-            each_at_slot!(params.num_slots_in_use, sighting.slot, |j| [
-                params.vehicles[j].looming_width,
-                params.vehicles[j].two_wheeler,
-                state.motion.vx[j]
-            ]);
+        let [width, two_wheeler, oncoming_vx] = each_at_slot!(params, sighting.slot, |j| [
+            params.vehicles[j].looming_width,
+            params.vehicles[j].two_wheeler,
+            state.motion.vx[j]
+        ]);
         let is_detected = sighting.is_visible & is_certain;
         let (speed, _) = self.road_velocity();
         let is_imminent = sighting
@@ -340,7 +337,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             }
         }
         let leader_slot = neighbours.slot[LEADER];
-        let [half_width, blocks_view] = each_at_slot!(params.num_slots_in_use, leader_slot, |j| [
+        let [half_width, blocks_view] = each_at_slot!(params, leader_slot, |j| [
             params.vehicles[j].half_width,
             params.vehicles[j].blocks_view
         ]);

@@ -134,7 +134,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     fn target_lead(self) -> TargetLead<S> {
         let (s, params, slot) = (&self.state.motion.s, self.params, self.slot);
         let target_slot = self.state.overtake.target_slot[slot];
-        let [target_s, half_length] = each_at_slot!(params.num_slots_in_use, target_slot, |j| [
+        let [target_s, half_length] = each_at_slot!(params, target_slot, |j| [
             s[j],
             params.vehicles[j].half_length
         ]);
@@ -256,7 +256,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     fn is_past_target(self) -> Mask<S> {
         let s = &self.state.motion.s;
         let target_slot = self.state.overtake.target_slot[self.slot];
-        let target_s = at_slot!(self.params.num_slots_in_use, target_slot, |j| s[j]);
+        let target_s = at_slot!(self.params, target_slot, |j| s[j]);
         self.is_in_stage(stage::PASS) & s[self.slot].simd_gt(target_s)
     }
 

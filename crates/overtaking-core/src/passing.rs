@@ -97,8 +97,7 @@ pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
     params: &Params<S, N>,
     slot: F32<S>,
 ) -> F32<S> {
-    let blocks_view = at_slot!(params.num_slots_in_use, slot, |j| params.vehicles[j]
-        .blocks_view);
+    let blocks_view = at_slot!(params, slot, |j| params.vehicles[j].blocks_view);
     select(
         blocks_view.simd_gt(0.0),
         splat(params.simd, params.constants.tall_vehicle_gap_factor),
@@ -126,10 +125,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     pub fn target_speed(self) -> F32<S> {
         let target_slot = self.state.overtake.target_slot[self.slot];
-        at_slot!(self.params.num_slots_in_use, target_slot, |j| self
-            .at_slot(j)
-            .road_velocity()
-            .0)
+        self.state.road_speed_at(self.params, target_slot)
     }
 
     /// Speed that the passing driver desires now; higher in urgency [m/s].
@@ -210,7 +206,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     pub fn gap_ahead_of(self, other_slot: F32<S>) -> F32<S> {
         let (s, params) = (&self.state.motion.s, self.params);
-        let [centre, half_length] = each_at_slot!(params.num_slots_in_use, other_slot, |j| [
+        let [centre, half_length] = each_at_slot!(params, other_slot, |j| [
             s[j],
             params.vehicles[j].half_length
         ]);

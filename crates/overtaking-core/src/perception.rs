@@ -175,7 +175,7 @@ impl<S: Simd> TallLeader<S> {
     #[inline(always)]
     fn new<const N: usize>(params: &Params<S, N>, neighbours: &Neighbours<S>) -> Self {
         let leader_slot = neighbours.slot[LEADER];
-        let [blocks_view, half_width] = each_at_slot!(params.num_slots_in_use, leader_slot, |j| [
+        let [blocks_view, half_width] = each_at_slot!(params, leader_slot, |j| [
             params.vehicles[j].blocks_view,
             params.vehicles[j].half_width
         ]);
@@ -337,9 +337,7 @@ fn is_visible<S: Simd, const N: usize>(
     let is_beside = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
         & driver.state.lane_choice.checks_blind_spot[driver.slot].simd_eq(0.0);
     if is_beside.any_true() {
-        let half_width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
-            [j]
-            .half_width);
+        let half_width = at_slot!(params, neighbour_slot, |j| params.vehicles[j].half_width);
         let lateral_gap =
             neighbours.lateral_distance[role].abs() - (vehicle.half_width + half_width);
         is_visible &= !(is_beside & lateral_gap.simd_gt(constants.alongside));
@@ -464,8 +462,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let relative_speed = leader_speed / constants.spray_speed;
         let wetness = at_most(film / constants.spray_film, 1.0);
         let leader_slot = neighbours.slot[LEADER];
-        let leader_spray = at_slot!(params.num_slots_in_use, leader_slot, |j| params.vehicles[j]
-            .spray);
+        let leader_spray = at_slot!(params, leader_slot, |j| params.vehicles[j].spray);
         let spray = constants.spray_coefficient
             * wetness
             * (relative_speed * relative_speed)
@@ -519,9 +516,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     );
     let zero = splat(params.simd, 0.0);
     let unseen_gap = splat(params.simd, constants.unseen_gap);
-    let leader_speed = at_slot!(params.num_slots_in_use, neighbours.slot[LEADER], |j| state
-        .motion
-        .vx[j]);
+    let leader_speed = at_slot!(params, neighbours.slot[LEADER], |j| state.motion.vx[j]);
     let driver = state.vehicle(params, slot);
     let extinction = driver.extinction_ahead(neighbours, leader_speed);
     let always = vehicle.valid.simd_eq(vehicle.valid); // True in every lane.
@@ -547,12 +542,12 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         let (neighbour_slot, is_ahead) = (neighbours.slot[role], is_leader_role(role));
         // Ahead the rear lamps count, behind the headlamps.
         let [log_contrast, inverse_lamp_intensity] = if is_ahead {
-            each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
+            each_at_slot!(params, neighbour_slot, |j| [
                 params.vehicles[j].log_contrast,
                 bodies[j].inverse_rear_lamp
             ])
         } else {
-            each_at_slot!(params.num_slots_in_use, neighbour_slot, |j| [
+            each_at_slot!(params, neighbour_slot, |j| [
                 params.vehicles[j].log_contrast,
                 params.vehicles[j].inverse_head_lamp
             ])
@@ -626,9 +621,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         };
         let half_lengths = neighbours.half_length[role] + vehicle.half_length;
         let gap = nearest_image(params, distance) - half_lengths;
-        let looming_width = at_slot!(params.num_slots_in_use, neighbour_slot, |j| params.vehicles
-            [j]
-            .looming_width);
+        let looming_width = at_slot!(params, neighbour_slot, |j| params.vehicles[j].looming_width);
         let looming = state
             .vehicle(params, slot)
             .sense_looming(gap, closing_speed, looming_width);

@@ -8,7 +8,7 @@ use fearless_simd::{Simd, i32x16, u32x16};
 
 use crate::decision_context::DriverContext;
 use crate::gap_acceptance::Intent;
-use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, at_slot, clamp_to, select, splat};
+use crate::math::vectors::{CopyLane, F32, Mask, SIMD_LANES, clamp_to, select, splat};
 use crate::names::lights;
 use crate::oncoming::OncomingVehicle;
 use crate::params::{Params, RoadPose};
@@ -345,7 +345,7 @@ fn neighbour_percept<S: Simd, const N: usize>(
     let (neighbours, beliefs) = (&context.neighbours, &context.beliefs);
     let slot = neighbours.slot[role];
     let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
-    let speed = road_speed_at(state, params, slot);
+    let speed = state.road_speed_at(params, slot);
     Percept {
         slot,
         is_detected: beliefs.is_detected[role],
@@ -374,21 +374,8 @@ fn oncoming_percept<S: Simd, const N: usize>(
         gap: oncoming.believed_gap,
         closing_speed: oncoming.closing_speed,
         true_gap: oncoming.gap,
-        true_closing_speed: ego_speed + road_speed_at(state, params, oncoming.slot),
+        true_closing_speed: ego_speed + state.road_speed_at(params, oncoming.slot),
     }
-}
-
-/// Speed along the road of the vehicles in `slot` [m/s].
-#[inline(always)]
-fn road_speed_at<S: Simd, const N: usize>(
-    state: &State<S, N>,
-    params: &Params<S, N>,
-    slot: F32<S>,
-) -> F32<S> {
-    at_slot!(params.num_slots_in_use, slot, |j| state
-        .vehicle(params, j)
-        .road_velocity()
-        .0)
 }
 
 /// Clear the columns of percepts and of frames that a simulation may leave unwritten.

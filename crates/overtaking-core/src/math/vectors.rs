@@ -6,7 +6,9 @@
 use core::sync::atomic::{Ordering, compiler_fence};
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Simd, f32x16, mask32x16};
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16};
+
+use crate::SLOT_CAPACITIES;
 
 /// Number of simulations in a block.
 pub const SIMD_LANES: usize = 16;
@@ -164,40 +166,64 @@ macro_rules! with_cpu_features {
 }
 pub(crate) use with_cpu_features;
 
-/// The value of vehicle `slot` in each simulation; the value of slot 0 where no vehicle has that slot.
+/// Whether each simulation loads the value of its own slot; otherwise all slots are compared with it.
 ///
-/// `$count` is the number of slots, and `$value` gives the value of slot `$j`. This is a macro, because the compiler
-/// may compile a closure as a separate function without the SIMD features of the CPU.
-macro_rules! at_slot {
-    ($count:expr, $slot:expr, |$j:ident| $value:expr) => {{
-        let slot = $slot;
-        let mut picked = {
-            let $j = 0;
-            $value
-        };
-        for $j in 1..$count {
-            picked = $crate::math::vectors::select(slot.simd_eq($j as i32 as f32), $value, picked);
-        }
-        picked
-    }};
+/// With up to 8 slots, seven comparisons are faster than sixteen loads. They also are with any number of slots where a
+/// vector is as wide as a block (AVX-512), because one comparison then serves all sixteen simulations.
+#[inline(always)]
+pub fn loads_own_slot<S: Simd>(_slot: F32<S>, capacity: usize) -> bool {
+    let is_block_wide = size_of::<S::f32s>() >= size_of::<[f32; SIMD_LANES]>();
+    capacity > SLOT_CAPACITIES[0] && !is_block_wide
 }
-pub(crate) use at_slot;
 
-/// Several values of vehicle `slot` in each simulation, with one comparison for all of them.
+/// Slots as indices; 0 where there is no vehicle.
+#[inline(always)]
+pub fn slot_indices<S: Simd>(slot: F32<S>) -> [usize; SIMD_LANES] {
+    let indices: i32x16<S> = at_least(slot, 0.0).to_int();
+    indices.to_array().map(|index| index as usize)
+}
+
+/// Several values of vehicle `slot` in each simulation; the values of slot 0 where no vehicle has that slot.
+///
+/// `$params` are the parameters of the block, and the list gives the values of slot `$j`. This is a macro, because the
+/// compiler may compile a closure as a separate function without the SIMD features of the CPU.
 macro_rules! each_at_slot {
-    ($count:expr, $slot:expr, |$j:ident| $values:expr) => {{
-        let slot = $slot;
-        let mut picked = {
-            let $j = 0;
-            $values
-        };
-        for $j in 1..$count {
-            let is_slot = slot.simd_eq($j as i32 as f32);
-            for (picked, value) in picked.iter_mut().zip($values) {
-                *picked = $crate::math::vectors::select(is_slot, value, *picked);
+    ($params:expr, $slot:expr, |$j:ident| [$($value:expr),* $(,)?]) => {{
+        let (params, slot) = ($params, $slot);
+        let capacity = params.vehicles.len();
+        if $crate::math::vectors::loads_own_slot(slot, capacity) {
+            let indices = $crate::math::vectors::slot_indices(slot);
+            [$({
+                let mut picked = [0.0; $crate::math::vectors::SIMD_LANES];
+                for (lane, picked) in picked.iter_mut().enumerate() {
+                    // No slot reaches the capacity; with the remainder the compiler drops the check of the bounds.
+                    let $j = indices[lane] % capacity;
+                    *picked = $value[lane];
+                }
+                $crate::math::vectors::F32::simd_from(slot.simd, picked)
+            }),*]
+        } else {
+            let mut picked = {
+                let $j = 0;
+                [$($value),*]
+            };
+            for $j in 1..params.num_slots_in_use {
+                let is_slot = slot.simd_eq($j as i32 as f32);
+                for (picked, value) in picked.iter_mut().zip([$($value),*]) {
+                    *picked = $crate::math::vectors::select(is_slot, value, *picked);
+                }
             }
+            picked
         }
-        picked
     }};
 }
 pub(crate) use each_at_slot;
+
+/// One value of vehicle `slot` in each simulation, as `each_at_slot`.
+macro_rules! at_slot {
+    ($params:expr, $slot:expr, |$j:ident| $value:expr) => {{
+        let [value] = $crate::math::vectors::each_at_slot!($params, $slot, |$j| [$value]);
+        value
+    }};
+}
+pub(crate) use at_slot;
