@@ -145,6 +145,7 @@ pub fn nearest_image<S: Simd, const N: usize>(params: &Params<S, N>, distance: F
 }
 
 /// The nearest vehicle on one side of a vehicle in one lane.
+#[derive(Clone, Copy)]
 struct NearestVehicle<S: Simd> {
     /// Its slot, or `NO_SLOT`.
     slot: F32<S>,
@@ -169,6 +170,15 @@ impl<S: Simd> NearestVehicle<S> {
         self.slot = select(is_nearer, slot, self.slot);
         self.distance = select(is_nearer, distance, self.distance);
     }
+}
+
+/// The part of a lane that a body has to reach into to be in that lane.
+struct LaneStrip<S: Simd> {
+    /// Borders of the lane, moved inwards by `corridor_margin` [m].
+    right_edge: F32<S>,
+    left_edge: F32<S>,
+    /// Index of the lane.
+    lane: F32<S>,
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
@@ -235,31 +245,52 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         offset: f32,
     ) -> [NearestVehicle<S>; 2] {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let right_edge = right_edge + params.constants.corridor_margin;
-        let left_edge = left_edge - params.constants.corridor_margin;
-        let lane = state.lane_choice.lane[slot] + offset;
-        let mut ahead = NearestVehicle::no_vehicle(params.simd);
-        let mut behind = NearestVehicle::no_vehicle(params.simd);
-        for j in 0..params.num_slots_in_use {
-            if j == slot {
-                continue;
-            }
-            let (body, other_slot) = (&bodies[j], splat(params.simd, j as i32 as f32));
-            let distance = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
-            let overlaps = body.left_side.simd_gt(right_edge) & body.right_side.simd_lt(left_edge);
-            let changes_to_lane =
-                body.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane);
-            let mut is_in_lane = body.exists & (overlaps | changes_to_lane);
-            if TWO_WAY {
-                let travel_sign = params.vehicles[j].travel_sign;
-                is_in_lane &= travel_sign.simd_eq(self.vehicle().travel_sign);
-            }
-            let is_ahead = distance.simd_ge(0.0);
-            ahead.consider(other_slot, distance, is_in_lane & is_ahead);
-            if FINDS_FOLLOWERS {
-                behind.consider(other_slot, -distance, is_in_lane & !is_ahead);
-            }
+        let lane_strip = LaneStrip {
+            right_edge: right_edge + params.constants.corridor_margin,
+            left_edge: left_edge - params.constants.corridor_margin,
+            lane: state.lane_choice.lane[slot] + offset,
+        };
+        let mut nearest = [NearestVehicle::no_vehicle(params.simd); 2];
+        // Two loops leave out the vehicle itself without a branch for each vehicle. The slot counts as a vector beside
+        // them, which saves a conversion, and `min(N)` lets the compiler drop the checks of the bounds.
+        let mut other_slot = splat(params.simd, 0.0);
+        for j in 0..slot.min(N) {
+            let other = (j, other_slot, &bodies[j]);
+            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(other, &lane_strip, &mut nearest);
+            other_slot += 1.0;
         }
-        [ahead, behind]
+        other_slot += 1.0;
+        for j in slot + 1..params.num_slots_in_use.min(N) {
+            let other = (j, other_slot, &bodies[j]);
+            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(other, &lane_strip, &mut nearest);
+            other_slot += 1.0;
+        }
+        nearest
+    }
+
+    /// Take over another vehicle as the nearest one ahead or behind where it is in the lane and nearer.
+    #[inline(always)]
+    fn compare_distance<const FINDS_FOLLOWERS: bool, const TWO_WAY: bool>(
+        self,
+        (j, other_slot, body): (usize, F32<S>, &VisibleBody<S>),
+        lane_strip: &LaneStrip<S>,
+        [ahead, behind]: &mut [NearestVehicle<S>; 2],
+    ) {
+        let (state, params, slot) = (self.state, self.params, self.slot);
+        let distance = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
+        let overlaps = body.left_side.simd_gt(lane_strip.right_edge)
+            & body.right_side.simd_lt(lane_strip.left_edge);
+        let changes_to_lane =
+            body.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane_strip.lane);
+        let mut is_in_lane = body.exists & (overlaps | changes_to_lane);
+        if TWO_WAY {
+            let travel_sign = params.vehicles[j].travel_sign;
+            is_in_lane &= travel_sign.simd_eq(self.vehicle().travel_sign);
+        }
+        let is_ahead = distance.simd_ge(0.0);
+        ahead.consider(other_slot, distance, is_in_lane & is_ahead);
+        if FINDS_FOLLOWERS {
+            behind.consider(other_slot, -distance, is_in_lane & !is_ahead);
+        }
     }
 }
