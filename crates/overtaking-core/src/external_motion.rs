@@ -16,6 +16,7 @@ use crate::decision_context::DecisionContext;
 use crate::math::elementary::sincos;
 use crate::math::vectors::{F32, splat, with_cpu_features};
 use crate::names::ModelConstants;
+use crate::overtake::EgoDecision;
 use crate::params::StepLength;
 use crate::recorder::frame_tiles::FrameTile;
 use crate::recorder::output::Output;
@@ -256,21 +257,10 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
     fn decide(&mut self, motion: &[f32], step: u32, output: Output<'_>) -> DriverOutput {
         self.set_motion(motion);
         let mut recorder = Recorder::resume(output, self.recorder_progress);
-        let Block {
-            params,
-            state,
-            pairs,
-            ..
-        } = &mut *self.block;
-        decide(
-            state,
-            params,
-            &mut self.context,
-            Some(&mut recorder),
-            pairs,
-            step,
-            None,
-        );
+        let Block { params, state, .. } = &mut *self.block;
+        let ego_decision = EgoDecision { step, action: None };
+        let context = &mut self.context;
+        decide(state, params, context, Some(&mut recorder), &ego_decision);
         self.record_due_frame(&mut recorder, step);
         self.recorder_progress = recorder.progress();
         let Block { params, state, .. } = &*self.block;

@@ -16,15 +16,18 @@ use fearless_simd::prelude::*;
 
 use crate::SLOT_CAPACITIES;
 use crate::collisions::Pairs;
-use crate::decision_context::{DecisionContext, DriverContext};
+use crate::decision_context::{DecisionContext, DriverContext, RoadPositions};
 use crate::ego_action::{ActionLog, EgoAction};
 use crate::math::vectors::{CopyLane, F32, SIMD_LANES, splat, with_cpu_features};
 use crate::names::{SimulationParams, VehicleParams};
+use crate::overtake::EgoDecision;
 use crate::params::{DerivedConstants, Params, SUBSTEPS, StepLength};
 use crate::recorder::Recorder;
 use crate::recorder::frame_tiles::{FRAMES_PER_TILE, FrameTile};
 use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput};
-use crate::run::step::{advance, decide, drive_ego, update_slip_reach};
+use crate::run::step::{
+    IntegrationStep, advance, decide, drive_ego, find_near_pairs, update_slip_reach,
+};
 use crate::state::{EGO_SLOT, History, State, new_history};
 
 /// Number of tiles between two pauses, at least one. Chosen: 1, 2 or 4 tiles for blocks of 8, 16 or 32 slots, because
@@ -63,13 +66,14 @@ pub fn run<'a, S: Simd, const N: usize>(
         blocks.push(Block::new(simd, inputs, &simulations, recorder, history));
     }
     let mut context = DecisionContext::new(simd);
-    let length = steps_between_pauses(tiles_between_pauses(N), inputs.steps_per_frame);
+    let num_steps = steps_between_pauses(tiles_between_pauses(N), inputs.steps_per_frame);
     let mut step = 0;
     while !blocks.is_empty() {
+        let pause_step = step + num_steps;
         for block in &mut blocks {
-            block.advance((step, step + length), inputs, switches, tile, &mut context);
+            block.advance((step, pause_step), inputs, switches, tile, &mut context);
         }
-        step += length;
+        step = pause_step;
         for block in &mut blocks {
             block.finish_ended(step);
         }
@@ -99,9 +103,9 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
     recorder: Option<Recorder<'a, N>>,
     /// Pairs of vehicles that may collide before the next decision.
     pub(crate) pairs: Pairs<S>,
-    /// Angle of the ego's front wheels that an external driver ordered at the last decision [rad]; `None` if the model
+    /// Angle of the ego's front wheels that an external driver requested at the last decision [rad]; `None` if the model
     /// steers.
-    wheel: Option<F32<S>>,
+    wheel_angle: Option<F32<S>>,
     /// Row in the batch of the simulation in each lane; a free lane repeats the row of another lane.
     pub(crate) simulations: [usize; SIMD_LANES],
     /// Whether each lane has a simulation that runs; the other lanes are free.
@@ -147,45 +151,42 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             state,
             recorder,
             pairs: Pairs::new(),
-            wheel: None,
+            wheel_angle: None,
             simulations,
             has_simulation,
         })
     }
 
-    /// Simulate from step `first` up to step `end`, or until all simulations have ended.
+    /// Simulate from one step up to another, or until all simulations have ended.
     fn advance(
         &mut self,
-        (first, end): (u32, u32),
+        (first_step, pause_step): (u32, u32),
         inputs: &Inputs<'_>,
         switches: &[ParameterSwitch<'_>],
         tile: &mut FrameTile<N>,
         context: &mut DecisionContext<S, N>,
     ) {
         let simd = self.params.simd;
-        let (stride, steps) = self.step_length(inputs.steps_per_frame);
-        let mut step = first;
-        while step < end && any_runs(&self.state, simd, step) {
+        let (step_length, substeps) = self.step_length(inputs.steps_per_frame);
+        let mut step = first_step;
+        while step < pause_step && any_runs(&self.state, simd, step) {
             for switch in switches.iter().filter(|switch| switch.step == step) {
                 self.switch_parameters(inputs, switch);
             }
             let (state, params) = (&mut self.state, &self.params);
             if step.is_multiple_of(SUBSTEPS) {
-                let decision = (step / SUBSTEPS) as usize;
-                let orders = inputs
+                let decision_index = (step / SUBSTEPS) as usize;
+                let action = inputs
                     .action_log
-                    .map(|log| log.action_at(simd, &self.simulations, decision));
-                self.wheel = orders.and_then(|orders| orders.wheel_angle());
-                let pairs = &mut self.pairs;
-                decide(
-                    state,
-                    params,
-                    context,
-                    self.recorder.as_mut(),
-                    pairs,
+                    .map(|log| log.action_at(simd, &self.simulations, decision_index));
+                self.wheel_angle = action.and_then(|action| action.wheel_angle());
+                let ego_decision = EgoDecision {
                     step,
-                    orders.as_ref(),
-                );
+                    action: action.as_ref(),
+                };
+                let recorder = self.recorder.as_mut();
+                decide(state, params, context, recorder, &ego_decision);
+                find_near_pairs(state, params, &mut self.pairs);
             }
             if let Some(recorder) = &mut self.recorder
                 && step.is_multiple_of(inputs.steps_per_frame)
@@ -196,17 +197,14 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                     recorder.record_frame(state, params, is_running, frame, tile);
                 });
             }
-            let positions = &mut context.step_start;
-            advance(
-                state,
-                params,
-                &self.pairs,
-                positions,
-                step,
-                &stride,
-                self.wheel,
-            );
-            step += steps;
+            let integration = IntegrationStep {
+                index: step,
+                length: &step_length,
+                wheel_angle: self.wheel_angle,
+            };
+            let step_start = &mut context.step_start;
+            advance(state, params, &self.pairs, step_start, &integration);
+            step += substeps;
         }
         if let Some(recorder) = &mut self.recorder {
             with_cpu_features!(simd, recorder.write_tile(&self.params, tile));
@@ -250,47 +248,46 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         update_slip_reach(&mut self.state, &self.params);
     }
 
-    /// Carry out the ego's part of a decision at step `first`, and move all vehicles until the next decision.
+    /// Let the ego decide at step `first_step`, and move all vehicles until the next decision.
     ///
-    /// `action_log` has the orders of an external driver; `None` if the model drives the ego. `driver` is what the
-    /// ego's driver perceived at the decision.
+    /// `action_log` has the action of an external driver at this decision, `None` if the model drives the ego. `ego` is
+    /// the context of the ego's driver, and `step_start` memory for the positions before an integration step.
     pub(crate) fn advance_to_decision(
         &mut self,
-        first: u32,
-        steps_per_frame: u32,
+        (first_step, steps_per_frame): (u32, u32),
         action_log: Option<&ActionLog<'_>>,
-        driver: &DriverContext<S>,
-        context: &mut DecisionContext<S, N>,
+        ego: &DriverContext<S>,
+        step_start: &mut RoadPositions<S, N>,
     ) {
-        let (stride, steps) = self.step_length(steps_per_frame);
-        let orders = action_log.map(|log| log.action_at(self.params.simd, &self.simulations, 0));
+        let (step_length, substeps) = self.step_length(steps_per_frame);
+        let action = action_log.map(|log| log.action_at(self.params.simd, &self.simulations, 0));
+        let ego_decision = EgoDecision {
+            step: first_step,
+            action: action.as_ref(),
+        };
         let (state, params, pairs) = (&mut self.state, &self.params, &mut self.pairs);
-        drive_ego(
-            state,
-            params,
-            driver,
-            self.recorder.as_mut(),
-            pairs,
-            first,
-            orders.as_ref(),
-        );
-        let wheel = orders.as_ref().and_then(EgoAction::wheel_angle);
-        for step in (first..first + SUBSTEPS).step_by(steps as usize) {
-            let positions = &mut context.step_start;
-            advance(state, params, pairs, positions, step, &stride, wheel);
+        drive_ego(state, params, ego, self.recorder.as_mut(), &ego_decision);
+        find_near_pairs(state, params, pairs);
+        for index in (first_step..first_step + SUBSTEPS).step_by(substeps as usize) {
+            let integration = IntegrationStep {
+                index,
+                length: &step_length,
+                wheel_angle: action.as_ref().and_then(EgoAction::wheel_angle),
+            };
+            advance(state, params, pairs, step_start, &integration);
         }
     }
 
-    /// The integration step, and its length in steps of 10 ms.
+    /// Length of the integration steps [s], and the same as a number of steps of 10 ms.
     ///
     /// It is 50 ms if every frame coincides with a decision, and 10 ms otherwise, because frames between decisions need
     /// a state.
     fn step_length(&self, steps_per_frame: u32) -> (StepLength, u32) {
-        let rates = &self.params.derived;
+        let derived = &self.params.derived;
         if steps_per_frame.is_multiple_of(SUBSTEPS) {
-            (rates.coarse, SUBSTEPS)
+            (derived.coarse, SUBSTEPS)
         } else {
-            (rates.fine, 1)
+            (derived.fine, 1)
         }
     }
 

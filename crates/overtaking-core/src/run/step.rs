@@ -1,9 +1,9 @@
 //! One step of a block of simulations: decisions of all drivers every 50 ms, motion every 10 or 50 ms.
 //!
-//! `overtaking.sim.reference.simulation` has the same order of operations in Python. Slot `i` is the number of a
-//! vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number
-//! for each of the sixteen simulations. `with_cpu_features!` compiles its body as a function of its own with the SIMD
-//! features of the CPU.
+//! `overtaking.sim.reference.simulation` has the same order of operations in Python. A *slot* is the number of a vehicle
+//! in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number for each of
+//! the sixteen simulations. `with_cpu_features!` compiles its body as a separate function for the SIMD features of the
+//! CPU; an operation on vectors outside such a body is a call.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -30,35 +30,39 @@ use crate::{perception, steering};
 
 /// Compute one decision, 20 times a second: weather, perception, then the choices of all drivers.
 ///
-/// `orders` are the actions of an external driver of the ego, `None` if the model drives. Each part is compiled as a
-/// separate function: inlining all parts into one makes compilation slow and the code no faster.
+/// Each part is compiled as a separate function: inlining all parts into one makes compilation slow and the code no
+/// faster.
 pub fn decide<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     context: &mut DecisionContext<S, N>,
     recorder: Option<&mut Recorder<'_, N>>,
-    pairs: &mut Pairs<S>,
-    step: u32,
-    orders: Option<&EgoAction<S>>,
+    ego_decision: &EgoDecision<'_, S>,
 ) {
-    perceive(state, params, context, step, orders.is_some());
+    let has_external_driver = ego_decision.action.is_some();
+    perceive(
+        state,
+        params,
+        context,
+        ego_decision.step,
+        has_external_driver,
+    );
     drive_others(state, params, context);
-    let driver = &context.drivers[EGO_SLOT];
-    drive_ego(state, params, driver, recorder, pairs, step, orders);
+    let ego = &context.drivers[EGO_SLOT];
+    drive_ego(state, params, ego, recorder, ego_decision);
 }
 
 /// Update weather and friction, then find the neighbours and the beliefs of every driver.
 ///
-/// With `ego_may_change_any_time`, an external driver decides for the ego. The ego's neighbours in the adjacent lanes
-/// are then found at every decision, not only when the driver of the model would look at them.
+/// `ego_may_change_lanes` is true if an external driver decides for the ego. The ego's neighbours in the adjacent lanes are
+/// then found at every decision, not only when the driver of the model would look at them.
 pub fn perceive<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     context: &mut DecisionContext<S, N>,
     step: u32,
-    ego_may_change_any_time: bool,
+    ego_may_change_lanes: bool,
 ) {
-    let decision = step / SUBSTEPS;
     update_surroundings(state, params, step);
     let DecisionContext {
         drivers,
@@ -66,67 +70,67 @@ pub fn perceive<S: Simd, const N: usize>(
         oncoming_search,
         ..
     } = context;
-    let two_way = params.road.directions.has_oncoming_traffic;
+    let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
     with_cpu_features!(params.simd, {
-        for i in 0..params.num_slots_in_use {
-            bodies[i] = VisibleBody::new(state.vehicle(params, i));
+        for slot in 0..params.num_slots_in_use {
+            bodies[slot] = VisibleBody::new(state.vehicle(params, slot));
         }
-        if two_way {
+        if has_oncoming_traffic {
             oncoming_search.update(state, params, bodies);
         }
     });
-    for i in 0..params.num_slots_in_use {
-        let driver = &mut drivers[i];
-        driver.decision_index = decision;
+    for slot in 0..params.num_slots_in_use {
+        let driver = &mut drivers[slot];
+        driver.decision_index = step / SUBSTEPS;
         let mut searched = SearchedNeighbours::Leader;
         with_cpu_features!(params.simd, {
-            searched = update_gaze(state, params, i, driver, ego_may_change_any_time);
+            searched = update_gaze(state, params, slot, driver, ego_may_change_lanes);
         });
         let neighbours = &mut driver.neighbours;
         // The variants are compiled separately: a common loop would need more registers than the CPU has.
-        match (searched, two_way) {
+        match (searched, has_oncoming_traffic) {
             (SearchedNeighbours::Leader, false) => with_cpu_features!(params.simd, {
                 state
-                    .vehicle(params, i)
+                    .vehicle(params, slot)
                     .find_neighbours::<1, false, false>(bodies, neighbours);
             }),
             (SearchedNeighbours::Leaders, false) => with_cpu_features!(params.simd, {
                 state
-                    .vehicle(params, i)
+                    .vehicle(params, slot)
                     .find_neighbours::<3, false, false>(bodies, neighbours);
             }),
             (SearchedNeighbours::All, false) => with_cpu_features!(params.simd, {
                 state
-                    .vehicle(params, i)
+                    .vehicle(params, slot)
                     .find_neighbours::<3, true, false>(bodies, neighbours);
             }),
             (SearchedNeighbours::Leader, true) => with_cpu_features!(params.simd, {
                 state
-                    .vehicle(params, i)
+                    .vehicle(params, slot)
                     .find_neighbours::<1, false, true>(bodies, neighbours);
             }),
             // `update_gaze` never returns `Leaders` on a two-way road; it shares this arm to save compiled code.
             (SearchedNeighbours::Leaders | SearchedNeighbours::All, true) => {
                 with_cpu_features!(params.simd, {
                     state
-                        .vehicle(params, i)
+                        .vehicle(params, slot)
                         .find_neighbours::<3, true, true>(bodies, neighbours);
                 })
             }
         }
-        if two_way {
+        if has_oncoming_traffic {
             with_cpu_features!(params.simd, {
                 // Other drivers need beliefs about oncoming vehicles only when they look, or while they overtake.
-                let needs_beliefs = i == EGO_SLOT
-                    || (driver.checks_mirrors | oncoming_search.overtakes[i]).any_true();
+                let needs_beliefs = slot == EGO_SLOT
+                    || (driver.checks_mirrors | oncoming_search.overtakes[slot]).any_true();
                 let traffic = (&*bodies, &*oncoming_search);
-                observe_oncoming(state, params, i, traffic, (driver, needs_beliefs));
+                observe_oncoming(state, params, slot, traffic, (driver, needs_beliefs));
             });
         }
         // The function writes the beliefs in place: a value that is returned from a function with other CPU features
         // passes through memory twice.
         with_cpu_features!(params.simd, {
-            perception::form_beliefs(state, params, i, bodies, driver);
+            perception::form_beliefs(state, params, slot, bodies, driver);
         });
     }
     with_cpu_features!(
@@ -137,7 +141,7 @@ pub fn perceive<S: Simd, const N: usize>(
     );
 }
 
-/// Update `checks_mirrors` of driver `i`: whether it looks at the adjacent lanes at this decision.
+/// Update `checks_mirrors` of the driver in `slot`: whether it looks at the adjacent lanes at this decision.
 ///
 /// Returns the neighbours that are needed in any simulation of the block: all where the driver looks at the adjacent
 /// lanes, and the leaders there while it changes lanes without a look, because it watches only these.
@@ -145,33 +149,35 @@ pub fn perceive<S: Simd, const N: usize>(
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    i: usize,
+    slot: usize,
     driver: &mut DriverContext<S>,
-    ego_may_change_any_time: bool,
+    ego_may_change_lanes: bool,
 ) -> SearchedNeighbours {
-    let decision = driver.decision_index;
-    if decision == 0 {
-        let exists = params.vehicles[i].valid.simd_gt(0.0);
-        perception::draw_shoulder_check(state, params, i, exists, decision);
+    let decision_index = driver.decision_index;
+    if decision_index == 0 {
+        let exists = params.vehicles[slot].valid.simd_gt(0.0);
+        perception::draw_shoulder_check(state, params, slot, exists, decision_index);
     }
-    let mut checks_mirrors = state.vehicle(params, i).checks_mirrors_now(decision);
+    let mut checks_mirrors = state
+        .vehicle(params, slot)
+        .checks_mirrors_now(decision_index);
     if params.road.directions.has_oncoming_traffic {
         // A driver in the opposing lane looks at every decision.
-        checks_mirrors |= state.lane_choice.lane[i].simd_ge(1.0);
+        checks_mirrors |= state.lane_choice.lane[slot].simd_ge(1.0);
     }
     driver.checks_mirrors = checks_mirrors;
-    let is_changing_lane = state.path.elapsed[i].simd_lt(state.path.duration[i]);
+    let is_changing_lane = state.path.elapsed[slot].simd_lt(state.path.duration[slot]);
     // An ego with a forced decision, or one that accepts every gap, may change lanes at any decision, and the recorder
     // then needs the vehicles of the lane that it enters.
     let is_forced = params.simulations.forced_decision.simd_gt(0.0);
     let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0);
-    let may_change_any_time =
-        i == EGO_SLOT && (ego_may_change_any_time || (accepts_every_gap | is_forced).any_true());
-    if may_change_any_time || checks_mirrors.any_true() {
+    let may_change_lanes =
+        slot == EGO_SLOT && (ego_may_change_lanes || (accepts_every_gap | is_forced).any_true());
+    if may_change_lanes || checks_mirrors.any_true() {
         SearchedNeighbours::All
     } else if !is_changing_lane.any_true() {
         SearchedNeighbours::Leader
-    } else if i == EGO_SLOT || params.road.directions.has_oncoming_traffic {
+    } else if slot == EGO_SLOT || params.road.directions.has_oncoming_traffic {
         // The recorder writes down all neighbours of an ego that changes lanes. On two-way roads every driver decides
         // through the stages of the ego's model, which read the followers at any decision of a pass.
         SearchedNeighbours::All
@@ -194,114 +200,111 @@ pub fn drive_others<S: Simd, const N: usize>(
     } = context;
     // Short loops over all vehicles, so that the CPU works on several vehicles at once.
     let mut accel_limit = [splat(params.simd, 0.0); N];
-    for i in 1..params.num_slots_in_use {
-        accel_limit[i] = with_cpu_features!(
+    for slot in 1..params.num_slots_in_use {
+        accel_limit[slot] = with_cpu_features!(
             params.simd,
-            state.vehicle(params, i).accel_behind_leader(&drivers[i])
+            state
+                .vehicle(params, slot)
+                .accel_behind_leader(&drivers[slot])
         );
     }
     if params.road.directions.has_oncoming_traffic {
-        for i in 1..params.num_slots_in_use {
+        for slot in 1..params.num_slots_in_use {
             with_cpu_features!(params.simd, {
-                accel_limit[i] = min(
-                    accel_limit[i],
-                    accel_for_oncoming(state, params, i, &drivers[i].oncoming),
+                accel_limit[slot] = min(
+                    accel_limit[slot],
+                    accel_for_oncoming(state, params, slot, &drivers[slot].oncoming),
                 );
-                accel_limit[i] = min(
-                    accel_limit[i],
+                accel_limit[slot] = min(
+                    accel_limit[slot],
                     state
-                        .vehicle(params, i)
-                        .accel_limit_while_passing(&drivers[i]),
+                        .vehicle(params, slot)
+                        .accel_limit_while_passing(&drivers[slot]),
                 );
             });
         }
     }
-    for i in 1..params.num_slots_in_use {
+    for slot in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
             let requested = state
-                .vehicle(params, i)
-                .requested_accel(&drivers[i], accel_limit[i]);
-            acceleration::apply_pedals(state, params, i, requested);
+                .vehicle(params, slot)
+                .requested_accel(&drivers[slot], accel_limit[slot]);
+            acceleration::apply_pedals(state, params, slot, requested);
         });
     }
     if params.road.directions.has_oncoming_traffic {
-        for i in 1..params.num_slots_in_use {
+        for slot in 1..params.num_slots_in_use {
             with_cpu_features!(
                 params.simd,
-                overtake::decide_other(state, params, i, &drivers[i])
+                overtake::decide_other(state, params, slot, &drivers[slot])
             );
         }
         return;
     }
-    for i in 1..params.num_slots_in_use {
+    for slot in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
             // Asked in here: outside, `any_true` would be compiled without the SIMD features of the CPU.
-            if drivers[i].checks_mirrors.any_true() {
+            if drivers[slot].checks_mirrors.any_true() {
                 lane_change::change_lanes_by_mobil(
                     state,
                     params,
-                    i,
-                    (bodies, &drivers[i]),
-                    accel_limit[i],
+                    slot,
+                    (bodies, &drivers[slot]),
+                    accel_limit[slot],
                 );
             }
         });
     }
 }
 
-/// Decide for the ego, then find the pairs of vehicles that may collide before the next decision.
+/// Decide for the ego, or carry out the action of an external driver.
 ///
-/// `orders` are the actions of an external driver, `None` if the model drives the ego. Orders without an acceleration
-/// leave the pedals to the model.
+/// An action without an acceleration leaves the pedals to the model. `ego` is the context of the ego's driver.
 pub fn drive_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    driver: &DriverContext<S>,
+    ego: &DriverContext<S>,
     recorder: Option<&mut Recorder<'_, N>>,
-    pairs: &mut Pairs<S>,
-    step: u32,
-    orders: Option<&EgoAction<S>>,
+    decision: &EgoDecision<'_, S>,
 ) {
     with_cpu_features!(params.simd, {
-        let two_way = params.road.directions.has_oncoming_traffic;
         // Computed under an external driver, too, because the function also switches the ego's headlamp flash.
-        let oncoming_limit = if two_way {
-            Some(accel_for_oncoming(
-                state,
-                params,
-                EGO_SLOT,
-                &driver.oncoming,
-            ))
+        let oncoming_limit = if params.road.directions.has_oncoming_traffic {
+            Some(accel_for_oncoming(state, params, EGO_SLOT, &ego.oncoming))
         } else {
             None
         };
         // No closure here: the compiler may compile it as a separate function without the features of the CPU.
-        let requested = if let Some(ordered) = orders.and_then(EgoAction::requested_accel) {
-            ordered
+        let requested = if let Some(accel) = decision.action.and_then(EgoAction::requested_accel) {
+            accel
         } else {
-            let mut accel_limit = state.vehicle(params, EGO_SLOT).accel_behind_leader(driver);
+            let mut accel_limit = state.vehicle(params, EGO_SLOT).accel_behind_leader(ego);
             if let Some(oncoming_limit) = oncoming_limit {
                 accel_limit = min(
                     min(accel_limit, oncoming_limit),
                     state
                         .vehicle(params, EGO_SLOT)
-                        .accel_limit_while_passing(driver),
+                        .accel_limit_while_passing(ego),
                 );
             }
             state
                 .vehicle(params, EGO_SLOT)
-                .requested_accel(driver, accel_limit)
+                .requested_accel(ego, accel_limit)
         };
         acceleration::apply_pedals(state, params, EGO_SLOT, requested);
     });
-    let decision = EgoDecision {
-        step,
-        action: orders,
-    };
     with_cpu_features!(
         params.simd,
-        overtake::decide_ego(state, params, driver, recorder, &decision)
+        overtake::decide_ego(state, params, ego, recorder, decision)
     );
+}
+
+/// Find the pairs of vehicles that may touch before the next decision; `advance` looks for contacts of these pairs only.
+pub fn find_near_pairs<S: Simd, const N: usize>(
+    state: &State<S, N>,
+    params: &Params<S, N>,
+    pairs: &mut Pairs<S>,
+) {
     with_cpu_features!(params.simd, {
         if params.road.directions.has_oncoming_traffic {
             pairs_that_may_touch::<S, N, true>(state, params, pairs);
@@ -317,41 +320,41 @@ fn update_surroundings<S: Simd, const N: usize>(
     params: &Params<S, N>,
     step: u32,
 ) {
-    let decision = step / SUBSTEPS;
+    let decision_index = step / SUBSTEPS;
     with_cpu_features!(params.simd, {
-        for i in 0..params.num_slots_in_use {
-            if params.road.can_overtake(i) {
-                state.overtake.time_in_stage[i] += params.constants.decision;
+        for slot in 0..params.num_slots_in_use {
+            if params.road.can_overtake(slot) {
+                state.overtake.time_in_stage[slot] += params.constants.decision;
             }
-            state.lane_choice.time_since_lane_change[i] += params.constants.decision;
-            state.lane_choice.time_wanted[i] += params.constants.decision;
+            state.lane_choice.time_since_lane_change[slot] += params.constants.decision;
+            state.lane_choice.time_wanted[slot] += params.constants.decision;
         }
         wreck_off_road_vehicles(state, params, step);
     });
     with_cpu_features!(
         params.simd,
-        perception::record_history(state, params, decision)
+        perception::record_history(state, params, decision_index)
     );
     with_cpu_features!(
         params.simd,
-        road_conditions::update_random_processes(state, params, decision)
+        road_conditions::update_random_processes(state, params, decision_index)
     );
     if params.road.varies_along_road() {
-        for i in 0..params.num_slots_in_use {
+        for slot in 0..params.num_slots_in_use {
             with_cpu_features!(params.simd, {
-                road_conditions::update_road_course(state, params, i);
+                road_conditions::update_road_course(state, params, slot);
                 if step == 0 {
-                    steering::settle_into_bend(state, params, i);
+                    steering::settle_into_bend(state, params, slot);
                 }
             });
         }
     }
     with_cpu_features!(params.simd, road_conditions::update_friction(state, params));
     with_cpu_features!(params.simd, road_conditions::update_wind(state, params));
-    for i in 0..params.num_slots_in_use {
+    for slot in 0..params.num_slots_in_use {
         with_cpu_features!(
             params.simd,
-            steering::update_wind_trim(state, params, i, step)
+            steering::update_wind_trim(state, params, slot, step)
         );
     }
     if with_cpu_features!(
@@ -360,7 +363,7 @@ fn update_surroundings<S: Simd, const N: usize>(
     ) {
         with_cpu_features!(
             params.simd,
-            road_conditions::apply_study_push(state, params, decision)
+            road_conditions::apply_study_push(state, params, decision_index)
         );
     }
     update_slip_reach(state, params);
@@ -369,34 +372,48 @@ fn update_surroundings<S: Simd, const N: usize>(
 /// Update how far each driver may turn the front wheels: it depends on friction and on the parameters of the vehicle.
 pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     with_cpu_features!(params.simd, {
-        for i in 0..params.num_slots_in_use {
-            state.controls.slip_reach[i] = state.vehicle(params, i).slip_reach();
+        for slot in 0..params.num_slots_in_use {
+            state.controls.slip_reach[slot] = state.vehicle(params, slot).slip_reach();
         }
     });
 }
 
+/// A step of the motion, 10 or 50 ms long.
+pub struct IntegrationStep<'a, S: Simd> {
+    /// Number of the step of 10 ms with which it begins.
+    pub index: u32,
+    pub length: &'a StepLength,
+    /// Angle of the ego's front wheels that an external driver requests [rad]; `None` if the model steers.
+    pub wheel_angle: Option<F32<S>>,
+}
+
 /// Steer and move all vehicles for one step, then resolve collisions between `pairs`.
 ///
-/// `stride` is the length of the step, 10 or 50 ms. `wheel` is the angle of the ego's front wheels [rad] that an
-/// external driver ordered, `None` if the model steers. `positions` is memory for `s` and `d` before the step.
-#[allow(clippy::too_many_arguments)]
+/// `step_start` is memory for the positions before the step.
 pub fn advance<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     pairs: &Pairs<S>,
-    positions: &mut RoadPositions<S, N>,
-    step: u32,
-    stride: &StepLength,
-    wheel: Option<F32<S>>,
+    step_start: &mut RoadPositions<S, N>,
+    step: &IntegrationStep<'_, S>,
 ) {
+    if !pairs.is_empty() {
+        // A contact is found between the positions before and after the step.
+        with_cpu_features!(params.simd, {
+            for slot in 0..params.num_slots_in_use {
+                step_start.s[slot] = state.motion.s[slot];
+                step_start.d[slot] = state.motion.d[slot];
+            }
+        });
+    }
     // Straight, level roads have a variant of their own, which computes no bends and slopes.
     if params.road.varies_along_road() {
         with_cpu_features!(params.simd, {
-            steer_and_move::<S, N, true>(state, params, pairs, positions, stride, wheel);
+            steer_and_move::<S, N, true>(state, params, step);
         });
     } else {
         with_cpu_features!(params.simd, {
-            steer_and_move::<S, N, false>(state, params, pairs, positions, stride, wheel);
+            steer_and_move::<S, N, false>(state, params, step);
         });
     }
     if !pairs.is_empty() {
@@ -407,9 +424,9 @@ pub fn advance<S: Simd, const N: usize>(
                 params,
                 pairs,
                 &SweptStep {
-                    index: step,
-                    length: stride.length,
-                    start: positions,
+                    index: step.index,
+                    length: step.length.length,
+                    start: step_start,
                 },
             )
         );
@@ -421,33 +438,34 @@ pub fn advance<S: Simd, const N: usize>(
 fn steer_and_move<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    pairs: &Pairs<S>,
-    positions: &mut RoadPositions<S, N>,
-    stride: &StepLength,
-    wheel: Option<F32<S>>,
+    step: &IntegrationStep<'_, S>,
 ) {
-    if !pairs.is_empty() {
-        // A collision is found between the positions before and after the step.
-        for i in 0..params.num_slots_in_use {
-            (positions.s[i], positions.d[i]) = (state.motion.s[i], state.motion.d[i]);
-        }
-    }
+    let step_length = step.length;
     // Short loops over all vehicles, so that the CPU works on several vehicles at once.
-    let mut angle = [splat(params.simd, 0.0); N];
+    let mut wheel_angle = [splat(params.simd, 0.0); N];
     let mut first_slot = EGO_SLOT;
-    if let Some(ordered) = wheel {
-        angle[EGO_SLOT] = steering::steer_to_angle::<S, N, VARIES>(state, params, ordered, stride);
+    if let Some(requested) = step.wheel_angle {
+        wheel_angle[EGO_SLOT] =
+            steering::steer_to_angle::<S, N, VARIES>(state, params, requested, step_length);
         first_slot += 1;
     }
-    for i in first_slot..params.num_slots_in_use {
-        angle[i] = steering::steer::<S, N, VARIES>(state, params, i, stride);
+    for slot in first_slot..params.num_slots_in_use {
+        wheel_angle[slot] = steering::steer::<S, N, VARIES>(state, params, slot, step_length);
     }
     let mut motion = [MotionStep::standstill(params.simd); N];
-    for i in 0..params.num_slots_in_use {
-        motion[i] =
-            vehicle_dynamics::compute_step::<S, N, VARIES>(state, params, i, angle[i], stride);
+    for slot in 0..params.num_slots_in_use {
+        let angle = wheel_angle[slot];
+        motion[slot] =
+            vehicle_dynamics::compute_step::<S, N, VARIES>(state, params, slot, angle, step_length);
     }
-    for i in 0..params.num_slots_in_use {
-        vehicle_dynamics::update_position::<S, N, VARIES>(state, params, i, motion[i], stride);
+    for slot in 0..params.num_slots_in_use {
+        let vehicle_motion = motion[slot];
+        vehicle_dynamics::update_position::<S, N, VARIES>(
+            state,
+            params,
+            slot,
+            vehicle_motion,
+            step_length,
+        );
     }
 }

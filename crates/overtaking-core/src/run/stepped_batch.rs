@@ -368,8 +368,9 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
         context: &mut DecisionContext<S, N>,
         call_start: u32,
     ) {
-        for (block, driver) in self.blocks.iter_mut().zip(&self.ego_contexts) {
-            block.advance_to_decision(self.step, steps_per_frame, action_log, driver, context);
+        for (block, ego) in self.blocks.iter_mut().zip(&self.ego_contexts) {
+            let steps = (self.step, steps_per_frame);
+            block.advance_to_decision(steps, action_log, ego, &mut context.step_start);
         }
         self.step += SUBSTEPS;
         self.free_lanes(|block, lane| block.state.end_step[lane] < call_start as f32);
