@@ -66,6 +66,10 @@ pub struct DecisionContext<S: Simd, const N: usize> {
     pub bodies: [VisibleBody<S>; N],
     /// Which vehicles can meet which, on two-way roads.
     pub oncoming_search: OncomingSearch<S, N>,
+    /// Largest acceleration of each driver but the ego's [m/s^2].
+    ///
+    /// Only memory that the thread uses again: written and read by `drive_others`.
+    pub accel_limit: PerVehicle<S, N>,
     /// Positions at the start of an integration step, from which contacts are swept.
     ///
     /// Only memory that the thread uses again: written in every step in which two vehicles may touch, and not read by
@@ -81,6 +85,7 @@ impl<S: Simd, const N: usize> DecisionContext<S, N> {
             drivers: [DriverContext::empty(simd); N],
             bodies: [VisibleBody::no_vehicle(simd); N],
             oncoming_search: OncomingSearch::no_vehicles(simd),
+            accel_limit: zero,
             step_start: RoadPositions { s: zero, d: zero },
         }
     }

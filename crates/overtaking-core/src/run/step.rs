@@ -193,20 +193,21 @@ fn update_gaze<S: Simd, const N: usize>(
 pub fn drive_others<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    context: &DecisionContext<S, N>,
+    context: &mut DecisionContext<S, N>,
 ) {
     let DecisionContext {
-        drivers, bodies, ..
+        drivers,
+        bodies,
+        accel_limit,
+        ..
     } = context;
     // Short loops over all vehicles, so that the CPU works on several vehicles at once.
-    let mut accel_limit = [splat(params.simd, 0.0); N];
     for slot in 1..params.num_slots_in_use {
-        accel_limit[slot] = with_cpu_features!(
-            params.simd,
-            state
+        with_cpu_features!(params.simd, {
+            accel_limit[slot] = state
                 .vehicle(params, slot)
-                .accel_behind_leader(&drivers[slot])
-        );
+                .accel_behind_leader(&drivers[slot]);
+        });
     }
     if params.road.directions.has_oncoming_traffic {
         for slot in 1..params.num_slots_in_use {
