@@ -24,16 +24,20 @@ use crate::overtake::EgoDecision;
 use crate::params::{DerivedConstants, Params, SUBSTEPS, StepLength};
 use crate::recorder::Recorder;
 use crate::recorder::frame_tiles::{FRAMES_PER_TILE, FrameTile};
-use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput};
+use crate::run::engine::{Inputs, ParameterSwitch, SimulationOutput, max_blocks_per_share};
 use crate::run::step::{
     IntegrationStep, advance, decide, drive_ego, find_near_pairs, update_slip_reach,
 };
 use crate::state::{EGO_SLOT, History, State, new_history};
 
-/// Number of tiles between two pauses, at least one. Chosen: 1, 2 or 4 tiles for blocks of 8, 16 or 32 slots, because
-/// the caches take longer to load the state of a larger block again after a pause.
+/// Number of tiles between two pauses, at least one.
+///
+/// Chosen: 1, 4 or 8 tiles for blocks of 8, 16 or 32 slots, because the caches take longer to load the state of a larger
+/// block again after a pause, and the more so the more blocks the share has.
 const fn tiles_between_pauses(slots: usize) -> u32 {
-    (slots / SLOT_CAPACITIES[0]) as u32
+    let slots_ratio = slots / SLOT_CAPACITIES[0];
+    let blocks_ratio = max_blocks_per_share(slots) / max_blocks_per_share(SLOT_CAPACITIES[0]);
+    (slots_ratio * blocks_ratio) as u32
 }
 
 /// Buffers that a thread uses again for each of its shares.

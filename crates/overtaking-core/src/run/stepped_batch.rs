@@ -19,7 +19,7 @@ use crate::math::vectors::{SIMD_LANES, with_cpu_features};
 use crate::observation_table::{OBSERVATION_SIZE, ObservationSource, ObservationTable};
 use crate::params::SUBSTEPS;
 use crate::run::block::{Block, merge};
-use crate::run::engine::{Inputs, divide_into_shares, order_by_similarity};
+use crate::run::engine::{Inputs, divide_into_shares, max_blocks_per_share, order_by_similarity};
 use crate::run::step::{drive_others, perceive};
 use crate::state::{EGO_SLOT, History, new_history};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
@@ -141,7 +141,8 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
         }
         self.drop_empty_groups();
         let num_old_groups = self.groups.len();
-        for simulations in divide_into_shares(order_by_similarity(inputs)) {
+        for simulations in divide_into_shares(order_by_similarity(inputs), max_blocks_per_share(N))
+        {
             self.begin_group(inputs, rows, &simulations);
         }
         let observed_row = |row: usize| observed_rows[row].unwrap_or(0);
