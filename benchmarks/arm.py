@@ -53,7 +53,7 @@ def write(
         later: The step of a change and the parameters from then on; one at most.
     """
     [(switch, changed)] = later or [(0, None)]
-    road, constants = engine.road_values(given), engine_constants(given.constants)
+    road, constants = engine.road_inputs(given), engine_constants(given.constants)
     slots, simulations = given.vehicle_table.shape[1:]
     room = -(-given.num_frames // _core.SIMD_LANES) * _core.SIMD_LANES
     header = [simulations, slots, room, given.steps_per_frame, road["num_lanes"]]

@@ -132,12 +132,12 @@ def engine_inputs(params: StepParameters) -> _core.Inputs:
         num_slots=params.vehicle_table.shape[1],
         seed=params.seed,
         steps_per_frame=params.steps_per_frame,
-        road=_road_inputs(params),
+        road=road_inputs(params),
         constants=engine_constants(params.constants),
     )
 
 
-def _road_inputs(params: StepParameters) -> dict[str, Any]:
+def road_inputs(params: StepParameters) -> dict[str, Any]:
     """The fields of `RoadParameters` as numbers and lists, which the engine reads by name."""
     road = params.road
     pose = [road.x0, road.y0, road.heading, road.cosine, road.sine]
