@@ -332,7 +332,7 @@ class Inputs:
             num_slots: Vehicle slots, 1 to `MAX_VEHICLES`.
             seed: Key of the random numbers.
             steps_per_frame: Steps of 10 ms between recorded frames, at least 1.
-            road: Fields of the road by name, as `sim.engine.road_values` returns them.
+            road: Fields of the road by name, as `sim.engine.road_inputs` returns them.
             constants: Constants of the model by name, as `world.constants.engine_constants` returns
                 them.
 

@@ -39,7 +39,7 @@ impl PyInputs {
     ///     num_slots: Vehicle slots, 1 to `MAX_VEHICLES`.
     ///     seed: Key of the random numbers.
     ///     steps_per_frame: Steps of 10 ms between recorded frames, at least 1.
-    ///     road: Fields of the road by name, as `sim.engine.road_values` returns them.
+    ///     road: Fields of the road by name, as `sim.engine.road_inputs` returns them.
     ///     constants: Constants of the model by name, as `world.constants.engine_constants` returns
     ///         them.
     ///
@@ -131,7 +131,7 @@ impl PyInputs {
     }
 }
 
-/// The numbers of a road by name, as `overtaking.sim.engine.road_values` makes them.
+/// The numbers of a road by name, as `overtaking.sim.engine.road_inputs` makes them.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct RoadValues {
