@@ -20,7 +20,8 @@ pub struct DriverContext<S: Simd> {
     pub beliefs: Beliefs<S>,
     /// Vehicles of the other direction.
     ///
-    /// On one-way roads it stays as in `empty`: all blocks that share a context are on the same road.
+    /// On one-way roads it keeps the values of `empty`. A context never serves both kinds of road, because all blocks
+    /// that share it are on the same road.
     pub oncoming: OncomingTraffic<S>,
     /// Whether the driver checks mirrors and adjacent lanes at this decision.
     pub checks_mirrors: Mask<S>,
@@ -62,13 +63,13 @@ pub struct RoadPositions<S: Simd, const N: usize> {
 pub struct DecisionContext<S: Simd, const N: usize> {
     /// The context of each driver, by slot.
     pub drivers: [DriverContext<S>; N],
-    /// The visible body of each vehicle.
+    /// Sides, lane, indicator and rear lamps of each vehicle, as other drivers see them.
     pub bodies: [VisibleBody<S>; N],
     /// Which vehicles can meet which, on two-way roads.
     pub oncoming_search: OncomingSearch<S, N>,
     /// Largest acceleration of each driver but the ego's [m/s^2].
     ///
-    /// Only memory that the thread uses again: written and read by `drive_others`.
+    /// `drive_others` writes it before it reads it. It stands here so that the memory is reused by the next decision.
     pub accel_limit: PerVehicle<S, N>,
     /// Positions at the start of an integration step, from which contacts are swept.
     ///

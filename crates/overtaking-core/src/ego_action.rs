@@ -31,7 +31,7 @@ macro_rules! declare_action_kinds {
                 }
             }
 
-            /// Integer steps in a unit of each part.
+            /// Number of integer steps in one SI unit, for each part of the action.
             fn scales(self) -> [f32; MAX_ACTION_PARTS] {
                 match self {
                     $(Self::$kind => $scales,)*
@@ -134,6 +134,7 @@ impl<S: Simd> EgoAction<S> {
     #[inline(always)]
     fn requested_side(&self) -> F32<S> {
         let Some(code) = self.move_code() else {
+            // Parts are the acceleration, the wheel angle if the driver steers, and the lane change.
             let lane_change_part = if self.steers_wheels() { 2 } else { 1 };
             return self.values[lane_change_part];
         };
@@ -158,7 +159,8 @@ impl<S: Simd> EgoAction<S> {
         RequestedCancels {
             pull_out: side.simd_lt(0.0),
             return_: side.simd_gt(0.0),
-            passing: side.simd_ne(side), // False in every lane.
+            // Only a move can give up a pass: false in each simulation.
+            passing: side.simd_ne(side),
         }
     }
 }
@@ -173,7 +175,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         is_ready & self.has_finished_lane_change() & has_lane
     }
 
-    /// Whether the ego follows or passes and has a lane on its right.
+    /// Whether the ego follows or passes and has a lane on its right; a passing ego may turn back at once.
     #[inline(always)]
     pub fn can_return(self) -> Mask<S> {
         let follows = self.is_in_stage(stage::FOLLOW) & self.has_finished_lane_change();
@@ -181,7 +183,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         (follows | self.is_in_stage(stage::PASS)) & has_lane
     }
 
-    /// Whether the ego moves over now: by its move, else after its indicator lead time.
+    /// Whether the ego changes lane now. A move says so itself; other actions wait for the indicator lead time.
     #[inline(always)]
     fn moves_over_now(self, action: &EgoAction<S>) -> Mask<S> {
         if let Some(code) = action.move_code() {
@@ -232,8 +234,8 @@ pub fn intent_from_action<S: Simd, const N: usize>(
 
 /// Set the ego's indicator if the action names a side.
 ///
-/// With a wheel angle, the lane of the action only sets the indicator. A move that names a side sets it whether or not
-/// the scenario's driver uses indicators.
+/// An action with a wheel angle steers by that angle, so its lane change only sets the indicator. A move that names a
+/// side sets it whether or not the scenario's driver uses indicators.
 #[inline(always)]
 pub fn set_requested_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,

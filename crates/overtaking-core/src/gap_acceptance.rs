@@ -1,7 +1,8 @@
 //! Gap acceptance: intentions of drivers, from the gaps that they believe to be around them; the twin of
 //! `overtaking.sim.reference.gap_acceptance`.
 //!
-//! The ego decides so, and on two-way roads every driver.
+//! The ego accepts gaps on all roads, the other drivers on two-way roads only: on one-way roads they change lanes by
+//! MOBIL (`lane_change`).
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -46,12 +47,12 @@ pub struct GapAcceptanceInputs<'a, S: Simd> {
     pub patience_left: F32<S>,
     /// Factor on the gap to a leader that blocks the view [1].
     tall_vehicle_gap_factor: F32<S>,
-    /// Whether the ego changes lanes by the script of the study: it then asks for no gap, ignores vehicles beside it,
-    /// and cancels nothing.
+    /// Whether the ego changes lanes by the script of the study by Pinto et al.: it then asks for no gap, ignores
+    /// vehicles beside it, and cancels nothing.
     is_scripted: Mask<S>,
     /// Whether the script makes it pull out now: it has detected a slower leader.
     pulls_out_by_script: Mask<S>,
-    /// Decision that a branch forces on the ego, a constant of `forced_decision`; 0 without one.
+    /// Decision that a what-if branch forces on the ego, a constant of `forced_decision`; 0 without one.
     forced_decision: F32<S>,
 }
 
@@ -111,8 +112,8 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     let relative_wait = state.overtake.time_waiting[slot] * vehicle.inverse_patience;
     let patience_left = at_least(exp(-relative_wait), constants.patience_floor);
     let gap_factor = vehicle.gap_demand_factor * patience_left;
-    // Waiting lowers the gaps that a driver asks for itself; it does not raise the braking that it may impose on
-    // others (UN R157).
+    // A driver that has waited also imposes harder braking on its follower, up to the limit of UN R157 and to the
+    // braking that the friction allows.
     let imposed_decel = at_most(
         vehicle.safe_decel / at_least(gap_factor, MIN_GAP_FACTOR),
         constants.max_imposed_decel,
@@ -204,6 +205,7 @@ fn wants_to_overtake<S: Simd, const N: usize>(
         .gap
         .simd_lt(vehicle.pull_out_ttc * leader.closing_speed);
     let kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor;
+    // `close_time_gap` is a factor on the time gap that the driver keeps.
     let near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap;
     let is_near = leader.gap.simd_lt(near_gap);
     inputs.beliefs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
@@ -295,6 +297,7 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_least(closing_speed, 0.0);
     let has_space = min(follower_gap, leader_gap).simd_gt(constants.min_return_gap);
     let accel = cah_accel(constants, inputs.speed, &leader);
+    // Back in its lane, the driver may brake as hard as one that aborts.
     has_space & accel.simd_ge(-(constants.abort_factor * inputs.vehicle.decel))
 }
 
@@ -330,7 +333,8 @@ pub fn form_intent<S: Simd, const N: usize>(
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
         may_return = (may_return | continuation.must_return_urgently) & !falls_back;
         cancels_pull_out |= falls_back;
-        // In the opposing lane no driver can stay, so this is false in every lane.
+        // On two-way roads no driver cancels a return, because it cannot stay in the opposing lane: false in each
+        // simulation.
         cancels_return &= !cancels_return;
     }
     Intent {
@@ -350,7 +354,8 @@ pub fn form_intent<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// True speed of this vehicle minus its leader's, by which the script decides [m/s].
+    /// True speed of this vehicle minus its leader's [m/s]. The script of the study decides by it, the model's drivers
+    /// by what they believe.
     #[inline(always)]
     pub fn true_closing_speed_to_leader(self, neighbours: &Neighbours<S>) -> F32<S> {
         let vx = &self.state.motion.vx;
@@ -459,7 +464,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.can_cancel_return() & is_dangerous & !is_forced
     }
 
-    /// Whether the pause after the last lane change is over.
+    /// Whether the pause after the last lane change is over, whether or not that change was an abort.
     #[inline(always)]
     fn has_paused(self) -> Mask<S> {
         self.state.lane_choice.time_since_lane_change[self.slot]

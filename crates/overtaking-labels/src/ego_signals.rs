@@ -12,17 +12,20 @@ use crate::recording::{
 };
 use crate::vectors::{F32, at_least, at_most, max, min, select, splat};
 
-/// Steps of Newton's method for the range of a lamp, as in `overtaking.world.visibility`.
+/// Steps of Newton's method for the range of a lamp: five give a relative error below 1e-6
+/// (`overtaking.world.visibility`).
 const MAX_NEWTON_STEPS: usize = 8;
 /// Keeps ranges finite in clear air [1/m].
 const MIN_EXTINCTION: f32 = 1e-7;
-/// Optical depth by which a lamp exceeds the threshold at the limit of attention before its range is not computed.
-/// Newton's method ends within a thousandth of the range; this margin is ten times as large.
+/// Margin of optical depth. The range of a lamp is not computed if the lamp exceeds the threshold of the eye at the
+/// attention range by more than this. Newton's method ends within a thousandth of the range; the margin is ten times as
+/// large.
 const LAMP_DEPTH_MARGIN: f32 = 0.01;
 
 /// Compute the signals of a batch.
 ///
-/// `zero_from` holds the frame from which on the rows of `out` are zero in each simulation; the call updates it.
+/// `zero_from` holds the frame from which on the rows of `out` are zero in each simulation, and is updated. Callers use
+/// `out` again for the next batch, and only rows before that frame have to be cleared.
 pub fn ego_signals(
     recording: &PackedRecording<'_>,
     visibility: &VisibilityInputs<'_>,
@@ -58,6 +61,7 @@ pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &m
     let near_an_end = |frame: usize| {
         let later = (frame + half).min(last);
         let earlier = frame.saturating_sub(half).min(last);
+        // Wraps as NumPy does, so that positions of any recording give the same bits in both languages.
         let d_change = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
         recording.overtaking_sign * (d_change / elapsed)
@@ -179,6 +183,7 @@ impl<S: Simd> EgoFrames<'_, S> {
         let (simd, visibility) = (self.block.simd, self.visibility);
         let simulation = self.block.simulation;
         let attention_range = visibility.attention_range;
+        // A driver that moves meets more drops than an observer at rest.
         let rain = visibility.rain[simulation] * (1.0 + speed / visibility.constants.rain_speed);
         let extinction = visibility.fog[simulation] + rain;
         let contrast_range =
@@ -226,7 +231,8 @@ impl<S: Simd> EgoFrames<'_, S> {
     fn lamp_range(&self, extinction: F32<S>) -> F32<S> {
         let depth = self.visibility.lamp_depth[self.block.simulation];
         let clear_range = self.visibility.lamp_clear[self.block.simulation];
-        // The range in clear air is an upper bound; in dense fog 4 / extinction is nearer to the solution.
+        // Start of the iteration: the range in clear air is an upper bound; in dense fog 4 / extinction is nearer to
+        // the solution. 1e-6 only keeps the quotient finite, as a larger one is not the minimum.
         let mut range = min(
             splat(self.block.simd, clear_range),
             4.0 / at_least(extinction, 1e-6),

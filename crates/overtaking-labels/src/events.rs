@@ -72,6 +72,7 @@ fn events_of(drive: &EgoDrive<'_>) -> EventRow {
     };
     let target = attempt.map_or_else(likely_target, |attempt| attempt.target);
     let begin = attempt.map_or(last, |attempt| attempt.begin);
+    // Without a return, the ego may pass further vehicles until the end.
     let num_passed = attempt.map_or(0, |attempt| {
         track.num_passed(attempt.begin, attempt.return_end.unwrap_or(last))
     });
@@ -83,6 +84,7 @@ fn events_of(drive: &EgoDrive<'_>) -> EventRow {
         .collision
         .map_or(NO_VEHICLE, |frame| drive.collided_with[frame]);
     [
+        // `first`: every recording begins at frame 0, and the table of events lists it beside the others.
         0,
         last as i32,
         i32::from(target),
@@ -144,7 +146,8 @@ struct LeftMovements {
     num_attempts: i32,
     /// Frame in which the first drift begins.
     first_drift: Option<usize>,
-    /// Number of drifts: movements out of the lane, or of a wide shift, that are no attempt.
+    /// Number of drifts: movements over the left line or of a wide shift that neither are an attempt nor lead into
+    /// another lane.
     num_drifts: i32,
 }
 
@@ -176,6 +179,7 @@ fn left_movements(drive: &EgoDrive<'_>) -> LeftMovements {
             movements.num_attempts += 1;
             match end {
                 Some(frame) => abort_end = frame,
+                // Only an aborted attempt can be followed by another one.
                 None => break,
             }
         } else if outcome != MovementOutcome::LeavesLane
@@ -233,6 +237,7 @@ fn trace_attempt(drive: &EgoDrive<'_>, target: u8, begin: usize) -> Attempt {
     let undone = undone_frame(drive, begin, drive.num_driven)
         .filter(|&frame| crossed.is_none_or(|crossed| frame < crossed));
     let end = undone.unwrap_or(drive.num_driven);
+    // Without the event, the range is empty.
     let frames_from = |event: Option<usize>| event.unwrap_or(end)..end;
     let is_in_lane = |frame: usize| {
         signals.right_edge[frame] >= right_line && signals.left_edge[frame] <= left_line

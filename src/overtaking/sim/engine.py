@@ -33,7 +33,7 @@ from overtaking.world.step_parameters import ParameterSwitch, StepParameters, st
 _BELIEF_TYPES = {
     name: np.uint8 if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
-    # Fields about a neighbour have all axes of the class; fields about the manoeuvre have two.
+    # Fields about the manoeuvre lack the last axis, that of the perceived vehicles.
     if field.dtype and field.axes == Percepts.AXES
 }
 """Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""

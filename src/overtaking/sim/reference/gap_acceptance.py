@@ -140,8 +140,8 @@ def gap_acceptance_inputs(
     relative_wait = state.overtake.time_waiting[slots] * vehicle.inverse_patience
     patience_left = maximum(exp(-relative_wait), constants.patience_floor)
     gap_factor = vehicle.gap_demand_factor * patience_left
-    # Waiting lowers the gaps that a driver asks for itself; it does not raise the braking that it
-    # may impose on others (UN R157).
+    # A driver that has waited also imposes harder braking on its follower, up to the limit of UN
+    # R157 and to the braking that the friction allows.
     imposed_decel = minimum(
         vehicle.safe_decel / maximum(gap_factor, _MIN_GAP_FACTOR), constants.max_imposed_decel
     )

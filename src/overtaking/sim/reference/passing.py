@@ -16,7 +16,10 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
 MIN_CLOSING_SPEED = np.float32(0.5)
-"""Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s]."""
+"""Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s].
+
+Smaller differences count as this one, so that the times stay finite.
+"""
 
 _MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 
@@ -24,8 +27,8 @@ _MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 class PassingSpeeds(NamedTuple):
     """Speeds of a passing driver and its target [m/s].
 
-    The closing speed is a field of its own, since a believed one differs in its last bits from the
-    difference of the speeds.
+    The closing speed is a field of its own: the rounded difference of the speeds would differ from
+    a believed closing speed in the last bits, and the engine would record other bits.
     """
 
     passer: F32
@@ -86,8 +89,8 @@ def expected_accel(
     """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 
     It is the acceleration of a passing driver, limited by the engine halfway to the passing speed.
-    Drivers know the power of their vehicle; their error about the time that passing takes is the
-    trait `passing_time_factor`, which has a source.
+    Drivers know the power of their vehicle. They misjudge the time of a pass by the trait
+    `passing_time_factor`, which is not part of this acceleration.
 
     Args:
         constants: Constants of the model.
@@ -111,7 +114,7 @@ def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed:
 
     Args:
         vehicle: Parameters of the drivers and their vehicles.
-        surplus: Smallest desired speed minus the target's [m/s].
+        surplus: Least by which drivers want to be faster than the target [m/s].
         target_speed: Speed of the target [m/s].
     """
     speed = maximum(vehicle.passing_speed, target_speed + surplus)

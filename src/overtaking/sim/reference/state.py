@@ -14,8 +14,8 @@ HISTORY_LENGTH = 64
 """Decisions whose motion is remembered.
 
 It covers the longest reaction delay (58 decisions) and the four decisions before it, by which
-braking is judged. A power of two: the engine finds the row by a float32 floor, which is exact only
-then.
+drivers judge braking. A power of two, because the engine computes the row of a decision, its number
+modulo this length, by a float32 division and floor, which is exact only then.
 """
 
 NEVER_LOOKED = np.float32(-2.0)
@@ -25,7 +25,7 @@ LEADER, FOLLOWER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = ran
 """Roles of neighbours, as `model.neighbours.NeighbourRole`; left is the overtaking side."""
 
 ONCOMING_ROLE = 6
-"""Role of an oncoming vehicle among the three vehicles of a recorded percept."""
+"""Role of an oncoming vehicle in recorded percepts, which have the number of a role."""
 
 NO_SLOT = np.float32(-1.0)
 """Slot of a neighbour, a target or a partner that does not exist."""
@@ -54,10 +54,12 @@ class Motion:
         d: Lateral position of the centre, growing to the left [m].
         heading: Angle to the road, positive to the left [rad].
         vx, vy: Velocity in the vehicle's axes [m/s].
-        yaw_rate: Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
+        yaw_rate: Yaw rate; of a two-wheeler, which turns by its lean, that in the middle of the
+            last step [rad/s].
         accel_lon, accel_lat: Mean acceleration by tyre and wind forces over the last step, in the
-            vehicle's axes [m/s^2]. Contacts are not part of it: the jump of a contact over the step
-            would depend on its length, and rule every statistic of accelerations.
+            vehicle's axes [m/s^2]. Contacts are not part of it: they change the velocity at once,
+            so that their acceleration would depend on the length of the step and outweigh all
+            others in statistics.
         yaw_accel: Mean yaw acceleration over the last step [rad/s^2].
         is_wreck: 1 if the vehicle has collided or has left the road, else 0.
     """
@@ -197,7 +199,8 @@ class LocalRoad:
 
     Attributes:
         curvature: Curvature of the vehicle's path along the road, positive to the left [1/m].
-        curvature_ahead: The same at the place where the vehicle will follow its steering [1/m].
+        curvature_ahead: Curvature at the place where the vehicle will be when it responds to its
+            steering [1/m].
         station_per_metre: Stations passed for each metre driven along the road [1].
         sin_slope: Sine of the slope, positive uphill.
         bend_speed: Largest speed that the driver chooses for the bends ahead [m/s].
@@ -285,6 +288,7 @@ class State:
         state = cls(
             motion=_group(Motion, shape),
             controls=_group(Controls, shape),
+            # A path of one second that has ended: the vehicle keeps its lateral position.
             path=LateralPath(
                 coefficients=_full((6, *shape), 0.0),
                 elapsed=_full(shape, 1.0),

@@ -34,7 +34,7 @@ def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
     """
     (d, velocity), accel = path_point(state), path_accel(state)
     t = duration
-    # Changes that the terms of third to fifth order make up until the end.
+    # The terms of third to fifth order must bring about these changes by the end of the path.
     d_change = end_d - d - velocity * t - HALF * accel * (t * t)
     velocity_change = -(velocity + accel * t)
     accel_change = -accel
@@ -82,6 +82,8 @@ def path_accel(state: State, lookahead: F32 | np.float32 = ZERO) -> F32:
 
 def wind_trim(vehicle: VehicleParameters, force: F32, moment: F32) -> F32:
     """Wheel angle [rad], or lean [m/s^2], that holds a straight course in a side wind.
+
+    The lean of a two-wheeler is stated as the lateral acceleration that it balances.
 
     The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
     delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K.
@@ -136,8 +138,9 @@ def steer(
 ) -> F32:
     """Turn the front wheels, or lean, towards the path for one step.
 
-    Wheels and lean follow with a lag, by the linearly implicit step of the motion: they move
-    towards the request in the middle of the step, which the last step's accelerations predict.
+    Wheels and lean follow the driver's request with a lag. The request is that of the middle of the
+    step, predicted by the accelerations of the last step, as in the linearly implicit step of
+    `vehicle_dynamics`.
 
     Args:
         state: State with the accelerations of the last step; it changes.
@@ -163,6 +166,7 @@ def steer(
         step_length / (constants.two_wheeler_lag + half_step)
     )
     change = np.where(params.vehicles.two_wheeler > 0, lean_change, turn)
+    # A wreck slides whatever the angle of its wheels, so its angle is 0.
     is_sound = state.motion.is_wreck == 0
     start_angle = controls.wheel_angle
     controls.wheel_angle = np.where(is_sound, start_angle + change, ZERO)
@@ -203,6 +207,7 @@ def _requested_steering(
     # The limit holds for moves within the road; drivers follow its bends in any case.
     accel = clamp(accel, -max_accel_lat, max_accel_lat) + state.road.curvature_ahead * (vx * vx)
     inverse_speed = ONE / maximum(vx, constants.slip_speed)
+    # Feedback of the yaw rate damps the steering; without it, trucks weave.
     damped_accel = accel + constants.yaw_gain * (accel - vx * yaw_rate)
     angle_per_accel = vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer
     angle = damped_accel * angle_per_accel + state.controls.wind_trim
@@ -218,4 +223,5 @@ def _requested_steering(
     )
     limit = constants.steering_limit
     angle = clamp(clamp(angle, slip - reach, slip + reach), -limit, limit)
+    # Two-wheelers have no tyre slip in this model, so `max_accel_lat` alone limits their lean.
     return angle, accel + state.controls.wind_trim
