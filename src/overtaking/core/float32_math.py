@@ -106,9 +106,10 @@ def log(x: F32Like) -> F32:
     never infinite.
     """
     x = maximum(as_f32(x), _SMALLEST_NORMAL)
-    # x = fraction * 2**exponent with the fraction in [0.5, 1). Both come from the bits of x. From
-    # bit 23 on, a float32 stores the exponent for a fraction in [1, 2), plus 127; the exponent for
-    # half that fraction is larger by 1, so 126 is subtracted. 0x3F00_0000 are the bits of 0.5.
+    # x = fraction * 2**exponent with the fraction in [0.5, 1). Both come from the bits of x. The
+    # exponent field, from bit 23 on, belongs to a fraction in [1, 2) and is larger by 127. The
+    # fraction here is half as large, so its exponent is the field minus 126. 0x3F00_0000 are the
+    # bits of 0.5.
     bits = x.view(np.int32)
     exponent = ((bits >> 23) - 126).astype(np.float32)
     fraction = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
@@ -125,6 +126,8 @@ def log(x: F32Like) -> F32:
     p = p * m + np.float32(2.000_071_5e-1)
     p = p * m + np.float32(-2.499_999_4e-1)
     p = p * m + np.float32(3.333_333_1e-1)
+    # log(1 + m) = m - m^2 / 2 + m^3 p(m). The largest terms are added last: the smaller ones would
+    # lose bits beside them.
     y = p * m * z + e * _LN2_LOW - HALF * z
     return m + y + e * _LN2_HIGH
 

@@ -81,7 +81,9 @@ _RANGES: Final = {
     "sight_distance": _SIGHT,
     "expected_closing_speed": _SPEED,
     "gap_ahead_of_leader": _GAP,
-    "tall_vehicle_gap_factor": (0.0, 5.0, 1.0),  # 1 for cars, 2.2 for trucks.
+    # Factor on the ego's gap to its leader on two-way roads: 1 behind a car, 2.2 behind a truck,
+    # which hides the road ahead.
+    "tall_vehicle_gap_factor": (0.0, 5.0, 1.0),
     "return_urgency": _ZERO_TO_ONE,
     "abort_state": _ZERO_TO_ONE,
 }
@@ -163,7 +165,8 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
 
     Args:
         action: Kind of the actions, a key of `ACTION_SPACES`. `decision` is one of `Move` (such as
-            to pull out); all others consist of parts, such as acceleration and lane change.
+            to pull out) and has a space of its own; a box holds the parts of all other kinds, such
+            as acceleration and lane change.
     """
     if action == "decision":
         return spaces.Discrete(len(Move))

@@ -13,12 +13,13 @@ from overtaking.knowledge.toml_reader import read_records
 TERM_GROUPS = {
     "classes": "Classes",  # Results of an overtake, such as `Success_L`: completed and legal.
     "policies": "Policies",  # Sets of traffic rules that a legal overtake must keep.
-    "readings": "Readings of the features",  # Definitions of the instant that features describe.
+    # A feature has one definition in the reproduced paper and a second, matched one.
+    "readings": "Readings of the features",
     "features": "Features",
     "vehicles": "Vehicle classes",
     "road": "On the road",
     "manoeuvre": "The manoeuvre",
-    "world": "The world",
+    "world": "The world",  # Weather, light and sight.
     "law": "The law",
     "data": "Data and numbers",
 }

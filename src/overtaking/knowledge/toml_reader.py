@@ -110,7 +110,8 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
     The type of a field decides how its item is read:
         Quantity, Distribution: an entry, with unit and source
         float, int, tuple: the value of an entry without unit and source
-        str, bool, an enumeration: a text or flag without unit; a member by its value
+        str, bool: a text or a flag without unit
+        an enumeration: the value of one of its members
         another dataclass: a nested table, read by the same rules
     A field with a default may be absent from the file.
 

@@ -79,11 +79,11 @@ class PaperFeatures(Batch):
     - `left_occupancy`: number of vehicles in the lane to the left over the number of all vehicles
       but the ego (paper), or share of 200 m of that lane that vehicles cover.
 
-    Without a target its features are 0 and `has_target` is false. Waiting time, overtaking time and
-    distance are NaN where the attempt began before the recording; features of the target are NaN
-    where it is not recorded in the frame of the measurement. `frame` is -1 for means over all
-    frames. Rain, wind and fog are intensities from 0 to 100 on the scale of the driving simulator
-    CARLA.
+    In simulations without a target, the features of the target are 0 and `has_target` is false.
+    Waiting time, overtaking time and distance are NaN where the attempt began before the recording;
+    features of the target are NaN where it is not recorded in the frame of the measurement. `frame`
+    is -1 for means over all frames. Rain, wind and fog are intensities from 0 to 100 on the scale
+    of the driving simulator CARLA.
     """
 
     reading: Annotated[str, FieldSpec("Definition in use, `paper` or `matched`", column=None)]
@@ -438,7 +438,7 @@ _belief_column = partial(FieldSpec, null_unless=".is_detected", needs=["percepts
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefsAtPullOut(Batch):
-    """Beliefs of the simulated driver at its last decision to pull out, not later than the frame.
+    """Beliefs of the simulated driver when it last decided to pull out, up to the described frame.
 
     `exists` and `age` have shape (simulation,). The other arrays have shape (simulation, 3): the
     leader, then the leader and the follower in the lane on the left. In the table each of the three

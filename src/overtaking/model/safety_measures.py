@@ -18,7 +18,8 @@ null. `column=None` declares a field without a column. `null_unless` names the f
 there is no value: ".valid" is a field of the same class, "leader.valid" a path that begins at
 `SafetyMeasures`. `needs` names properties that a recording may leave unknown; the column is then
 null. NaN and infinite values, such as the time to a collision that never comes, are null in the
-table. The description of a nested class is appended to the descriptions of its fields.
+table. The description of a column of a nested class is that of its own field followed by that of
+the field that holds the class.
 `with_field_docs` lists the fields in the docstring of the class.
 """
 
@@ -180,9 +181,9 @@ class SafetyMeasures(Batch):
     ego's headlamps.
 
     The accelerations and the reaction time of RSS (Shalev-Shwartz et al. 2017) are in
-    `labels.law.numbers`, the other constants in `event_detection.toml` of the knowledge base. The
-    constants of PICUD come from Uno et al. (2002). The 3 s of TET and TIT are chosen: the longest
-    threshold that Minderhoud and Bovy (2001) compare.
+    `labels.law.numbers`, the constants of all other measures in `event_detection.toml` of the
+    knowledge base. The constants of PICUD come from Uno et al. (2002). The 3 s of TET and TIT are
+    chosen: the longest threshold that Minderhoud and Bovy (2001) compare.
     """
 
     frame: Annotated[

@@ -101,8 +101,8 @@ class ScenarioSource:
             ConfigError: The seed or an index is out of range, or the specification does not fit
                 the road.
             InfeasibleError: Placed traffic has too many vehicles for its zone, or a vehicle type
-                too slow for its lowest speed; or the traffic of a motorway is too dense for its
-                vehicles to reach beyond the sight of the ego.
+                too slow for its lowest speed; or the traffic of a motorway is so dense that the
+                vehicles of a simulation fill a shorter road than the ego can see.
         """
         indices = _checked_indices(scenario_index)
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")
@@ -283,9 +283,10 @@ def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenari
     states = start.states_at_speed(desired_speed)
     road_speeds = _speeds_for_road(scenario, factors, conditions.max_lateral_accel)
     if road_speeds is not None:
-        # Speeds in bends depend on the stations, and stations on the speeds through the gaps. The
-        # vehicles are placed a second time with the speeds for their first stations, but not until
-        # both agree: `repair_starts` slows the vehicles that are still too fast.
+        # Speeds in bends depend on the stations, and the stations on the speeds, because gaps grow
+        # with speed. The vehicles are placed a second time with the speeds for their first
+        # stations. Further rounds are not needed: `repair_starts` slows vehicles that are still too
+        # fast.
         limited_speed = minimum(desired_speed, road_speeds.speeds_of_all(states.s, start.lane))
         states = start.states_at_speed(limited_speed)
     drawn = DrawnStarts(

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 KnownKeys: TypeAlias = "Callable[[tuple[str, ...], str | None], tuple[str, ...]]"
-"""Function from the path of a section and its mode, None for a section without modes, to the keys
-that it may have: `specification.known_keys`."""
+"""Function that returns the keys of a section, such as `specification.known_keys`.
+
+Its arguments are the path of the section and its mode; a section without modes has the mode None.
+"""
 
 _ERROR_TYPE = "specification"
 """Type of the errors of our own checks, beside the types of Pydantic."""
@@ -79,7 +81,7 @@ def config_error(error: ValidationError, where: str, known_keys: KnownKeys) -> C
 
     Args:
         error: The error that Pydantic raised.
-        where: The file or profile that was read.
+        where: File that was read, or name of the profile, which is a specification of the package.
         known_keys: Returns the keys of a section, from which the error suggests the most similar.
     """
     findings = error.errors(include_url=False)

@@ -11,9 +11,9 @@ number of a vehicle in its simulation; the ego, the vehicle under study, has slo
 
 A scenario may replace the physical effects of its weather by random lateral pushes
 (`Scenario.pushes`). Then the *effective* weather, to which drivers react, is a dry, clear day. In
-all other scenarios it is the recorded weather. There is one exception: if the recorded weather is
-at night, drivers see and judge oncoming vehicles as by night. This choice matters only on two-way
-roads with pushes; no profile of the package has both.
+all other scenarios it is the recorded weather. One part of the code reads the recorded weather in
+both cases: at night, drivers see and judge oncoming vehicles as by night. This matters only on
+two-way roads with pushes, which no profile of the package has.
 """
 
 from typing import NamedTuple
@@ -326,7 +326,8 @@ def _reaction(context: StepContext) -> FieldArrays:
 
 def _whole_decisions(reaction_time: F32, effects: EnabledEffects) -> F32:
     """Reaction times [s] as whole numbers of decisions; 0 if the effect `delay` is disabled."""
-    # Drivers react to positions and speeds of earlier decisions, and the step stores no more.
+    # Drivers react to positions and speeds of earlier decisions, of which the step stores only
+    # `history`.
     max_delay = constant("model.perception.history")
     delay = minimum(np.rint(reaction_time * DECISIONS_PER_SECOND), max_delay)
     return delay if effects.delay else np.zeros_like(delay)
@@ -366,7 +367,8 @@ def _lane_changes(context: StepContext) -> FieldArrays:
 def _rain_slowing(conditions: SceneConditions) -> F32:
     """Reduction of speed by a fully cautious driver in rain, shape (simulation,) [m/s].
 
-    0 up to heavy rain, then a jump, then linear growth up to the heaviest rain of the model.
+    0 up to heavy rain, then a jump, then linear growth up to the heaviest rain of the model: free
+    speeds are measured to fall by 10 to 19 km/h in rain that counts as heavy.
     """
     heavy = constant("model.speed_choice.rain_from_mmph")
     excess = (conditions.rain_rate - heavy) / constant("model.speed_choice.rain_span_mmph")
@@ -415,12 +417,13 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
         conditions: Weather and light.
         lamp_intensity: Luminous intensity of its lamps [cd].
     """
-    # `rain_extinction` holds for an observer at rest. A moving driver meets more rain; the factor
-    # of 108 km/h is used for all drivers here.
+    # `rain_extinction` holds for an observer at rest. A moving driver meets more rain: twice as
+    # much at 108 km/h, a usual speed, which counts for all drivers here.
     rain_factor = constant("model.speed_choice.rain_sight_factor")
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
-    # The sensitivity is the share of contrast that glare leaves over the smallest contrast that
-    # drivers detect. Times the contrast of the car, it counts in multiples of that: 1 is visible.
+    # The sensitivity is the share of contrast that glare leaves, divided by the smallest contrast
+    # that drivers detect. The product with the contrast of the car is 1 where the car is just
+    # visible.
     sensitivity = exp(conditions.log_contrast_sensitivity_ahead)
     relative_contrast = sensitivity * constant("model.speed_choice.contrast")
     contrast_threshold = np.ones_like(extinction)

@@ -253,7 +253,8 @@ def picud(
         Uno, Iida, Itsubo, Yasuhara (2002), A microscopic analysis of traffic conflict caused by
         lane-changing vehicle at weaving section.
     """
-    # `as_f32` makes an array of a single number, too.
+    # NumPy returns a scalar for operations on single numbers; `as_f32` makes it an array, as the
+    # other functions return.
     stopping = follower_speed * (reaction_time + follower_speed / (TWO * follower_decel))
     return as_f32(gap - stopping + leader_speed * leader_speed / (TWO * leader_decel))
 
