@@ -75,8 +75,9 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # Reused memory: the engine clears each simulation's frames only up to `zero_from`, the end of
-    # the longest one that was there before. Most simulations end early, so this saves writes.
+    # The memory may hold the signals of an earlier batch that was deleted; new `Buffers` leave
+    # those of living batches alone. `zero_from` is the frame from which on each row is zero: the
+    # engine clears only the frames before it. Most simulations end early, so this saves writes.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     _core.ego_signals_and_events(
         recording=recording,
@@ -96,6 +97,7 @@ def extract_signals_and_events(
     }
     _limit_sight_by_road(trajectories, outputs)
     interval = trajectories.scenario.frame_interval_ms
+    # A batch whose fields in `at_first_use` are computed when they are first read.
     signals = EgoSignals.partly(at_first_use, frame_interval_ms=interval, **outputs)
     return signals, dict(zip(names, events, strict=True))
 
@@ -103,6 +105,7 @@ def extract_signals_and_events(
 def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> None:
     """Limit both sight distances to the one that the course of the road leaves."""
     if trajectories.road.course:
+        # Roads are computed in float64, signals in float32: hence not `METRES_PER_MM`.
         s = trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION
         sight_of_road = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
@@ -133,7 +136,7 @@ def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8)
 def encounters_at(
     case: Case, role: NeighbourRole | IndexArray, simulation: IndexArray, frame: IndexArray
 ) -> Encounter:
-    """The ego and a neighbour at single frames, with the measures of the one that is behind.
+    """The ego and a neighbour at single frames; times and braking are those of the rear vehicle.
 
     Args:
         case: The batch.
@@ -200,7 +203,9 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     interval_ms = trajectories.scenario.frame_interval_ms
     is_recorded = trajectories.is_recorded
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
-    recorded["heading"], direction = trajectories.headings_and_origin
+    # The engine subtracts the origin from the headings: the direction of a straight road. On a road
+    # that bends, the headings already are angles to the road, and the origin is 0.
+    recorded["heading"], heading_origin = trajectories.headings_and_origin
     recorded |= {"accel": states.accel_lon, "collided_with": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _lanes_with_opposing_lane(trajectories)
@@ -211,16 +216,23 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
         "is_recorded": None if is_recorded is None else with_adjacent_frames(is_recorded),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _contiguous_row(getattr(bodies, name)) for name in ("valid", "length", "width")},
+        # The engine has room for `MAX_LANES` lanes. An opposing lane beside as many own lanes is
+        # left out, so vehicles in it count as beyond the lanes.
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
         "overtaking_sign": float(overtaking_sign(road)),
-        "direction": float(np.float32(direction)),
+        # The same float32 that `snapshots` subtracts from headings.
+        "direction": float(np.float32(heading_origin)),
         "interval_ms": interval_ms,
         "half_window": lateral_speed_half_window(interval_ms),
     }
 
 
 def _lanes_with_opposing_lane(trajectories: Trajectories) -> U8:
-    """Lanes of all vehicles, with the next number beyond the opposing lane."""
+    """Lanes of all vehicles on a two-way road.
+
+    `num_lanes` is the opposing lane, `num_lanes + 1` everything beyond its outer edge. Recordings
+    have `num_lanes` for both.
+    """
     states, road = trajectories.states, trajectories.road
     outer_edge = float(lane_borders(road)[-1])
     is_beyond_road = float(overtaking_sign(road)) * states.d > outer_edge / POSITION_RESOLUTION
@@ -236,11 +248,12 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     """Inputs of friction and sight beside the states; flat arrays of shape (simulation,).
 
     Friction is that of the mean film of the lane, because a driver cannot know which wheel will be
-    in which puddle. Spray is left out: it hides only a vehicle whose own brake lamps announce it.
+    in which puddle. Spray is left out: it hides the road ahead of the vehicle that throws it up,
+    and the brake lamps of that vehicle announce an obstacle there.
 
     Returns:
-        film: Mean water film of each lane, puddles included, padded to eight lanes, shape
-            (simulation, lane) [mm].
+        film: Mean water film of each lane, puddles included, shape (simulation, `MAX_LANES`): the
+            engine expects this length, whatever the number of lanes [mm].
         tyre_wear, has_truck_tyres: Tread wear of the ego, and 1 for truck tyres.
         fog, rain: Extinction coefficient of fog, and of rain for an observer at rest [1/m].
         contrast_depth: Optical depth at which a vehicle of medium contrast becomes invisible.
@@ -252,9 +265,10 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     scenario, attention_range = trajectories.scenario, constant("model.perception.range")
     effects, bodies = weather_effects(scenario), scenario.vehicles
     sight = effects.sight
-    film = _mean_water_film(effects.film, road_parameters(scenario.road).film_path)
+    film = _mean_water_film(effects.film, path_factor=road_parameters(scenario.road).film_path)
     lamp = np.full_like(effects.rain_rate, constant("weather.lamps.rear_position"))
     lamp_ratio = lamp / sight["lamp_threshold"]
+    # The contrast of a vehicle of medium colour, which drivers also assume as they choose a speed.
     depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
     inverse_limit = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention_range)
     arrays = {
@@ -272,15 +286,22 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     return {**flat, "attention_range": float(attention_range)}
 
 
-def _mean_water_film(water: dict[str, F32], film_path: F32) -> F32:
-    """Water film of each lane, with the puddles spread evenly over it, (simulation, lane) [mm]."""
+def _mean_water_film(water: dict[str, F32], *, path_factor: F32) -> F32:
+    """Water film of each lane, with the puddles spread evenly over it, (simulation, lane) [mm].
+
+    Args:
+        water: Water on the road, as `WeatherEffects.film`.
+        path_factor: Factor of each lane for the length over which water drains to it, shape
+            (lane,), result of `road_surface.film_path_factor`.
+    """
     film = lane_film(
         water["min_wet_film"][:, None],
         water["film_rain_factor"][:, None],
-        film_path[None, :],
+        path_factor[None, :],
         water["texture_depth"][:, None],
     )
-    # As in `film.puddle`: half of the square of the threshold is the share of the lane under water.
+    # Puddles are where the sum of two waves, distributed like independent uniform numbers, is below
+    # a threshold t (`road_surface.puddle_depth_share`): on a share t^2 / 2 of the lane, as t <= 1.
     covered_share = np.float32(0.5) * water["puddle_threshold"] * water["puddle_threshold"]
     return film + (water["puddle_film"] * covered_share)[:, None]
 

@@ -67,6 +67,9 @@ def last_driven_frame(case: Case) -> I32:
 def manoeuvre(case: Case) -> FrameSpan:
     """From 3 s before the attempt to 3 s after the return; empty without an attempt.
 
+    Both times are choices, `WINDOW_BEFORE` and `WINDOW_AFTER`: looking, signalling and following
+    before the start belong to the overtake, and so does settling in front of the target.
+
     Without a return the span ends when the ego is back behind the target, or with the recording.
     """
     events = case.events
@@ -100,6 +103,7 @@ def span_after_gap_recovery(case: Case) -> FrameSpan:
     The time before a recording is unknown, and simulations place vehicles before any driver acts.
     So the beginning counts like a cut-in of the leader.
     """
+    # As in `is_regaining_gap`, the frame of the cut-in itself is not judged either, hence + 1.
     span, begin = judged_span(case), case.events.first + num_frames_to_regain_gap(case) + 1
     return FrameSpan(first=np.maximum(span.first, begin), last=span.last)
 
@@ -128,7 +132,7 @@ def is_regaining_gap(case: Case) -> Mask:
         trajectories.states.lane[simulation, slots, last_frame_before]
         != lane[simulation, last_frame_before]
     )
-    if trajectories.is_recorded is not None:
+    if trajectories.is_recorded is not None:  # None: all vehicles are recorded in all frames.
         has_changed_lane &= trajectories.is_recorded[simulation, slots, last_frame_before]
     for simulation_of_cut_in, frame, slot in zip(
         simulation[has_changed_lane],
@@ -147,9 +151,11 @@ def is_regaining_gap(case: Case) -> Mask:
 def scans(case: Case) -> ScanResults:
     """Results of the compiled scan over the spans that rules and features read."""
     events = case.events
-    # Features count the frames up to a collision, and only in simulations without an attempt.
+    # The sums of `recorded_sums`: in simulations without an attempt, the features of the paper are
+    # means over the frames up to a collision.
     until = np.where(events.collision == NEVER, events.last, events.collision)
     until = np.where(events.has_attempt, NEVER, until).astype(np.int32)
+    # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.
     spans = {
         "conduct": judged_span(case),
         "settled": span_after_gap_recovery(case),
@@ -164,8 +170,8 @@ def scans(case: Case) -> ScanResults:
 def opposing_lane_span(case: Case) -> FrameSpan:
     """From the first to the last frame in which the ego is in the opposing lane.
 
-    In these frames a corner of the ego is beyond the line between the directions of travel. The
-    span lies within the manoeuvre, and is empty on one-way roads.
+    In these frames a corner of the ego is more than `LINE_TOLERANCE` beyond the line between the
+    directions of travel. The span lies within the manoeuvre, and is empty on one-way roads.
     """
     span, road = manoeuvre(case), case.trajectories.road
     never = np.full(len(span.first), NEVER)
@@ -173,6 +179,8 @@ def opposing_lane_span(case: Case) -> FrameSpan:
         return FrameSpan(first=never + np.int32(1), last=never)
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
+    # `breach_frames_in` finds the first and last frame of any condition; to be over the line is not
+    # a breach by itself.
     first, last, _ = breach_frames_in(span, rows, case.signals.left_edge[rows] > line)
     return FrameSpan(first=np.where(first == NEVER, last + 1, first).astype(np.int32), last=last)
 
@@ -219,7 +227,7 @@ def zone_intervals(
         approach_length: Function from a kind to the length of road before a zone that belongs to
             its interval [m].
     """
-    kinds_of_zones, zones = frozenset(kinds), all_zones_for(case.trajectories.road, 1)
+    kinds_of_zones, zones = frozenset(kinds), all_zones_for(case.trajectories.road, direction=1)
     return [
         (zone.start - approach_length(zone.kind), zone.stop)
         for zone in zones
@@ -246,7 +254,7 @@ class Alongside:
     accel: F32
 
     def finding(self, case: Case, margin: F32, applies: Mask | None = None) -> Finding:
-        """Finding of which the smallest margin in these frames decides.
+        """Finding from the smallest margin in these frames.
 
         Args:
             case: The batch.
@@ -291,11 +299,16 @@ def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
 
 
 def target_may_be(case: Case, *, bicycle: bool) -> Mask:
-    """Whether the target is or may be a bicycle, or another vehicle; shape (simulation,).
+    """Whether there is a target that may be a bicycle, or one that may be another vehicle.
+
+    A target of unknown kind may be either.
 
     Args:
         case: The batch.
         bicycle: Whether to ask for a bicycle; otherwise for a vehicle that is no bicycle.
+
+    Returns:
+        Shape (simulation,).
     """
     slot, kind = case.target.slot, case.trajectories.scenario.vehicles.kind
     is_bicycle = kind[np.arange(len(slot)), slot_or_ego(slot)] == VehicleKind.BICYCLE
@@ -316,7 +329,11 @@ def neighbour_at(case: Case, role: NeighbourRole, frame: Frames) -> Encounter:
 
 
 MIN_CLOSING_SPEED = np.float32(0.1)
-"""A slower approach counts as this fast, which keeps times finite [m/s]."""
+"""A slower approach counts as this fast, which keeps times finite [m/s].
+
+The value is a choice, far below walking pace: it changes only the times to vehicles that hardly
+approach, such as an ego and an oncoming vehicle that both stand.
+"""
 
 
 def nearest_oncoming_at(
@@ -333,6 +350,7 @@ def nearest_oncoming_at(
         Gap to it [m] and closing speed [m/s], both NaN without an oncoming vehicle, and its slot.
     """
     simulation = np.arange(len(frame)) if simulation is None else simulation
+    # At `NEVER` this reads frame 0; `has_oncoming` drops the result.
     others, index = other_vehicles_at(case.trajectories, frame, simulation), np.arange(len(frame))
     gaps = np.where(others.is_approaching, others.gap, np.inf)
     slot = gaps.argmin(axis=1)
@@ -374,6 +392,8 @@ def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
     highest = road.speed_limit_at(near, -1)
     sections = road.course.speed_limits_for(-1) if road.course else ()
     section_ends = {end for section in sections for end in (section.start, section.stop)}
+    # Limits change only where a section begins or ends. The end of the road is left out: no section
+    # holds that station, so `speed_limit_at` returns the higher limit outside all sections there.
     for station in section_ends - {road.length}:
         is_in_sight = (near < station) & (station <= far)
         limit = np.maximum(highest, road.speed_limit_at(station, -1))

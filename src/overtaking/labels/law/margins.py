@@ -40,11 +40,17 @@ MIN_RATE_OF_CHANGE = np.float32(0.1)
 """A slower change of a gap or a lateral position counts as this fast in errors [m/s].
 
 The error of an instant is the error of a position over this rate: without a bound it would be
-infinite for a vehicle that hardly moves.
+infinite for a vehicle that hardly moves. The value is a choice, less than the lateral speed of
+a lane change; it limits the error of an instant to 10 s per metre of error of a position.
 """
 
 SAME_MARGIN_M = np.float32(1e-3)
-"""Margins that differ by less are equal [m]."""
+"""Margins that differ by less are equal [m].
+
+With it, errors and remedies find out which of several conditions gave the smallest margin. The
+value is a choice, the resolution of recorded positions. On roads of some kilometres, rounding to
+float32 changes margins by less.
+"""
 
 
 def finding_from_margins(
@@ -66,9 +72,11 @@ def finding_from_margins(
         last: Last frame of the breach; ignored without a breach.
         longest: Number of frames of the longest unbroken run of the breach; None for a breach
             without a break.
-        doubtful: Whether an unknown input could make a breach of a margin that is not negative; the
-            verdict is then undecidable.
-        belief: `Belief`; ignored where the rule does not apply.
+        doubtful: Whether an unknown input could turn a kept rule into a broken one. The verdict is
+            then undecidable where the margin is 0 or more; a negative margin is a breach all the
+            same.
+        belief: `Belief` of the ego's driver when it decided to pull out or to return; ignored where
+            the rule does not apply. None for a rule that judges no beliefs.
     """
     is_broken, is_decided = applies & (margin < 0), applies
     verdict = is_broken.view(np.uint8)  # Legal is 0, illegal 1.
@@ -79,11 +87,14 @@ def finding_from_margins(
         verdict = np.where(is_decided, verdict, np.uint8(Verdict.UNDECIDABLE))
     return Finding(
         verdict=np.where(applies, verdict, np.uint8(Verdict.NOT_APPLICABLE)),
-        # The sum makes a negative zero positive.
+        # The sum makes a negative zero positive: it would look like a breach in tables, and its
+        # other bits would change their hashes.
         margin=np.where(is_decided, margin, np.float32(0.0)) + np.float32(0.0),
         first_frame=np.where(is_broken, first, NEVER).astype(np.int32, copy=False),
         last_frame=np.where(is_broken, last, NEVER).astype(np.int32, copy=False),
         longest_run=np.where(is_broken, longest, 0).astype(np.int32, copy=False),
+        # `judging` fills in the severity by the grade of the rule; a criterion whose breaches
+        # differ in severity replaces it.
         severity=np.zeros(len(applies), np.uint8),
         belief=np.zeros(len(applies), np.uint8)
         if belief is None
@@ -146,25 +157,27 @@ class ScanResults:
             `judged_span` [m].
         stop_unlit: Distance at which the driver sees an unlit obstacle minus the stopping distance,
             over `judged_span` [m].
-        following: Gap to the leader minus the lawful gap, over `span_after_gap_recovery` without
-            the time after a cut-in [m].
+        following: Gap to the leader minus the lawful gap, over `span_after_gap_recovery`. Frames in
+            which the driver may still restore a gap after a cut-in do not count [m].
         forced_braking: Allowed braking minus the braking forced on the follower in the time after
             each change of lane, over `manoeuvre` [m/s^2].
         return_opportunity: First frame, `NEVER` without one, and number of frames of the longest
             run in `span_after_passing` in which the ego could have returned.
-        entry_arrival: Frame in which the vehicle behind on the left reaches the place of the ego's
-            rear at the line crossing, `NEVER` if it does not.
-        return_arrival: Frame in which the target reaches the place of the ego's rear at the end of
-            the return, `NEVER` if it does not.
+        entry_arrival: Frame in which the follower in the lane on the left reaches the station where
+            the ego's rear was at the line crossing, `NEVER` if it does not.
+        return_arrival: Frame in which the target reaches the station where the ego's rear was at
+            the end of the return, `NEVER` if it does not.
         worst_measures: Worst measures over `judged_span` by name, 0 without a vehicle. `leader` and
             `follower` with the fields of `Encounter`; `time_headway`, `picud`, `rss_margin` and
             `lawful_margin` to the leader; `num_close`, the frames below the lawful gap;
-            `num_critical`, the frames with a critical time to collision; `shortfall`, the sum of
-            the time to collision that the latter lack [s].
-        recorded_sums: Sums of recorded integers up to a collision by name, for simulations without
-            an attempt. `frames`; `led`, the frames with a leader; `ego_speed` [mm/s] and
-            `left_count` over all frames; `target_speed`, and the absolute `speed_difference`
-            [mm/s] and `distance` [mm] to the leader over the frames with a leader.
+            `num_critical`, the frames with a critical time to collision; `shortfall`, the sum over
+            these frames of the critical time to collision minus the actual one [s].
+        recorded_sums: Sums of recorded integers up to a collision by name, 0 in simulations with an
+            attempt: features are means over time only without one, else values at the attempt.
+            `frames`, the number of frames; `led`, the number of frames with a leader. Over all
+            frames `ego_speed` [mm/s] and `left_count`, the number of vehicles in the lane to the
+            left of the ego. Over the frames with a leader `target_speed`, and the absolute
+            `speed_difference` [mm/s] and `distance` [mm] to the leader.
     """
 
     stop_lit: MarginMinimum
@@ -185,6 +198,8 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
         case: The batch.
         spans: The spans to scan, by the names that `case.scans` gives them.
     """
+    # The engine's names of the rows of each array, in order. `moments` names events and, beside
+    # them, the slot of the target and the original lane; all are attributes of `case.events`.
     count, names = case.signals.num_simulations, _core.FIELD_NAMES
     ends = [end for name in names["spans"] for end in (spans[name].first, spans[name].last)]
     moments = [getattr(case.events, name) for name in names["moments"]]
@@ -217,6 +232,7 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
         stop_unlit=minima["stop_unlit"],
         following=minima["follow"],
         forced_braking=minima["braking"],
+        # "due": the law may demand a return while the ego has room for it.
         return_opportunity=(frames["due.first"], frames["due.length"]),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],
@@ -241,7 +257,7 @@ _LAW_NUMBERS = {
 }
 
 _OTHER_NUMBERS = {
-    "friction_floor": "friction.table.floor",
+    "friction_floor": "friction.table.floor",  # The smallest friction coefficient of a tyre.
     "picud_reaction_time": "event_detection.safety.picud_reaction_time",
     "picud_decel": "event_detection.safety.picud_decel",
     "critical_ttc": "event_detection.safety.critical_ttc",
@@ -316,6 +332,7 @@ def breach_frames(
     # written in reverse order.
     first[rows[::-1]], last[rows] = frames[::-1], frames
     breaks = (np.diff(rows) != 0) | (np.diff(frames) != 1)
+    # Without a frame in breach `np.append` still has one element, which the slice removes.
     begins = np.flatnonzero(np.append(True, breaks)[: rows.size])
     np.maximum.at(longest, rows[begins], np.diff(np.append(begins, rows.size)))
     return first, last, longest
@@ -364,7 +381,14 @@ def minimum_to_limit(
 
 
 def margins_within_span(span: FrameSpan, margins: NDArray[np.floating]) -> F64:
-    """Margins (simulation, time) of the first simulation, shape (time,); NaN outside the span."""
+    """Margins within a span for a chart, shape (time,), NaN outside.
+
+    A chart shows one simulation.
+
+    Args:
+        span: The judged frames, of one simulation.
+        margins: Shape (1, time).
+    """
     frame = np.arange(margins.shape[1])
     is_in_span = (frame >= span.first[0]) & (frame <= span.last[0])
     return np.where(is_in_span, margins[0], np.nan).astype(np.float64)
@@ -388,7 +412,7 @@ def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:
 def finding_of_minimum(
     minimum: MarginMinimum, span: FrameSpan, *, belief: U8 | None = None
 ) -> Finding:
-    """Finding of which the smallest margin over a span decides.
+    """Finding from the smallest margin over a span.
 
     Args:
         minimum: Minimum of the margin over the span.
@@ -414,7 +438,7 @@ def finding_over_span(margin: F32, span: FrameSpan) -> Finding:
 def finding_at_instants(
     margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int
 ) -> Finding:
-    """Finding of which the smallest margin over listed instants decides.
+    """Finding from the smallest margin over listed instants.
 
     The rule applies to the simulations that have an instant with a constrained margin.
 

@@ -21,8 +21,9 @@ Case: a `Case` is a batch of simulations, with one ego each. `check` and `standa
     whole batch. A remedy explains one breach: the case of a `BreachContext` holds one simulation,
     so remedies and `margins_by_frame` read index 0.
 Unknown inputs: where an input of `required_inputs` is unknown, a rule is undecidable in all
-    simulations to which it applies. So `check` takes an unknown kind or road for one to which the
-    rule applies. An input of `conditional_inputs` leaves some simulations decided.
+    simulations to which it applies. So where the kind of a vehicle or of the road is unknown,
+    `check` assumes one to which the rule applies. Where an input of `conditional_inputs` is
+    unknown, the other inputs still decide some simulations.
 Events and spans: an event is a frame of each simulation, `NEVER` (-1) where it does not occur. For
     `NEVER`, `at_frame` and `vehicle_snapshot` read frame 0, and `neighbour_at` finds no vehicle;
     the values are dropped later. A span such as `judged_span(case)` or `manoeuvre(case)` holds the
@@ -32,20 +33,24 @@ Scans: `scans(case)` holds results of the compiled engine, computed once for eac
     `following` and `forced_braking` are minima of margins, with the frames of the breach;
     `return_opportunity` is a first frame and a number of frames.
 Belief: a percept holds the gap to a vehicle and the closing speed at a decision, as the driver saw
-    them and as they were. `belief_at` tests `conditions`, the margins by perceived vehicle, with
-    both; the result is `Finding.belief`, and the verdict depends on the true motion alone.
-    `believed_margins` gives explanations the same margins.
+    them and as they were. `conditions` maps each perceived vehicle to the function that computes
+    its margin; `belief_at` calls it with the believed and with the true values. The result is
+    `Finding.belief`; the verdict depends on the true motion alone. `believed_margins` gives
+    explanations the same margins.
 Errors: in `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed, v
     and u are the speeds of the vehicles behind and ahead, dv is the closing speed, t the reaction
-    time and b the deceleration of the safe distance; a number of the law stands by the name of its
-    field. Without u, and in `predicate`, v is the speed of the ego.
+    time and b the deceleration of the safe distance. A number of the law appears under the name of
+    its field, such as `min_ttc`. In a formula without u, and in `predicate`, v is the speed of the
+    ego.
     The errors of a vehicle are the same in all frames. A class without `standard_error` has a
     margin that they do not change, such as a range of sight or a lateral speed, or a margin whose
     error is neglected.
-    `deciding_frame` finds the frame by the value of the margin, so it needs no mask of the frames
-    that `check` leaves out: another frame has the same value only by chance, except at a capped
-    margin, which several frames may share.
+    `deciding_frame` searches the whole span for the margin of the finding, also the frames that
+    `check` leaves out. One of these has the same margin only by chance, unless margins are capped:
+    then several frames may share the cap.
 Lanes: lane 0 is the slowest, and indices grow to the left, the overtaking side. In left-hand
     traffic the world is mirrored, so left and right keep these meanings.
-Float32: `minimum` and `maximum` of `core.float32_math` treat NaN and -0.0 as the engine does.
+Float32: `minimum` and `maximum` of `core.float32_math` return the second value where one is NaN or
+    both are zeros of different sign. So does the engine; NumPy's functions may not, and results
+    here must have the engine's bits.
 """

@@ -1,6 +1,7 @@
 """Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, errors (with the symbols sp, sv
+and dv of `ERROR_FORMULA`) and lanes.
 """
 
 from collections.abc import Mapping
@@ -203,6 +204,7 @@ class GapBehind(Criterion):
         follower_speed = case.signals.speed[0, frames] + closing_speed
         decel = decel_for_safe_distance(case.signals.friction[0, frames])
         # At this speed the safe distance and the limit of forced braking are both kept.
+        # Overlapping vehicles have a negative gap, which has no square root; no speed mends this.
         needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
         _, highest_limit = speed_limit_bounds(case, self.general_limits)
         if gap[0] < 0 or needed > highest_limit[0, frame]:
@@ -218,8 +220,8 @@ def _finding_at_crossing(
     Args:
         case: The batch.
         role: The neighbour.
-        conditions: One entry: the neighbour among the vehicles that a driver perceives, and the
-            margin of its gap.
+        conditions: The input of `belief_at`, here with one entry: the neighbour as a perceived
+            vehicle, and the margin of its gap.
     """
     signals, frame = case.signals, case.events.line_crossed
     neighbour = neighbour_at(case, role, frame)
@@ -375,7 +377,9 @@ class NoOtherOvertaking(Criterion):
     """At the attempt, no vehicle overtakes the ego or is about to.
 
     Attributes:
-        min_arrival: Smallest lawful time until the next vehicle on the left is beside the ego.
+        min_arrival: Smallest lawful time until the next vehicle on the left is beside the ego. The
+            default is a choice: a change of lane takes about 5 s, so an earlier vehicle would be
+            beside the ego during it.
         max_arrival: Later arrivals count as this, so that margins stay finite.
         reach: Followers in the lane of the ego count up to this distance behind it.
         max_lateral_speed: A follower that moves left faster has begun to pull out.
@@ -397,7 +401,7 @@ class NoOtherOvertaking(Criterion):
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """The indicators: a follower might indicate, unless its motion is a breach already."""
+        """The indicators: a follower with unknown ones may signal left, unless one moves left."""
         return frozenset(["indicators"])
 
     def predicate(self) -> str:
@@ -442,8 +446,8 @@ class NoOtherOvertaking(Criterion):
         is_follower, is_left_follower = self._followers(case, others)
 
         def arrival_with(ego_error: StateError, other_error: StateError) -> F32:
-            # `_first_arrival` reads the ego's speed from the signals and uses the difference of
-            # the speeds alone, so the error of the ego's speed enters by the other speed.
+            # `_first_arrival` takes the ego's speed from the signals, and only the difference of
+            # both speeds matters. So the error of the ego's speed is subtracted from the other's.
             measured = replace(
                 others,
                 gap=others.gap + ego_error.position - other_error.position,
@@ -451,7 +455,7 @@ class NoOtherOvertaking(Criterion):
             )
             return self._first_arrival(case, measured, is_left_follower)
 
-        error = error_from_vehicles(arrival_with, 2, errors)
+        error = error_from_vehicles(arrival_with, num_vehicles=2, errors=errors)
         # A follower that has begun to pull out decides whatever the vehicles on the left do.
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         error = np.where(has_begun, np.float32(0.0), error)
@@ -560,7 +564,8 @@ class TargetInLane(Criterion):
         is_unknown = "indicators" in trajectories.unknown
         lamp = indicator_to_overtaking_side(trajectories.road)
         is_indicating = has_target & ((lights & lamp) != 0) & (not is_unknown)
-        # A signal has no speed: it counts like a motion to the left at twice the limit.
+        # A signal has no speed from which a margin could follow. By choice the margin is -limit, as
+        # of a motion at twice the limit; `predicate` states it.
         margin = np.where(is_indicating, np.minimum(margin, -limit), margin)
         doubtful = np.full(len(slot), is_unknown)
         return finding_at_frame(attempt, margin, has_target, doubtful=doubtful)
@@ -585,18 +590,21 @@ def denoised_lateral_speed_at(
 ) -> F32:
     """Speed of vehicles to the left at single frames, shape (instant,) [m/s].
 
-    The speed is a central difference over a time T of about 0.2 s. In a recording, T is increased,
-    up to twice `LATERAL_NOISE_TIME`, until the standard error of the speed is at most
-    `LATERAL_ERROR_SHARE` of the limit. That error is sqrt(2) noise / T. The noise is the standard
-    deviation of a position: the root mean square of its third differences around the frame, divided
-    by sqrt(20). Simulations have no noise.
+    The speed is a central difference over a time T of about 0.2 s. This value is a choice, and the
+    same at all frame rates, so that they give the same speeds. In a recording, T is increased until
+    the standard error of the speed is at most `LATERAL_ERROR_SHARE` of the limit. T is at most
+    `LATERAL_NOISE_TIME` before and after the frame, the time from which the noise is measured. The
+    standard error is sqrt(2) noise / T. The noise is the standard deviation of a position: the root
+    mean square of its third differences around the frame, divided by sqrt(20). Simulations have no
+    noise.
 
     Args:
         trajectories: The batch.
         vehicles: The vehicles and frames.
         limit: The speed with which it is compared [m/s].
     """
-    # `unknown` is empty for simulations.
+    # `unknown` is empty for simulations. Recordings of real traffic lack at least the stage of the
+    # ego, which only simulators record.
     if not trajectories.unknown:
         return lateral_speed_at(trajectories, vehicles)
     interval = trajectories.scenario.frame_interval_ms
