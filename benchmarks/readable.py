@@ -48,7 +48,7 @@ def extract_signals_and_events(
     ego_signals = EgoSignals(
         frame_interval_ms=trajectories.scenario.frame_interval_ms,
         valid=trajectories.frame_mask,
-        **_padded(trajectories, signals_by_run),
+        **_pad_to_batch(trajectories, signals_by_run),
     )
     return ego_signals, events
 
@@ -56,7 +56,7 @@ def extract_signals_and_events(
 def target_signals(
     trajectories: Trajectories, ego_signals: EgoSignals, target_slot: Any
 ) -> TargetSignals:
-    """Signals of each target; without a target those of the ego, marked invalid."""
+    """Signals of each target; without a target, signals of the ego, marked invalid."""
     has_target = target_slot != NO_VEHICLE
     slots = np.where(has_target, target_slot, 0)
     names = ("lateral_position", "right_edge", "left_edge")
@@ -64,7 +64,7 @@ def target_signals(
         readable_signals.target_signals(run, _signals_of_run(ego_signals, run, names), int(slot))
         for run, slot in zip(_runs(trajectories), slots, strict=True)
     ]
-    arrays = _padded(trajectories, rows)
+    arrays = _pad_to_batch(trajectories, rows)
     for name in ("valid", "overlaps"):
         arrays[name] &= has_target[:, None]
     length = trajectories.scenario.vehicles.length[np.arange(len(slots)), slots]
@@ -181,7 +181,7 @@ def _signals_of_run(
     return {name: getattr(ego_signals, name)[run.row][..., : run.num_frames] for name in names}
 
 
-def _padded(trajectories: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _pad_to_batch(trajectories: Trajectories, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Arrays of all simulations, zero beyond the end of each."""
     arrays: dict[str, Any] = {}
     for name, first in rows[0].items():

@@ -291,16 +291,17 @@ def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
     """The opposing lane at one frame of each simulation."""
     road, num_simulations = case.trajectories.road, len(frame)
     if not road.is_two_way:
-        zeros, none = np.zeros(num_simulations, np.float32), np.zeros(num_simulations, np.bool_)
+        zeros = np.zeros(num_simulations, np.float32)
+        is_never = np.zeros(num_simulations, np.bool_)
         return OncomingState(
-            exists=none,
-            has_oncoming=none,
+            exists=is_never,
+            has_oncoming=is_never,
             kind=np.zeros(num_simulations, np.uint8),
             gap=zeros,
             closing_speed=zeros,
             time=zeros,
             sight=zeros,
-            crossable=none,
+            crossable=is_never,
         )
     gap, closing_speed, slot = nearest_oncoming_at(case, frame)
     return OncomingState(

@@ -30,18 +30,18 @@ MIN_SPEED = np.float32(0.1)
 
 
 def first_frame(frames: Iterable[int], condition: Callable[[int], Any]) -> Frame:
-    """The first of some frames in which a condition holds, None if it never does."""
+    """The first of some frames in which a condition holds; None if it never holds."""
     return next((frame for frame in frames if condition(frame)), None)
 
 
 def first_change(num_frames: int, condition: Callable[[int], Any]) -> Frame:
     """The first frame in which a condition holds after a frame in which it did not hold."""
-    before = first_frame(range(num_frames), lambda t: not condition(t))
-    return None if before is None else first_frame(range(before, num_frames), condition)
+    begin = first_frame(range(num_frames), lambda t: not condition(t))
+    return None if begin is None else first_frame(range(begin, num_frames), condition)
 
 
 def earliest(*frames: Frame) -> Frame:
-    """The first of several events, None if none of them happened."""
+    """The first of several events; None if no event happens."""
     return min((frame for frame in frames if frame is not None), default=None)
 
 
@@ -123,10 +123,10 @@ class EgoDrive:
 
     def recent_leader(self, t: int) -> int | None:
         """The leader, or the last one of the seconds before in this lane that is still recorded."""
-        for before in range(t, max(t - self.thresholds["window"], 0) - 1, -1):
-            if self.lane[before] != self.lane[t]:
+        for frame in range(t, max(t - self.thresholds["window"], 0) - 1, -1):
+            if self.lane[frame] != self.lane[t]:
                 return None
-            slot = self.leader(before)
+            slot = self.leader(frame)
             if slot is not None:
                 return slot if self.run.is_recorded[slot][t] else None
         return None
@@ -273,7 +273,7 @@ class TargetView:
         return self.run.is_recorded[self.target][t]
 
     def ego_lead(self, t: int) -> np.float32:
-        """Centre of the ego minus that of the target [m]."""
+        """Station of the ego minus station of the target [m]."""
         return np.float32(self.run.s[0][t] - self.run.s[self.target][t]) * np.float32(1e-3)
 
     def overlaps(self, t: int) -> bool:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 
-def simulated(
+def simulate_profile(
     profile: str, num_simulations: int, interval_ms: int = 50, *, mirrored: bool = False
 ) -> Trajectories:
     """Simulations of a profile, in left-hand traffic if mirrored."""
@@ -36,7 +36,7 @@ def simulated(
 
 def ego_beyond_the_lanes() -> Trajectories:
     """Recordings that end early; every other ego is beyond the lanes for a while."""
-    trajectories = simulated("pinto2023-physical", 64)
+    trajectories = simulate_profile("pinto2023-physical", 64)
     lane = trajectories.states.lane.copy()
     lane[::2, 0, 40:60] = 255
     return trajectories.replace(
@@ -47,7 +47,7 @@ def ego_beyond_the_lanes() -> Trajectories:
 
 def ego_across_the_road() -> Trajectories:
     """Recordings in which every other ego stands across the road for a while."""
-    trajectories = simulated("pinto2023", 64)
+    trajectories = simulate_profile("pinto2023", 64)
     heading = trajectories.states.heading.copy()
     heading[::2, 0, 40:60] -= 9000
     return trajectories.replace(states=trajectories.states.replace(heading=heading))
@@ -55,7 +55,7 @@ def ego_across_the_road() -> Trajectories:
 
 def excerpt() -> Trajectories:
     """Recordings that begin during a manoeuvre, with vehicles that are missing for some time."""
-    trajectories, begin = simulated("pinto2023-physical", 96), 150
+    trajectories, begin = simulate_profile("pinto2023-physical", 96), 150
     states = trajectories.states
     later_states = {
         field.name: getattr(states, field.name)[..., begin:] for field in dataclasses.fields(states)
@@ -72,14 +72,14 @@ def excerpt() -> Trajectories:
 
 
 RECORDINGS = {
-    "pinto2023": lambda: simulated("pinto2023-physical", 256),
-    "motorway": lambda: simulated("motorway", 96),
-    "motorway-risk": lambda: simulated("motorway-risk", 96),
-    "a few of motorway-risk": lambda: simulated("motorway-risk", 16),
-    "25 Hz": lambda: simulated("pinto2023-physical", 48, 40),
-    "10 Hz": lambda: simulated("pinto2023-physical", 48, 100),
-    "left-hand traffic": lambda: simulated("pinto2023-physical", 48, mirrored=True),
-    "gaps": lambda: with_gaps(simulated("pinto2023-physical", 96)),
+    "pinto2023": lambda: simulate_profile("pinto2023-physical", 256),
+    "motorway": lambda: simulate_profile("motorway", 96),
+    "motorway-risk": lambda: simulate_profile("motorway-risk", 96),
+    "a few of motorway-risk": lambda: simulate_profile("motorway-risk", 16),
+    "25 Hz": lambda: simulate_profile("pinto2023-physical", 48, 40),
+    "10 Hz": lambda: simulate_profile("pinto2023-physical", 48, 100),
+    "left-hand traffic": lambda: simulate_profile("pinto2023-physical", 48, mirrored=True),
+    "gaps": lambda: with_gaps(simulate_profile("pinto2023-physical", 96)),
     "excerpt": excerpt,
     "off the road": ego_beyond_the_lanes,
     "across the road": ego_across_the_road,

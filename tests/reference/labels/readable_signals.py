@@ -160,7 +160,7 @@ class SingleRun:
 
 
 def first_true(values: list[bool]) -> int:
-    """Position of the first true value; 0 if there is none."""
+    """Position of the first true value; 0 without a true value."""
     return next((position for position, value in enumerate(values) if value), 0)
 
 
@@ -242,7 +242,7 @@ def _left_lane_occupancy(run: SingleRun) -> dict[str, SignalArray]:
 
 
 def _friction(run: SingleRun, speed: F32) -> F32:
-    """Peak friction on the mean film of the ego's lane; off the road, on that of the nearest."""
+    """Peak friction on the mean film of the ego's lane; off the road, of the nearest lane."""
     constants, inputs, row = model_constants(), visibility_inputs(run.trajectories), run.row
     lane = np.array(run.lane[0])
     nearest_lane = np.where(lane == 255, 0, np.minimum(lane, run.num_lanes - 1))

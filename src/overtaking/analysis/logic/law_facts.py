@@ -90,7 +90,7 @@ def _ego_edges(source: FactSource) -> FactColumns:
     LAW_FACTS,
     "spacing",
     "Gap between the bumpers of ego and neighbour, rounded down; speed at which it closes; gap "
-    "that Article 18(1) requires of the rear vehicle, rounded so that it compares as before.",
+    "that Article 18(1) requires of the rear vehicle, rounded to keep its order with the gap.",
     S=SIMULATION,
     Role=ROLE,
     F=FRAME,

@@ -77,7 +77,7 @@ def _posted_limit(source: FactSource) -> FactColumns:
 @fact(
     ROAD_FACTS,
     "lower_limit",
-    "A stretch with a limit below that one in the direction of travel; its ends rounded up.",
+    "A stretch with a limit below `posted_limit` for the direction of travel; ends rounded up.",
     required_input="speed_limit",
     From=MM,
     To=MM,

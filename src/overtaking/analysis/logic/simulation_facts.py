@@ -34,7 +34,7 @@ EVENT_FACTS: dict[str, Fact] = {}
 """Facts about the events of the ego's overtake and its target, by name."""
 
 
-@fact(SIMULATION_FACTS, "simulation", "There is such a simulation.", S=SIMULATION)
+@fact(SIMULATION_FACTS, "simulation", "S is the number of a simulation.", S=SIMULATION)
 def _simulations(source: FactSource) -> FactColumns:
     return (source.simulation_ids,)
 
@@ -105,7 +105,7 @@ def _classes(source: FactSource) -> FactColumns:
 @fact(
     SIMULATION_FACTS,
     "outcome",
-    "How the ego's overtake ended, legality aside.",
+    "Outcome of the ego's overtake, without regard to the law.",
     S=SIMULATION,
     Outcome=OUTCOME,
 )

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import I64, Mask
 
 VEHICLE_FACTS: dict[str, Fact] = {}
-"""Facts about vehicles and the frames in which they are somewhere, by name."""
+"""Facts about vehicles, their lanes, lamps, neighbours and contacts, by name."""
 
 MOTION_FACTS: dict[str, Fact] = {}
 """Facts about directions, positions and speeds, by name."""
@@ -180,7 +180,7 @@ def _neighbour_spans(source: FactSource) -> FactColumns:
 @fact(
     VEHICLE_FACTS,
     "contact",
-    "First frame after A has touched B.",
+    "First frame at or after the first contact of A with B.",
     S=SIMULATION,
     A=VEHICLE,
     B=VEHICLE,
@@ -213,7 +213,7 @@ def _written_frames(source: FactSource) -> FactColumns:
 @fact(
     MOTION_FACTS,
     "next",
-    "G is the next such frame after F.",
+    "G is the next frame with positions and speeds after F.",
     S=SIMULATION,
     F=FRAME,
     G=FRAME,
