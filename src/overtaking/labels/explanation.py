@@ -131,8 +131,8 @@ class UndecidedRule:
         rule: The rule.
         policies: Names of the policies that require it.
         missing_inputs: Names of inputs that the rule needs and the recording lacks.
-        is_text_unread: Whether nobody read the text of the rule, and the pack leaves such rules
-            undecidable.
+        is_text_unread: Whether the authors did not read the text of the rule, and the pack leaves
+            such rules undecidable.
     """
 
     rule: Rule

@@ -167,9 +167,9 @@ def pseudo_attempt(case: Case) -> I32:
 def _waiting_time_quantiles(profile: str) -> F32:
     """Minimum, deciles and maximum of the waiting times of a profile's attempts [s].
 
-    They are fixed for each profile: with those of the data set at hand, the features of a
-    simulation would depend on the other simulations. A profile without an entry uses those of
-    `pinto2023-physical`.
+    The quantiles are fixed for each profile: with quantiles of the present data set, the features
+    of a simulation would depend on the other simulations. A profile without an entry has the
+    quantiles of `pinto2023-physical`.
     """
     table, quantities = "matched.waiting_time_quantiles", all_quantities("event_detection.toml")
     quantiles = quantities.get(f"{table}.{profile}", quantities[f"{table}.pinto2023-physical"])

@@ -409,7 +409,7 @@ _LIMIT_CLASS_OF_KIND = {VehicleKind.VAN: 1, VehicleKind.TRUCK: 2}
 """Index into `LIMIT_CLASSES` of the kinds that are not in class 0, light vehicles."""
 
 NO_GENERAL_LIMIT = quantity(1000.0, "km/h", why="Larger than any speed")
-"""Stands for a general speed limit where a law has none."""
+"""Stands for a general speed limit in a law without such a limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -110,7 +110,7 @@ RETURN_FREE_TIME = quantity(
 RETURN_RANGE = quantity(
     200.0, "m", why="Gaps in the slower lane count up to this, so that margins stay finite"
 )
-"""Largest gap in the lane to return to that is told from a longer one."""
+"""Larger gaps in the lane to return to count as this one."""
 
 ONCOMING_TIME = quantity(
     1.0,

@@ -193,7 +193,7 @@ class WidthForOvertaking(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The width of the lane on the left, less that of the ego and the room, decides."""
+        """The width of the lane on the left, less the width of the ego and the room, decides."""
         width = case.trajectories.scenario.vehicles.width[:, EGO_SLOT]
         needed = width + np.float32(2.0) * self.min_border_distance.f32
         margin = _left_lane_width(case) - needed

@@ -176,7 +176,7 @@ class MinimumSightDistance(Criterion):
     )
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the sight that the overtake needs; the sight itself has none [m]."""
+        """Error of the sight that the overtake needs; the available sight has no error [m]."""
         return _required_sight_error(case, finding, self.clearance_time, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -233,7 +233,7 @@ class PassingSightDistance(Criterion):
     ERROR_FORMULA: ClassVar[str] = "(time on the left + clearance_time) sv"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the sight that the overtake needs; the sight itself has none [m]."""
+        """Error of the sight that the overtake needs; the available sight has no error [m]."""
         return _required_sight_error(case, finding, self.clearance_time, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
