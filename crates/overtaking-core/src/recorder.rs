@@ -495,7 +495,6 @@ pub const NO_VEHICLE: i32 = 255;
 /// Largest recorded integer of 16 bits.
 const INT16_LIMIT: f32 = 32767.0;
 /// Largest recorded integer of 32 bits, well below 2^31, so that no float32 rounds up to it.
-
 pub const INT32_LIMIT: f32 = 2.0e9;
 /// 1 / (2 pi).
 const TURNS_PER_RADIAN: f32 = 0.159_154_94;
