@@ -431,14 +431,12 @@ class ValueRange(NamedTuple):
 
 _INT32 = ValueRange(-MAX_INT - 1, MAX_INT)
 _NO_NUMBER = ValueRange(0, 0)
+_COUNT_RANGE = ValueRange(COUNT.low, COUNT.high)
 _EQUAL = 5  # clingo.ast.ComparisonOperator.Equal
 _MONOTONE_OPERATORS = {3: add, 4: sub, 5: mul}  # clingo.ast.BinaryOperator
 _DIVISION, _MODULO = 6, 7
 _NEGATION, _ABSOLUTE = 0, 2  # clingo.ast.UnaryOperator
 _COUNT_AGGREGATE = 0  # clingo.ast.AggregateFunction.Count
-
-_MAX_ASSIGNMENT_CHAIN = 8
-"""Most assignments such as `Y = X+1, Z = 2*Y` through which ranges are followed."""
 
 
 class Overflow(NamedTuple):
@@ -492,30 +490,65 @@ def variable_ranges(
                     ranges[argument.name] = ValueRange(
                         max(low, argument_type.low), min(high, argument_type.high)
                     )
-    # A variable may be assigned from one that a later literal assigns.
-    for _ in range(_MAX_ASSIGNMENT_CHAIN):
-        for tree in walk(parts):
-            for name, value_range in _assigned_ranges(tree, ranges):
-                ranges.setdefault(name, value_range)
+    required_literals, local_literals = _literals_by_scope(parts)
+    _add_assigned_ranges(required_literals, ranges)
+    # A condition within an aggregate, such as `Z = 5` in `#count{Z : Z = 5}`, holds only there. It
+    # comes second, so that it does not bound a variable that the rule assigns outside.
+    _add_assigned_ranges(local_literals, ranges)
     return ranges
 
 
-def _assigned_ranges(
-    tree: Any, ranges: Mapping[str, ValueRange]
-) -> Iterator[tuple[str, ValueRange]]:
-    """The variables that a comparison or an aggregate assigns, with their ranges."""
-    if node_kind(tree) == "Comparison":
-        sides = [tree.term, *(guard.term for guard in tree.guards)]
-        is_equation = all(guard.comparison == _EQUAL for guard in tree.guards)
+def _literals_by_scope(trees: list[Any]) -> tuple[list[Any], list[Any]]:
+    """The literals that must hold in each instance of the rule, and those within other literals.
+
+    Negated literals are left out: `not Z = 5` assigns nothing.
+    """
+    literals = [tree for tree in walk(trees) if node_kind(tree) == "Literal" and not tree.sign]
+    top_level = {id(tree) for tree in trees}
+    return (
+        [literal for literal in literals if id(literal) in top_level],
+        [literal for literal in literals if id(literal) not in top_level],
+    )
+
+
+def _add_assigned_ranges(literals: Iterable[Any], ranges: dict[str, ValueRange]) -> None:
+    """Add the ranges of variables that comparisons and aggregates among the literals assign."""
+    pending = [pair for literal in literals for pair in _assignments(literal.atom)]
+    # A variable may be assigned from one that a later literal assigns: repeat until no further
+    # assignment has all its variables bounded. The others stay without a range: any value.
+    while True:
+        bounded = [pair for pair in pending if _variable_names(pair[1]) <= ranges.keys()]
+        if not bounded:
+            return
+        for name, term in bounded:
+            low, high = _COUNT_RANGE if term is None else term_range(term, ranges)
+            # `overflows` reports the term itself if it may leave 32 bits. Without the cut, a chain
+            # of squares would double the digits of the range with each variable.
+            ranges.setdefault(name, ValueRange(max(low, _INT32.low), min(high, _INT32.high)))
+        pending = [pair for pair in pending if pair[0] not in ranges]
+
+
+def _variable_names(term: Any) -> set[str]:
+    """The names of the variables in a term; None, the value of a count, has none."""
+    trees = [] if term is None else [term]
+    return {tree.name for tree in walk(trees) if node_kind(tree) == "Variable"}
+
+
+def _assignments(atom: Any) -> Iterator[tuple[str, Any]]:
+    """The variables that a comparison or an aggregate assigns, with their terms; None for a count.
+
+    The variables of other aggregates are left out: they can have any value.
+    """
+    if node_kind(atom) == "Comparison":
+        sides = [atom.term, *(guard.term for guard in atom.guards)]
+        is_equation = all(guard.comparison == _EQUAL for guard in atom.guards)
         for left, right in permutations(sides if is_equation else [], 2):
             if node_kind(left) == "Variable":
-                yield left.name, term_range(right, ranges)
-    if node_kind(tree) == "BodyAggregate":
-        is_count = tree.function == _COUNT_AGGREGATE
-        value_range = ValueRange(COUNT.low, COUNT.high) if is_count else _INT32
-        for guard in (tree.left_guard, tree.right_guard):
+                yield left.name, right
+    if node_kind(atom) == "BodyAggregate" and atom.function == _COUNT_AGGREGATE:
+        for guard in (atom.left_guard, atom.right_guard):
             if guard is not None and node_kind(guard.term) == "Variable":
-                yield guard.term.name, value_range
+                yield guard.term.name, None
 
 
 def term_range(tree: Any, ranges: Mapping[str, ValueRange]) -> ValueRange:

@@ -93,6 +93,23 @@ def test_a_term_that_could_wrap_is_reported():
     assert overflows_of("p(X+Y) :- speed(S,A,F,X), speed(S,B,F,Y).") == []
 
 
+def test_a_variable_has_the_range_of_its_assignment_wherever_the_assignment_stands():
+    assert overflows_of("p(Z) :- position(S,A,F,X), Z = 2*Y, Y = X+1.") == []
+    chain = ", ".join(f"X{index} = X{index + 1}+1" for index in range(20))
+    assert overflows_of(f"p(X0) :- {chain}, position(S,A,F,X20).") == []
+    assert overflows_of(f"p(5*X0) :- {chain}, position(S,A,F,X20).") == ["(5*X0)"]
+    assert overflows_of("p(Z) :- Z = 2*Y, Y = 2*Z.") != []
+    squares = ", ".join(f"X{index + 1} = X{index}*X{index}" for index in range(100))
+    assert "(X99*X99)" in overflows_of(f"p(X100) :- position(S,A,F,X0), {squares}.")
+
+
+def test_a_condition_that_need_not_hold_does_not_bound_a_variable():
+    assert overflows_of("p(5*Z) :- Z = Y, Y = X, not Z = 5, position(S,A,F,X).") == ["(5*Z)"]
+    rule = "p(5*Z) :- 0 < #count{ Z : Z = 5 }, Z = X, position(S,A,F,X)."
+    assert overflows_of(rule) == ["(5*Z)"]
+    assert overflows_of("p :- position(S,A,F,X), #count{ Z : Y = X+1, Z = 2*Y } > 1.") == []
+
+
 def test_a_query_that_could_wrap_is_refused():
     with pytest.raises(ConfigError, match=r"clingo's integers hold, got \(X\*X\)"):
         parse_query("position(S,A,F,X), X*X > 4")
