@@ -72,7 +72,6 @@ def simulate_profile(profile: str, num_simulations: int, seed: int) -> Iterator[
         yield SimulationGroup(
             simulation_ids=simulation_ids,
             case=case_from_trajectories(trajectories),
-            num_read=int(simulation_ids[-1]) + 1,
         )
 
 
@@ -118,8 +117,9 @@ def main() -> int:
         for source_name, groups in sources.items():
             for group in groups:
                 compare(reasoner, group, tally, source_name, arguments.law)
+                num_compared = int(group.simulation_ids[-1]) + 1
                 progress = (
-                    f"\r{source_name}: {group.num_read:,}, {len(tally.differences)} differences"
+                    f"\r{source_name}: {num_compared:,}, {len(tally.differences)} differences"
                 )
                 print(progress, end="", file=sys.stderr, flush=True)
     seconds = time.perf_counter() - begin

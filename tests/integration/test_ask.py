@@ -252,6 +252,20 @@ def test_the_predicates_are_listed(data: Dataset, capsys: pytest.CaptureFixture[
     assert "expected a query, --why N or --predicates, got none" in capsys.readouterr().err
 
 
+def test_progress_counts_the_chosen_simulations_alone(data: Dataset, tmp_path: Path):
+    """Simulations 3 and 20 are in two files, so each is a report of its own."""
+    reports: list[tuple[int, int]] = []
+    options: dict[str, Any] = {
+        "simulation_ids": [3, 20],
+        "progress": lambda num_done, num_all: reports.append((num_done, num_all)),
+    }
+    ot.logic.ask(data, "simulation(S)", **options)
+    assert reports == [(1, 2), (2, 2)]
+    reports.clear()
+    ot.export_dataset(data, tmp_path / "facts", file_format="asp", **options)
+    assert reports == [(1, 2), (2, 2)]
+
+
 def test_an_export_holds_the_chosen_simulations(data: Dataset, tmp_path: Path):
     out = tmp_path / "facts"
     options = ["--simulations", "3,7", "--format", "asp", "--with-law", "--out", str(out)]

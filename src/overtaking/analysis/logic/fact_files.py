@@ -266,7 +266,7 @@ def write_facts(
         simulation_ids: Numbers of its simulations in order; None for all.
         frame_step: Interval between written positions and speeds [frames], 1 or more.
         with_law: Whether to write the law, and the facts of every frame that only the law reads.
-        progress: Called with the number of simulations that are done, and of all.
+        progress: Called with the number of simulations that are done, and of all to write.
 
     Returns:
         Number of facts written.
@@ -277,7 +277,8 @@ def write_facts(
         OSError: A file cannot be written.
     """
     check_in_range(frame_step, 1, what="--frame-step", where="logic", unit="frame")
-    requested, num_facts = all_facts(with_law=with_law), 0
+    requested, num_facts, num_written = all_facts(with_law=with_law), 0, 0
+    num_requested = len(dataset) if simulation_ids is None else len(simulation_ids)
     title = f"Simulations of {dataset.profile}, data set {dataset.content_hash}"
     header = file_header(title, requested, language).encode()
     with atomic_folder(out) as folder:
@@ -291,8 +292,9 @@ def write_facts(
                     columns |= measure_simulation_facts(group, requested, frame_step=frame_step)
                     file.write(fact_lines(columns))
                     num_facts += count_facts(columns)
+                    num_written += len(group.simulation_ids)
                     if progress is not None:
-                        progress(group.num_read, len(dataset))
+                        progress(num_written, num_requested)
                 file.flush()
                 os.fsync(file.fileno())
         for name in _PROGRAMS_OF_LANGUAGE[language]:

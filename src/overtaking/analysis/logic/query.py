@@ -457,7 +457,7 @@ def ask(
         max_rows: Most answers.
         timeout_s: Time limit of the reasoner [s].
         memory_mib: Memory limit [MiB]; the answers may take an eighth of it.
-        progress: Called with the number of simulations that are done, and of all.
+        progress: Called with the number of simulations that are done, and of all to query.
 
     Raises:
         ConfigError: The query is invalid, or exceeds its time or memory.
@@ -467,6 +467,7 @@ def ask(
     check_in_range(frame_step, 1, what="--frame-step", where="logic", unit="frame")
     parsed = parse_query(query)
     rows: list[tuple[AnswerValue, ...]] = []
+    num_requested = len(dataset) if simulation_ids is None else len(simulation_ids)
     num_simulations, frame_interval_ms, bytes_left = 0, 0, None
     with Reasoner(
         parsed.program,
@@ -483,7 +484,7 @@ def ask(
             rows += group_rows
             num_simulations += len(group.simulation_ids)
             if progress is not None:
-                progress(group.num_read, len(dataset))
+                progress(num_simulations, num_requested)
             if len(rows) > max_rows:
                 break
     return Answers(

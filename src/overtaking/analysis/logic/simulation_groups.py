@@ -32,15 +32,12 @@ class SimulationGroup:
         case: Their trajectories with signals and events.
         classes: `OvertakeClass`, shape (simulation, policy); None without labels.
         outcome: `Outcome`, shape (simulation,); None without labels.
-        num_read: Simulations of the data set up to the last of this group, those that were not
-            asked for included; for progress.
     """
 
     simulation_ids: I64
     case: Case
     classes: NDArray[np.integer] | None = None
     outcome: NDArray[np.integer] | None = None
-    num_read: int = 0
 
     def select(self, rows: NDArray[Any]) -> SimulationGroup:
         """Some of the simulations, by a mask or by their rows."""
@@ -75,7 +72,6 @@ def read_groups(
                 case=case_from_trajectories(trajectories.select(rows)),
                 classes=classes[rows],
                 outcome=outcome[rows],
-                num_read=int(batch_ids[rows[-1]]) + 1,
             )
 
 
