@@ -68,7 +68,8 @@ def fact(
         name: Name of the predicate.
         meaning: Its statement about its arguments, for lists and headers of files.
         required_input: As in `Fact`.
-        unused_constants: As in `Predicate`.
+        unused_constants: As in `Predicate`: such a constant in a query is an error, because no
+            fact has it.
         arguments: Type of each argument, by its label, in the order of the columns.
     """
 

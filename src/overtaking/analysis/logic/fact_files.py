@@ -150,6 +150,18 @@ def _measure_requested(
     return requested.matching(measure_facts(requested_facts, source))
 
 
+def check_frame_step(frame_step: int) -> None:
+    """Refuse a step below one frame.
+
+    Queries and exports both have this option of the facts, so the error names the logic and not one
+    of the two commands.
+
+    Raises:
+        ConfigError: The step is not positive.
+    """
+    check_in_range(frame_step, 1, what="--frame-step", where="logic", unit="frame")
+
+
 def count_facts(columns: Mapping[str, FactColumns]) -> int:
     """Number of facts."""
     return sum(len(arguments[0]) for arguments in columns.values())
@@ -276,7 +288,7 @@ def write_facts(
         DatasetError: The data set is damaged.
         OSError: A file cannot be written.
     """
-    check_in_range(frame_step, 1, what="--frame-step", where="logic", unit="frame")
+    check_frame_step(frame_step)
     requested, num_facts, num_written = all_facts(with_law=with_law), 0, 0
     num_requested = len(dataset) if simulation_ids is None else len(simulation_ids)
     title = f"Simulations of {dataset.profile}, data set {dataset.content_hash}"

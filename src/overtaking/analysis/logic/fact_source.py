@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.analysis.logic.vocabulary import EVENT_NAMES, rounded_up_mm
+from overtaking.analysis.logic.vocabulary import EVENT_NAMES, rounded_up_thousandths
 from overtaking.labels.snapshots import is_oncoming, other_vehicles_at
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE
@@ -28,10 +28,18 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 REACH_MM = 200_000
-"""Facts give no positions of vehicles farther than this from the ego [mm]."""
+"""Facts give no positions of vehicles farther than this from the ego [mm].
+
+Chosen: it bounds the number of facts. The gaps and distances among the facts of the law have no
+such limit.
+"""
 
 ONCOMING_REACH_MM = 1_000_000
-"""The same limit for oncoming vehicles, which close at twice the speed and are judged earlier."""
+"""The same limit for oncoming vehicles [mm].
+
+Drivers of the model look for oncoming vehicles up to 1,000 m ahead (`model.oncoming.range`) before
+they pull out, so a vehicle that decides about an overtake may be farther away than `REACH_MM`.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +76,8 @@ class FirstContacts:
     frame: NDArray[np.integer]
 
 
+# eq=False: arrays have no single truth value to compare by. No slots: `cached_property` stores its
+# values in the `__dict__`.
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FactSource:
     """The recordings that facts are measured in.
@@ -185,7 +195,8 @@ def _changed_frames(values: NDArray[np.integer], valid: Mask) -> Mask:
 def _frames_with_new_order(source: FactSource) -> Mask:
     """Frames in which a vehicle comes to be ahead of, beside or behind another one."""
     s, is_near = source.states.s, source.is_near
-    length = rounded_up_mm(source.trajectories.scenario.vehicles.length).astype(np.int32)
+    # Rounded as in the fact `vehicle`, from which the theory concludes the same order.
+    length = rounded_up_thousandths(source.trajectories.scenario.vehicles.length).astype(np.int32)
     has_new_order = np.zeros((s.shape[0], s.shape[2]), np.bool_)
     for a in range(s.shape[1]):
         for b in range(a):

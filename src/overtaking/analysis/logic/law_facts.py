@@ -22,9 +22,9 @@ from overtaking.analysis.logic.vocabulary import (
     SIMULATION,
     SPEED,
     VEHICLE,
-    limits_beside,
-    rounded_down_mm,
-    rounded_up_mm,
+    round_limits_in_order,
+    rounded_down_thousandths,
+    rounded_up_thousandths,
 )
 from overtaking.labels.law.criteria.oncoming_traffic import distance_over_outer_edge
 from overtaking.labels.law.criteria.zones import target_left_edge
@@ -81,8 +81,8 @@ def _ego_speed(source: FactSource) -> FactColumns:
 )
 def _ego_edges(source: FactSource) -> FactColumns:
     index = simulation, frame = np.nonzero(source.signals.valid)
-    right = rounded_down_mm(source.signals.right_edge[index])
-    left = rounded_up_mm(source.signals.left_edge[index])
+    right = rounded_down_thousandths(source.signals.right_edge[index])
+    left = rounded_up_thousandths(source.signals.left_edge[index])
     return source.simulation_ids[simulation], frame, right, left
 
 
@@ -99,6 +99,7 @@ def _ego_edges(source: FactSource) -> FactColumns:
     Lawful=MM,
 )
 def _spacing(source: FactSource) -> FactColumns:
+    # Sorted: the order of a set of texts differs from process to process, that of facts must not.
     codes = sorted(ROLE.constants.index(role) for role in source.roles)
     return concatenate_facts([_spacing_to(source, code) for code in codes], num_arguments=6)
 
@@ -137,9 +138,9 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
         source.simulation_ids[simulation],
         np.full(len(simulation), role_code),
         frame,
-        rounded_down_mm(gap),
+        rounded_down_thousandths(gap),
         closing_mmps,
-        limits_beside(lawful, gap),
+        round_limits_in_order(lawful, gap),
     )
 
 
@@ -181,7 +182,7 @@ def _forced_braking_of(source: FactSource, role: NeighbourRole) -> FactColumns:
     is_closing = closing_speed > 0
     simulation, frame = simulation[is_closing], frame[is_closing]
     decel = drac(source.signals.gap[simulation, role, frame], closing_speed[is_closing])
-    decel = rounded_up_mm(np.minimum(decel, _MAX_BRAKING))
+    decel = rounded_up_thousandths(np.minimum(decel, _MAX_BRAKING))  # [mm/s^2]
     return source.simulation_ids[simulation], np.full(len(simulation), int(role)), frame, decel
 
 
@@ -216,7 +217,8 @@ def _target_instants(source: FactSource) -> tuple[IndexArray, IndexArray, IndexA
     X=MM,
 )
 def _ego_position(source: FactSource) -> FactColumns:
-    # No rule reads it on other roads, and there are as many of these facts as frames.
+    # A course has what changes along the road, such as speed limits and zones. On roads without
+    # one and without oncoming traffic no rule reads the position, and each frame has such a fact.
     if not (source.road.is_two_way or source.road.course):
         return no_facts(3)
     simulation, frame = np.nonzero(source.signals.valid)
@@ -238,7 +240,13 @@ def _approaching_vehicles(source: FactSource) -> FactColumns:
     vehicles = source.approaching
     index = simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
     speed = source.states.speed[index]
-    return source.simulation_ids[simulation], frame, slot, rounded_down_mm(vehicles.gap), speed
+    return (
+        source.simulation_ids[simulation],
+        frame,
+        slot,
+        rounded_down_thousandths(vehicles.gap),
+        speed,
+    )
 
 
 @fact(
@@ -272,11 +280,11 @@ def _braking_of_approaching_vehicles(source: FactSource) -> FactColumns:
 def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
     vehicles = source.approaching
     simulation, slot, frame = vehicles.simulation, vehicles.slot, vehicles.frame
-    # Without such vehicles, as on every one-way road, no headings need turning to the road.
+    # On one-way roads nothing approaches, and `distance_over_outer_edge` requires a two-way road.
     if not simulation.size:
         return no_facts(4)
     instants = VehicleInstants(simulation, slot, frame)
-    excursion = rounded_up_mm(distance_over_outer_edge(source.case, instants))
+    excursion = rounded_up_thousandths(distance_over_outer_edge(source.case, instants))
     is_over = excursion > 0
     simulation_ids = source.simulation_ids[simulation[is_over]]
     return simulation_ids, frame[is_over], slot[is_over], excursion[is_over]
@@ -292,7 +300,7 @@ def _excursions_of_approaching_vehicles(source: FactSource) -> FactColumns:
 def _target_left_edge(source: FactSource) -> FactColumns:
     has_attempt = source.case.events.attempt != NEVER
     simulation = np.flatnonzero(has_attempt & (source.case.target.slot != NO_VEHICLE))
-    left_edge = rounded_up_mm(target_left_edge(source.case)[simulation])
+    left_edge = rounded_up_thousandths(target_left_edge(source.case)[simulation])
     return source.simulation_ids[simulation], left_edge
 
 

@@ -1,4 +1,6 @@
-"""The ASP programs: their predicates and rules, what a rule depends on, and its range of values.
+"""The logic programs: their predicates and rules, dependencies of rules, and ranges of values.
+
+The programs are in the language of clingo, answer set programming (ASP).
 
 A comment with a colon declares a predicate with the types of its arguments, and with labels and a
 meaning if queries may name it. A comment with a tilde states an instance of the rule below it.
@@ -35,8 +37,12 @@ if TYPE_CHECKING:
 PROGRAM_FILES = ("theory.lp", "law.lp")
 """The programs that queries may use, in `PROGRAM_FOLDER`."""
 
+# Such as `%: in_lane(S: simulation, V: vehicle)  V is in a lane.`, or `%: two_way_road()` without
+# labels and meaning. The groups are name, arguments and meaning.
 _DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
 _GLOSS_PREFIX = "%~ "
+# `parse_rules` replaces the constants of the theory and the law by their values. The rule of a
+# query is parsed apart from both, so its `ego` is still a name.
 _PREAMBLE = "#const ego = 0.\n"
 
 
@@ -98,12 +104,12 @@ PREDICATES = {
 @cache
 def argument_types() -> Mapping[Signature, tuple[ArgumentType, ...]]:
     """The types of the arguments of all predicates, with the internal ones of the programs."""
-    internal = (
+    declared = (
         predicate
         for file in PROGRAM_FILES
         for predicate in declared_predicates(_read_program(file))
     )
-    return {predicate.signature: predicate.types for predicate in (*PREDICATES.values(), *internal)}
+    return {predicate.signature: predicate.types for predicate in (*PREDICATES.values(), *declared)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +150,7 @@ class ProgramRule:
         tree: Its syntax tree.
         text: The rule as clingo prints it.
         gloss: A sentence about an instance, with variables in braces; may be empty.
-        heads: Its conclusions; several only for facts.
+        heads: Its conclusion; several only for a fact with a pool, such as `rule(l1;l2).`.
         body: All atoms that it reads, also negated ones and those in aggregates.
     """
 
@@ -208,7 +214,8 @@ atexit.register(rules_for_queries.cache_clear)
 def parse_rules(program: str) -> tuple[ProgramRule, ...]:
     """The rules of a program without errors, with values in place of its own constants.
 
-    Rules without names of constants can be bounded, matched and run apart from their program.
+    A rule in which values replace the names of constants needs no `#const` of its program. So a
+    few rules can be run without the others, and their ranges follow from their text alone.
     """
     ast, lines = import_clingo().ast, program.splitlines()
     statements: list[Any] = []
@@ -306,7 +313,11 @@ class NeededRules:
 
     @property
     def program(self) -> str:
-        """The rules as a program, in which predicates without facts are empty."""
+        """The rules as a program.
+
+        `#defined` declares the predicates of facts. Without it, clingo would have a message on each
+        that has no facts, and `ProgramError` would repeat it beside the error.
+        """
         defined = "".join(
             f"#defined {name}/{len(FACTS[name].arguments)}.\n"
             for name in self.requested_facts.patterns
@@ -320,7 +331,8 @@ def rules_needed_by(
     """The rules and facts that goals depend on.
 
     Constants are propagated from the goals into the rules, so that a query about one rule of law
-    reads only the facts of that rule. Other conclusions of the rules may be incomplete.
+    reads only the facts of that rule. Conclusions with other constants may then be missing, because
+    the facts from which they follow are left out.
 
     Args:
         goals: Predicates with the constants that their arguments must be.
@@ -432,11 +444,14 @@ class ValueRange(NamedTuple):
 _INT32 = ValueRange(-MAX_INT - 1, MAX_INT)
 _NO_NUMBER = ValueRange(0, 0)
 _COUNT_RANGE = ValueRange(COUNT.low, COUNT.high)
-_EQUAL = 5  # clingo.ast.ComparisonOperator.Equal
-_MONOTONE_OPERATORS = {3: add, 4: sub, 5: mul}  # clingo.ast.BinaryOperator
-_DIVISION, _MODULO = 6, 7
-_NEGATION, _ABSOLUTE = 0, 2  # clingo.ast.UnaryOperator
-_COUNT_AGGREGATE = 0  # clingo.ast.AggregateFunction.Count
+
+# Values of enumerations of clingo.ast. They are numbers here, because clingo is an optional package
+# that this module must not import before rules are parsed.
+_EQUAL = 5  # ComparisonOperator.Equal
+_MONOTONE_OPERATORS = {3: add, 4: sub, 5: mul}  # BinaryOperator: Plus, Minus, Multiplication
+_DIVISION, _MODULO = 6, 7  # BinaryOperator
+_NEGATION, _ABSOLUTE = 0, 2  # UnaryOperator: Minus, Absolute
+_COUNT_AGGREGATE = 0  # AggregateFunction.Count
 
 
 class Overflow(NamedTuple):

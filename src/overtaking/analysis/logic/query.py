@@ -16,7 +16,11 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
-from overtaking.analysis.logic.fact_files import DEFAULT_FRAME_STEP, pooled_facts
+from overtaking.analysis.logic.fact_files import (
+    DEFAULT_FRAME_STEP,
+    check_frame_step,
+    pooled_facts,
+)
 from overtaking.analysis.logic.programs import (
     PREDICATES,
     argument_types,
@@ -42,7 +46,7 @@ from overtaking.analysis.logic.reasoner import (
 from overtaking.analysis.logic.simulation_groups import read_groups
 from overtaking.analysis.logic.vocabulary import MAX_INT, ArgumentType
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import ConfigError, check_in_range
+from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import remaining_answer_bytes
 from overtaking.core.representation import ShownAsTable
 
@@ -61,10 +65,18 @@ ANSWER_PREDICATE = "answer__"
 """The predicate that a query concludes. No predicate of `PREDICATES` ends with underscores."""
 
 MAX_CHARACTERS = 2000
-"""Longest query [characters]."""
+"""Longest query [characters].
+
+Chosen: far longer than any query that people write. It bounds the time of the checks in this
+process, to which the time limit of the reasoner does not apply.
+"""
 
 MAX_DEPTH = 40
-"""Most brackets within each other in a query; clingo's parser recurses."""
+"""Most brackets within each other in a query.
+
+clingo's parser and `walk` call themselves for each of them, and Python stops at 1,000 calls within
+each other. Chosen: deeper than any query that people write; a depth of 400 still works.
+"""
 
 # Texts and patterns of checks. Of words after `#` a query may have those in `_AGGREGATES` alone.
 _WITHIN_MAX_INT = f"numbers up to {MAX_INT}, which is all that clingo's integers hold"
@@ -74,12 +86,22 @@ _DIRECTIVE = re.compile(r"#\s*(\w*)")
 _NUMBER = re.compile(r"\d+")
 _ERROR_POSITION = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
 _UNSAFE_VARIABLE = re.compile(r"'(\w+)' is unsafe")
-_MAX_MESSAGE = 120  # Longest part of a message of clingo that an error repeats [characters].
-_NOT_EQUAL, _EQUAL = 4, 5  # clingo.ast.ComparisonOperator
-_SUMS = (1, 2)  # clingo.ast.AggregateFunction.Sum and SumPlus
+# Longest part of a message of clingo that an error repeats [characters]; chosen: about a line.
+_MAX_MESSAGE_LENGTH = 120
+# Values of enumerations of clingo.ast. They are numbers here, because clingo is an optional package
+# that this module must not import before a query is asked.
+_NOT_EQUAL, _EQUAL = 4, 5  # ComparisonOperator
+_SUMS = (1, 2)  # AggregateFunction: Sum and SumPlus
+# Suggestions for a misspelt name: the largest number, and the smallest similarity by `difflib`,
+# 0 to 1. Both are chosen; the defaults of difflib are 3 and 0.6.
+_MAX_SUGGESTIONS, _MIN_SIMILARITY = 3, 0.5
 
 _MAX_SUMMED_VALUE = 2000
-"""A sum of this value over every frame, `MAX_FRAME` of them, stays within 32 bits."""
+"""Largest value that a query may sum.
+
+A sum of it over the most frames that there can be, a million (`vocabulary.MAX_FRAME`), stays within
+32 bits.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +230,8 @@ def clingo_message(messages: Iterable[str], condition: str) -> str:
     """The first error of clingo, with its column in the query.
 
     Args:
-        messages: Messages of clingo about a rule with the condition from its second line on.
+        messages: Messages of clingo about a rule whose first line is the head, and whose further
+            lines are the condition.
         condition: The query.
     """
     lines = condition.splitlines()
@@ -228,7 +251,7 @@ def clingo_message(messages: Iterable[str], condition: str) -> str:
 def _variable_types(tree: Any) -> dict[str, ArgumentType]:
     """The type of each variable of a query, by the arguments at which it occurs.
 
-    A variable can have the constants that are possible at all of them.
+    A variable at several arguments can only have constants that are possible at each of them.
 
     Raises:
         ConfigError: A predicate is unknown, an argument cannot be a constant, or a variable has
@@ -265,6 +288,8 @@ def _functions(trees: Any) -> Iterator[Any]:
     """The atoms of a query."""
     for tree in walk(trees):
         if node_kind(tree) == "SymbolicAtom":
+            # A pool `p(1;2)` stands for several atoms, a minus `-p(1)` for the opposite of an atom.
+            # The checks read the arguments of single atoms, and no program concludes an opposite.
             if node_kind(tree.symbol) != "Function":
                 raise query_error(str(tree), "plain atoms, without pools and without minus")
             yield tree.symbol
@@ -286,14 +311,14 @@ def _unknown_predicate(name: str, arity: int, column: int) -> ConfigError:
     """The error of a name that is no predicate, with the predicates that resemble it."""
     predicates = PREDICATES.values()
     names = [predicate.name for predicate in predicates]
-    similar = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    similar = difflib.get_close_matches(name, names, _MAX_SUGGESTIONS, _MIN_SIMILARITY)
     same_name = [predicate.signature_text for predicate in predicates if predicate.name == name]
     guesses = same_name or [
         predicate.signature_text for predicate in predicates if predicate.name in similar
     ]
     return query_error(
         f"{name} with {arity} argument{'' if arity == 1 else 's'} at column {column}",
-        " or ".join(guesses[:3]) or "a predicate of facts, theory or law",
+        " or ".join(guesses[:_MAX_SUGGESTIONS]) or "a predicate of facts, theory or law",
         "see: overtaking ask --predicates",
     )
 
@@ -310,6 +335,8 @@ def _alternatives(term: Any) -> Iterator[Any]:
 def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
     """Each variable that is compared by `=` or `!=`, with the term on the other side."""
     for tree in walk(trees):
+        # Each term after the first is a guard; a chain such as `0 < X <= 3` has several. Chains are
+        # left out (a choice): a misspelt constant in one is not reported.
         if node_kind(tree) == "Comparison" and len(tree.guards) == 1:
             (guard,) = tree.guards
             sides = (tree.term, guard.term) if guard.comparison in (_NOT_EQUAL, _EQUAL) else ()
@@ -364,7 +391,9 @@ def _check_constant(
 
 def _nearest_first(unknown_name: str, names: list[str]) -> list[str]:
     """The names, those that resemble `unknown_name` first."""
-    similar = difflib.get_close_matches(unknown_name.lower(), names, n=3, cutoff=0.5)
+    similar = difflib.get_close_matches(
+        unknown_name.lower(), names, _MAX_SUGGESTIONS, _MIN_SIMILARITY
+    )
     return [*similar, *(name for name in names if name not in similar)]
 
 
@@ -401,6 +430,7 @@ def _check_sums(tree: Any) -> None:
     for part in walk(tree.body):
         if node_kind(part) == "BodyAggregate" and part.function in _SUMS:
             for element in part.elements:
+                # clingo sums the first term; the others only distinguish the summed elements.
                 low, high = term_range(element.terms[0], ranges) if element.terms else (0, 0)
                 if max(-low, high) > _MAX_SUMMED_VALUE:
                     expected = f"sums of numbers up to {_MAX_SUMMED_VALUE}, as of #count"
@@ -456,7 +486,8 @@ def ask(
         frame_step: Interval between the frames with positions [frames], as in an export.
         max_rows: Most answers.
         timeout_s: Time limit of the reasoner [s].
-        memory_mib: Memory limit [MiB]; the answers may take an eighth of it.
+        memory_mib: Memory limit [MiB]; the answers may take an eighth of it (chosen: this process
+            holds them several times, as rows and in formatted text).
         progress: Called with the number of simulations that are done, and of all to query.
 
     Raises:
@@ -464,7 +495,7 @@ def ask(
         DatasetError: A file of the data set is damaged.
         MissingExtraError: clingo is not installed.
     """
-    check_in_range(frame_step, 1, what="--frame-step", where="logic", unit="frame")
+    check_frame_step(frame_step)
     parsed = parse_query(query)
     rows: list[tuple[AnswerValue, ...]] = []
     num_requested = len(dataset) if simulation_ids is None else len(simulation_ids)
@@ -478,6 +509,7 @@ def ask(
     ) as reasoner:
         for group in read_groups(dataset, simulation_ids):
             frame_interval_ms = group.case.signals.frame_interval_ms
+            # A pool is a short way to write several facts, `night(3;7)`; each names its simulation.
             facts = pooled_facts(group, parsed.requested_facts, frame_step)
             group_rows = _solve_group(reasoner, facts)
             bytes_left = remaining_answer_bytes(bytes_left, group_rows, "ask", memory_mib)
@@ -506,6 +538,6 @@ def _solve_group(reasoner: Reasoner, facts: bytes) -> list[tuple[AnswerValue, ..
         if unsafe_names:
             unbound = f"{', '.join(unsafe_names)}, to which no atom gives a value"
             raise query_error(unbound, "every variable in an atom that is not negated") from None
-        short_message = " ".join(message.split())[:_MAX_MESSAGE]
+        short_message = " ".join(message.split())[:_MAX_MESSAGE_LENGTH]
         raise query_error(short_message, "one that clingo can answer") from None
     return sorted(rows, key=lambda row: [(isinstance(value, str), value) for value in row])

@@ -1,4 +1,8 @@
-"""Facts about the road, which all simulations of a data set share."""
+"""Facts about the road, which all simulations of a data set share.
+
+The keywords of the decorator `fact` name the arguments of the predicate; the function below it
+returns one column for each, in this order.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +22,8 @@ from overtaking.analysis.logic.vocabulary import (
     SPEED,
     UNKNOWN,
     ZONE_KIND,
-    nearest_mm,
-    rounded_down_mm,
+    nearest_thousandths,
+    rounded_down_thousandths,
 )
 from overtaking.model.road import DrivingSide
 from overtaking.model.road_course import MAX_LENGTH
@@ -71,7 +75,7 @@ def _opposing_lane(source: FactSource) -> FactColumns:
     Limit=SPEED,
 )
 def _posted_limit(source: FactSource) -> FactColumns:
-    return (nearest_mm(np.array([source.road.speed_limit])),)
+    return (nearest_thousandths(np.array([source.road.speed_limit])),)
 
 
 @fact(
@@ -90,7 +94,7 @@ def _lower_limits(source: FactSource) -> FactColumns:
     return (
         _first_position_from(table[:, 0]),
         _first_position_from(table[:, 1]),
-        nearest_mm(table[:, 2]),
+        nearest_thousandths(table[:, 2]),
     )
 
 
@@ -112,7 +116,7 @@ def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
 def _borders(source: FactSource) -> FactColumns:
     road = source.road
     # Positive is left, the overtaking side; offsets of the road are positive to the geometric left.
-    positions = nearest_mm(road.overtaking_sign * np.array(road.lane_boundaries))
+    positions = nearest_thousandths(road.overtaking_sign * np.array(road.lane_boundaries))
     # The last border is the slow side of the lane beyond, the edge of the driving lanes.
     return np.arange(road.num_lanes + 1), positions
 
@@ -129,7 +133,7 @@ def _lane_widths(source: FactSource) -> FactColumns:
     if neighbour is not None and neighbour.kind == "driving":
         lanes.append(neighbour)
     widths = np.array([lane.width for lane in lanes], np.float32)
-    return np.arange(len(lanes)), rounded_down_mm(widths)
+    return np.arange(len(lanes)), rounded_down_thousandths(widths)
 
 
 @fact(
@@ -188,7 +192,7 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     # Without infinity, which no integer holds: a road lies between 0 and `MAX_LENGTH`.
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = np.array([_mark_code(mark) for mark in marks])
-    return nearest_mm(ends[:-1]), nearest_mm(ends[1:]), codes
+    return nearest_thousandths(ends[:-1]), nearest_thousandths(ends[1:]), codes
 
 
 @fact(
@@ -203,7 +207,11 @@ def _zones(source: FactSource) -> FactColumns:
     zones = all_zones_for(source.road, 1)
     codes = [ZONE_KIND.constants.index(zone.kind.name.lower()) for zone in zones]
     ends = np.array([(zone.start, zone.stop) for zone in zones]).reshape(-1, 2)
-    return np.array(codes, np.int64), nearest_mm(ends[:, 0]), nearest_mm(ends[:, 1])
+    return (
+        np.array(codes, np.int64),
+        nearest_thousandths(ends[:, 0]),
+        nearest_thousandths(ends[:, 1]),
+    )
 
 
 @fact(ROAD_FACTS, "unknown", "An input that the recordings lack.", What=UNKNOWN)

@@ -1,4 +1,8 @@
-"""Facts about a simulation as a whole: weather, class, outcome, events and target."""
+"""Facts about a simulation as a whole: weather, class, outcome, events and target.
+
+The keywords of the decorator `fact` name the arguments of the predicate; the function below it
+returns one column for each, in this order.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Facts about the vehicles of a simulation: sizes, lanes, lamps, neighbours, contacts, motion."""
+"""Facts about the vehicles of a simulation: sizes, lanes, lamps, neighbours, contacts, motion.
+
+The keywords of the decorator `fact` name the arguments of the predicate; the function below it
+returns one column for each, in this order.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ from overtaking.analysis.logic.vocabulary import (
     SIZE,
     SPEED,
     VEHICLE,
-    rounded_up_mm,
+    rounded_up_thousandths,
 )
 from overtaking.labels.snapshots import (
     indicator_to_kerb_side,
@@ -64,8 +68,8 @@ def _vehicles(source: FactSource) -> FactColumns:
         source.simulation_ids[simulation],
         slot,
         vehicles.kind[index],
-        rounded_up_mm(vehicles.length[index]),
-        rounded_up_mm(vehicles.width[index]),
+        rounded_up_thousandths(vehicles.length[index]),
+        rounded_up_thousandths(vehicles.width[index]),
     )
 
 
@@ -150,11 +154,12 @@ def _lane_spans(source: FactSource) -> FactColumns:
 def _indicator_spans(source: FactSource) -> FactColumns:
     lamps = indicator_to_kerb_side(source.road), indicator_to_overtaking_side(source.road)
     parts: list[FactColumns] = []
-    for side, lamp in enumerate(lamps):  # In the order of `SIDES`.
+    # The lamps are in the order of `vocabulary.SIDES`, so the index is the code of the side.
+    for side_code, lamp in enumerate(lamps):
         is_lit = (source.states.lights & np.uint8(lamp)) != 0
         is_lit &= source.trajectories.state_mask
         simulation, slot, _, first, last = _runs_of_frames(np.zeros(is_lit.shape, np.uint8), is_lit)
-        side_codes = np.full(len(simulation), side)
+        side_codes = np.full(len(simulation), side_code)
         parts.append((source.simulation_ids[simulation], slot, side_codes, first, last))
     return concatenate_facts(parts, 5)
 
@@ -252,7 +257,10 @@ def _speeds(source: FactSource) -> FactColumns:
 
 
 def _values_of_near_vehicles(source: FactSource, values: NDArray[np.integer]) -> FactColumns:
-    """Values of the vehicles within reach in the written frames."""
+    """Values of vehicles within the reach of the facts, in the frames that have positions.
+
+    `FactSource.is_near` has the reach, `FactSource.is_written_frame` the frames.
+    """
     is_written = source.is_near & source.is_written_frame[:, None, :]
     index = simulation, slot, frame = np.nonzero(is_written)
     return source.simulation_ids[simulation], slot, frame, values[index]

@@ -174,22 +174,22 @@ _THOUSANDTHS_PER_UNIT = 1000.0
 # with an upper limit is rounded up: the integer then lies on the same side of the limit.
 
 
-def rounded_down_mm(values: F32) -> I64:
+def rounded_down_thousandths(values: F32) -> I64:
     """Thousandths, rounded down: `value >= limit` stays as it is for every integer limit."""
     return np.floor(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
 
 
-def rounded_up_mm(values: F32) -> I64:
+def rounded_up_thousandths(values: F32) -> I64:
     """Thousandths, rounded up: `value <= limit` stays as it is for every integer limit."""
     return np.ceil(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT).astype(np.int64)
 
 
-def nearest_mm(values: NDArray[np.floating]) -> I64:
+def nearest_thousandths(values: NDArray[np.floating]) -> I64:
     """Thousandths, rounded half up."""
     return np.floor(values.astype(np.float64) * _THOUSANDTHS_PER_UNIT + 0.5).astype(np.int64)
 
 
-def limits_beside(limits: F32, values: F32) -> I64:
+def round_limits_in_order(limits: F32, values: F32) -> I64:
     """Limits in thousandths that compare with the rounded values as limits compare with values.
 
     Where a limit is near its value, rounding both could make them equal or change their order. So
@@ -197,12 +197,13 @@ def limits_beside(limits: F32, values: F32) -> I64:
 
     Args:
         limits: The limits, of any shape.
-        values: The values, of the same shape, which `rounded_down_mm` rounds.
+        values: The values, of the same shape, which `rounded_down_thousandths` rounds.
 
     Returns:
         The limits rounded up, or the nearest integer on their side of the rounded value.
     """
-    rounded_limits, rounded_values = rounded_up_mm(limits), rounded_down_mm(values)
+    rounded_limits = rounded_up_thousandths(limits)
+    rounded_values = rounded_down_thousandths(values)
     is_above, is_below = limits > values, limits < values
     shifted = np.where(is_above, np.maximum(rounded_limits, rounded_values + 1), rounded_limits)
     shifted = np.where(is_below, np.minimum(shifted, rounded_values - 1), shifted)

@@ -26,9 +26,9 @@ from overtaking.analysis.logic.fact_files import (
 from overtaking.analysis.logic.programs import THEORY_PREDICATES, declared_predicates
 from overtaking.analysis.logic.vocabulary import (
     MAX_INT,
-    limits_beside,
-    rounded_down_mm,
-    rounded_up_mm,
+    round_limits_in_order,
+    rounded_down_thousandths,
+    rounded_up_thousandths,
 )
 from overtaking.core.errors import SchemaError
 
@@ -88,7 +88,10 @@ def test_conclusions_have_the_same_frames_however_few_are_written(name: str):
 @given(METRES, METRES)
 def test_a_limit_compares_with_its_value_as_before(limit: float, value: float):
     limits, values = np.array([limit], np.float32), np.array([value], np.float32)
-    limit_mm, value_mm = int(limits_beside(limits, values)[0]), int(rounded_down_mm(values)[0])
+    limit_mm, value_mm = (
+        int(round_limits_in_order(limits, values)[0]),
+        int(rounded_down_thousandths(values)[0]),
+    )
     assert (limit_mm > value_mm) == (limits[0] > values[0])
     assert (limit_mm < value_mm) == (limits[0] < values[0])
     assert abs(limit_mm - 1000.0 * limit) <= 2.0
@@ -98,8 +101,8 @@ def test_a_limit_compares_with_its_value_as_before(limit: float, value: float):
 def test_rounding_keeps_the_side_of_every_whole_threshold(metres: float, threshold: int):
     value = np.array([metres], np.float32)
     exact = float(value[0]) * 1000.0
-    assert (rounded_down_mm(value)[0] >= threshold) == (exact >= threshold)
-    assert (rounded_up_mm(value)[0] <= threshold) == (exact <= threshold)
+    assert (rounded_down_thousandths(value)[0] >= threshold) == (exact >= threshold)
+    assert (rounded_up_thousandths(value)[0] <= threshold) == (exact <= threshold)
 
 
 def test_a_value_outside_its_declared_range_is_refused():
