@@ -75,8 +75,8 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # The memory may hold the signals of an earlier batch that was deleted; new `Buffers` leave
-    # those of living batches alone. `zero_from` is the frame from which on each row is zero: the
+    # The memory may hold the signals of an earlier batch that was deleted; new `Buffers` leave the
+    # memory of living batches alone. `zero_from` is the frame from which on each row is zero: the
     # engine clears only the frames before it. Most simulations end early, so this saves writes.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     _core.ego_signals_and_events(
@@ -136,7 +136,7 @@ def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8)
 def encounters_at(
     case: Case, role: NeighbourRole | IndexArray, simulation: IndexArray, frame: IndexArray
 ) -> Encounter:
-    """The ego and a neighbour at single frames; times and braking are those of the rear vehicle.
+    """The ego and a neighbour at single frames; times and braking refer to the rear vehicle.
 
     Args:
         case: The batch.
@@ -247,7 +247,7 @@ def pack_signals(signals: EgoSignals) -> ArraysByName:
 def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     """Inputs of friction and sight beside the states; flat arrays of shape (simulation,).
 
-    Friction is that of the mean film of the lane, because a driver cannot know which wheel will be
+    Friction belongs to the mean film of the lane, because a driver cannot know which wheel will be
     in which puddle. Spray is left out: it hides the road ahead of the vehicle that throws it up,
     and the brake lamps of that vehicle announce an obstacle there.
 

@@ -110,7 +110,7 @@ def finding_not_applicable(num_simulations: int) -> Finding:
 
 
 UNCONSTRAINED = np.float32(3.0e38)
-"""Margin where a rule asks for nothing: larger than any other, and finite in float32."""
+"""Margin where a rule sets no limit: larger than any other, and finite in float32."""
 
 
 def num_frames_in(case: Case, seconds: float | np.floating) -> int:
@@ -292,7 +292,7 @@ def reduce_span(reduction: np.ufunc, values: NDArray[Any], span: FrameSpan) -> N
     index[::2] = first + np.where(is_nonempty, span.first, 0)
     index[1::2] = first + np.where(is_nonempty, span.last + 1, 1)
     flat = values.reshape(-1)
-    # `reduceat` reduces from each index to the next: every second result is that of a span. It
+    # `reduceat` reduces from each index to the next: every second result belongs to a span. It
     # accepts no index beyond the array, and the last span needs none.
     return reduction.reduceat(flat, index[index < flat.size])[::2]
 
