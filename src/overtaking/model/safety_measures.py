@@ -18,8 +18,8 @@ null. `column=None` declares a field without a column. `null_unless` names the f
 there is no value: ".valid" is a field of the same class, "leader.valid" a path that begins at
 `SafetyMeasures`. `needs` names properties that a recording may leave unknown; the column is then
 null. NaN and infinite values, such as the time to a collision that never comes, are null in the
-table. The description of a column of a nested class is that of its own field followed by that of
-the field that holds the class.
+table. The description of a column of a nested class is the description of its own field, followed
+by the description of the field that holds the class.
 `with_field_docs` lists the fields in the docstring of the class.
 """
 
