@@ -14,6 +14,8 @@ use crate::state::PerVehicle;
 /// `Copy`, so that `run::stepped_batch` can keep the ego's context until the action of an external driver arrives.
 #[derive(Clone, Copy)]
 pub struct DriverContext<S: Simd> {
+    /// Slot of the driver.
+    pub slot: usize,
     /// The nearest vehicles of the own direction, by role.
     pub neighbours: Neighbours<S>,
     /// Beliefs of the driver about them.
@@ -35,9 +37,10 @@ pub struct DriverContext<S: Simd> {
 }
 
 impl<S: Simd> DriverContext<S> {
-    /// The context of a driver before its first look.
-    pub fn empty(simd: S) -> Self {
+    /// The context of the driver in `slot` before its first look.
+    pub fn empty(simd: S, slot: usize) -> Self {
         Self {
+            slot,
             neighbours: Neighbours::no_vehicles(simd),
             beliefs: Beliefs::without_neighbours(simd),
             oncoming: OncomingTraffic::no_vehicles(simd),
@@ -83,7 +86,7 @@ impl<S: Simd, const N: usize> DecisionContext<S, N> {
     pub fn new(simd: S) -> Self {
         let zero = [splat(simd, 0.0); N];
         Self {
-            drivers: [DriverContext::empty(simd); N],
+            drivers: core::array::from_fn(|slot| DriverContext::empty(simd, slot)),
             bodies: [VisibleBody::no_vehicle(simd); N],
             oncoming_search: OncomingSearch::no_vehicles(simd),
             accel_limit: zero,

@@ -206,17 +206,18 @@ pub fn anticipated_follower<S: Simd, const N: usize>(
     )
 }
 
-/// Let the driver in `slot`, not the ego, change lanes where it pays and is safe, or cancel in danger.
+/// Let a driver, not the ego, change lanes where it pays and is safe, or cancel in danger.
 ///
 /// `accel` is the acceleration behind the present leader [m/s^2].
 #[inline(always)]
 pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    slot: usize,
-    (bodies, context): (&[VisibleBody<S>; N], &DriverContext<S>),
+    bodies: &[VisibleBody<S>; N],
+    context: &DriverContext<S>,
     accel: F32<S>,
 ) {
+    let slot = context.slot;
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
     let (beliefs, checks_mirrors) = (&context.beliefs, context.checks_mirrors);
     let driver = state.vehicle(params, slot);

@@ -14,7 +14,7 @@ use crate::params::{KnotTable, Params, station_indices};
 use crate::perception::{
     Conspicuity, MIN_SIGHT_LINE, detection_time, extrapolate_motion, sight_range_ratio,
 };
-use crate::state::{FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
+use crate::state::{EGO_SLOT, FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
 /// Smallest closing speed, which keeps the time until vehicles meet finite [m/s].
@@ -91,19 +91,23 @@ impl<S: Simd> OncomingTraffic<S> {
     }
 }
 
-/// Update what the driver in `slot` believes about oncoming vehicles, and how long it has seen them.
+/// Update what a driver believes about oncoming vehicles, and how long it has seen them.
 ///
-/// Without `needs_beliefs`, no driver of the block decides by the nearest vehicle in any lane or by the leader, and the
-/// beliefs about them stay as they were. The time in view is counted in any case.
+/// The time in view is counted at every decision. The belief about the nearest vehicle in any lane stays as it was at
+/// decisions at which the driver decides by it in no simulation of the block.
 #[inline(always)]
 pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
-    slot: usize,
-    (bodies, search): (&[VisibleBody<S>; N], &OncomingSearch<S, N>),
-    (context, needs_beliefs): (&mut DriverContext<S>, bool),
+    bodies: &[VisibleBody<S>; N],
+    search: &OncomingSearch<S, N>,
+    context: &mut DriverContext<S>,
 ) {
-    let (neighbours, decision_index) = (&context.neighbours, context.decision_index);
+    let (slot, decision_index) = (context.slot, context.decision_index);
+    // Other drivers decide by the nearest vehicle only when they check their mirrors, or while they overtake.
+    let needs_beliefs =
+        slot == EGO_SLOT || (context.checks_mirrors | search.overtakes[slot]).any_true();
+    let neighbours = &context.neighbours;
     let oncoming = &mut context.oncoming;
     let driver = state.vehicle(params, slot);
     let [nearest, nearest_in_own_lane] = search.nearest_oncoming(driver, bodies);
@@ -428,7 +432,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
     /// Slots of vehicles that are in the first lane of the other direction, or visibly change to it.
     off_lane_slots: u32,
     /// Whether the vehicle in each slot overtakes.
-    pub overtakes: [Mask<S>; N],
+    overtakes: [Mask<S>; N],
     /// Slots of vehicles that overtake.
     overtaking_slots: u32,
 }

@@ -253,9 +253,9 @@ struct Gaze<'a, S: Simd> {
     tall_leader: Option<&'a TallLeader<S>>,
     sight_range_ratio: F32<S>,
     /// Whether the driver watches this role at every decision.
-    watches: Mask<S>,
+    watches_role: Mask<S>,
     /// Whether the driver looks at this role now.
-    looks: Mask<S>,
+    looks_at_role: Mask<S>,
     /// Slot of the vehicle in each role at the last look.
     known_slots: &'a [F32<S>; NUM_ROLES],
     /// Time for which that vehicle had been in view [s].
@@ -276,7 +276,7 @@ fn detect<S: Simd, const N: usize>(
     // A glance counts as half a second in view, so what is hard to see takes several looks; a watched role gains 50 ms
     // at each decision.
     let time_step = select(
-        gaze.watches,
+        gaze.watches_role,
         splat(params.simd, constants.decision),
         splat(params.simd, constants.glance_time),
     );
@@ -297,16 +297,16 @@ fn detect<S: Simd, const N: usize>(
     let attention = &mut state.attention;
     assign_where(
         &mut attention.time_in_view[slot][role],
-        gaze.looks,
+        gaze.looks_at_role,
         time_in_view,
     );
     assign_where(
         &mut attention.slot_in_view[slot][role],
-        gaze.looks,
+        gaze.looks_at_role,
         neighbour_slot,
     );
     let needed_time = detection_time(params, gaze.sight_range_ratio);
-    gaze.looks & is_visible & attention.time_in_view[slot][role].simd_ge(needed_time)
+    gaze.looks_at_role & is_visible & attention.time_in_view[slot][role].simd_ge(needed_time)
 }
 
 /// Whether the driver can see the neighbour that it looks at.
@@ -566,20 +566,20 @@ pub fn form_beliefs<S: Simd, const N: usize>(
         if !is_needed(role) {
             continue;
         }
-        let watches = match role {
+        let watches_role = match role {
             LEADER => always,
             _ if is_ahead => is_changing_lane,
             _ => !always,
         };
-        let looks = checks_mirrors | watches;
+        let looks_at_role = checks_mirrors | watches_role;
         if neighbour_slot.simd_lt(0.0).all_true() {
             let attention = &mut state.attention;
             assign_where(
                 &mut attention.slot_in_view[slot][role],
-                looks,
+                looks_at_role,
                 neighbour_slot,
             );
-            assign_where(&mut attention.time_in_view[slot][role], looks, zero);
+            assign_where(&mut attention.time_in_view[slot][role], looks_at_role, zero);
             continue;
         }
         let is_detected = params.simd.vectorize(
@@ -590,8 +590,8 @@ pub fn form_beliefs<S: Simd, const N: usize>(
                     neighbours,
                     tall_leader: tall_leader.as_ref().filter(|_| role != LEADER),
                     sight_range_ratio: sight_range_ratios[role],
-                    watches,
-                    looks,
+                    watches_role,
+                    looks_at_role,
                     known_slots: &known_slots,
                     known_times: &known_times,
                 };

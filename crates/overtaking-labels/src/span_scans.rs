@@ -22,8 +22,14 @@ use crate::vectors::{SIMD_LANES, at_least, min, splat};
 /// Simulations that a thread takes at a time; one takes some microseconds.
 pub(crate) const SIMULATIONS_PER_TASK: usize = 32;
 
-/// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.margins` defines them.
-pub const SPAN_NAMES: [&str; 5] = ["conduct", "settled", "passed", "manoeuvre", "counted"];
+/// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.case.scans` defines them.
+pub const SPAN_NAMES: [&str; 5] = [
+    "judged",
+    "after_gap_recovery",
+    "after_passing",
+    "manoeuvre",
+    "summed",
+];
 
 /// Names of frames and slots, in the order of `SpanQuery::moments`; fields of `OvertakeEvents`.
 pub const MOMENT_NAMES: [&str; 4] = ["line_crossed", "return_end", "target_slot", "original_lane"];
@@ -39,7 +45,7 @@ pub struct SpanQuery<'a> {
 }
 
 /// Margins whose smallest value is searched, `UNCONSTRAINED` if no frame counts.
-const MARGIN_NAMES: [&str; 4] = ["stop_lit", "stop_unlit", "follow", "braking"];
+const MARGIN_NAMES: [&str; 4] = ["stop_lit", "stop_unlit", "following", "braking"];
 /// Number of rows of `SpanOutputs::measures`.
 const NUM_MEASURES: usize = MARGIN_NAMES.len() + WORST_MEASURES.len();
 
@@ -52,7 +58,7 @@ pub fn measure_names() -> Vec<&'static str> {
 /// Names of the rows of `SpanOutputs::frames`.
 ///
 /// Each margin has its first and last negative frame, -1 without one, and the length of the longest run of negative
-/// frames. `due` is the longest run of frames in which the ego could return. An arrival is the frame in which another
+/// frames. `return_opportunity` is the longest run of frames in which the ego could return. An arrival is the frame in which another
 /// vehicle reaches the position of the ego's rear, -1 if it never does.
 pub const FRAME_NAMES: [&str; 16] = [
     "stop_lit.first",
@@ -61,14 +67,14 @@ pub const FRAME_NAMES: [&str; 16] = [
     "stop_unlit.first",
     "stop_unlit.last",
     "stop_unlit.longest",
-    "follow.first",
-    "follow.last",
-    "follow.longest",
+    "following.first",
+    "following.last",
+    "following.longest",
     "braking.first",
     "braking.last",
     "braking.longest",
-    "due.first",
-    "due.length",
+    "return_opportunity.first",
+    "return_opportunity.length",
     "entry.arrival",
     "return.arrival",
 ];
@@ -76,10 +82,10 @@ pub const FRAME_NAMES: [&str; 16] = [
 /// Names of the rows of `SpanOutputs::sums`.
 ///
 /// `frames`, `ego_speed` and `left_count` are sums over all frames of a span, the others over those with a leader,
-/// which `led` counts.
+/// which `frames_with_leader` counts.
 pub const SUM_NAMES: [&str; 7] = [
     "frames",
-    "led",
+    "frames_with_leader",
     "ego_speed",
     "target_speed",
     "speed_difference",
@@ -170,42 +176,43 @@ impl TrackScan<'_> {
     ) -> SpanResult {
         let track = &self.track;
         // In the order of `SPAN_NAMES` and of `MOMENT_NAMES`.
-        let [conduct, settled, passed, manoeuvre, counted] = [0, 1, 2, 3, 4].map(|span| {
-            let ends = &query.spans[2 * span * num_simulations..];
-            span_frames(ends, simulation, num_simulations, track.num_frames)
-        });
+        let [judged, after_gap_recovery, after_passing, manoeuvre, summed] =
+            [0, 1, 2, 3, 4].map(|span| {
+                let ends = &query.spans[2 * span * num_simulations..];
+                span_frames(ends, simulation, num_simulations, track.num_frames)
+            });
         let [line_crossed, return_end, target_slot, original_lane] =
             [0, 1, 2, 3].map(|moment| query.moments[moment * num_simulations + simulation]);
         let target_slot = target_slot as u8;
-        let [stop_lit, stop_unlit] = self.stopping_margins(simd, conduct.clone());
+        let [stop_lit, stop_unlit] = self.stopping_margins(simd, judged.clone());
         let margins = [
             stop_lit,
             stop_unlit,
-            self.following_margin(simd, settled),
+            self.following_margin(simd, after_gap_recovery),
             self.forced_braking_margin(simd, manoeuvre),
         ];
         let FrameRun {
-            first_frame: due_first,
-            length: due_length,
-        } = self.return_opportunity(simd, target_slot, original_lane as u8, passed);
+            first_frame: opportunity_first,
+            length: opportunity_length,
+        } = self.return_opportunity(simd, target_slot, original_lane as u8, after_passing);
         let mut measures = [0.0; NUM_MEASURES];
         let (smallest, worst) = measures.split_at_mut(margins.len());
         smallest.copy_from_slice(&margins.map(|margin| margin.min_margin));
-        worst.copy_from_slice(&self.worst_measures(simd, conduct));
+        worst.copy_from_slice(&self.worst_measures(simd, judged));
         let mut frames = [NEVER; FRAME_NAMES.len()];
         for (rows, margin) in frames.as_chunks_mut::<3>().0.iter_mut().zip(margins) {
             *rows = [margin.first_frame, margin.last_frame, margin.longest_run];
         }
         frames[3 * margins.len()..].copy_from_slice(&[
-            due_first,
-            due_length,
+            opportunity_first,
+            opportunity_length,
             track.left_follower_arrival(line_crossed),
             track.arrival_frame(target_slot, return_end),
         ]);
         SpanResult {
             measures,
             frames,
-            sums: track.recorded_sums(counted),
+            sums: track.recorded_sums(summed),
         }
     }
 

@@ -111,11 +111,11 @@ macro_rules! with_outputs {
 /// Compute the signals and the events of recordings.
 ///
 /// Args:
-///     recording: As `labels.signals.pack` makes it: s, d, speed, heading, accel, lane and
+///     recording: As `labels.signals.pack_recording` makes it: s, d, speed, heading, accel, lane and
 ///         is_recorded (or None), shape (simulation, vehicle, time), and collided_with, shape
 ///         (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
 ///         the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
-///     visibility: As `labels.signals.conditions` makes it.
+///     visibility: As `labels.signals.visibility_inputs` makes it.
 ///     thresholds: As `labels.event_detection.event_thresholds` makes them.
 ///     constants: As in `Inputs`.
 ///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
@@ -216,7 +216,7 @@ pub fn neighbour_signals(
 ///
 /// Args:
 ///     recording: As in `ego_signals_and_events`.
-///     signals: Signals of the ego, as `labels.signals.pack_seen` makes them.
+///     signals: Signals of the ego, as `labels.signals.pack_signals` makes them.
 ///     target_slot: Slot of the overtaken vehicle, 255 without one, shape (simulation,).
 ///     outputs: Arrays of shape (simulation, time) by name; filled.
 ///     level: As in `ego_signals_and_events`.

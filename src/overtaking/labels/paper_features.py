@@ -125,9 +125,9 @@ def _means_without_attempt(case: Case) -> dict[str, F32]:
 
     return {
         "ego_speed": mean("ego_speed", "frames") * METRES_PER_MM,
-        "target_speed": mean("target_speed", "led") * METRES_PER_MM,
-        "speed_difference": mean("speed_difference", "led") * METRES_PER_MM,
-        "distance": mean("distance", "led") * METRES_PER_MM,
+        "target_speed": mean("target_speed", "frames_with_leader") * METRES_PER_MM,
+        "speed_difference": mean("speed_difference", "frames_with_leader") * METRES_PER_MM,
+        "distance": mean("distance", "frames_with_leader") * METRES_PER_MM,
         "left_occupancy": mean("left_count", "frames") / as_f32(num_others),
     }
 

@@ -69,7 +69,7 @@ def _told(rule: Rule, verdict: Verdict, labelled: LabelledTrajectories, values: 
         "gloss": rule.gloss,
         "code": rule.code,
         "simulation": values["simulation"],
-        "border": rule.limit_phrase,
+        "limit": rule.limit_phrase,
         "amount": _amount(abs(margin), rule.unit),
         "whose": whose,
         "fine": rule.fine,

@@ -77,17 +77,17 @@ def scan_results(
     num_obstruction_frames = num_frames_in(case, OBSTRUCTION_TIME.f32)
     num_regain_frames = num_frames_to_regain_gap(case)
     return {
-        "stop_lit": stopping_margin(signals, "sight_lit", spans["conduct"]),
-        "stop_unlit": stopping_margin(signals, "sight_unlit", spans["conduct"]),
-        "follow": following_margin(run, signals, spans["settled"], num_regain_frames),
+        "stop_lit": stopping_margin(signals, "sight_lit", spans["judged"]),
+        "stop_unlit": stopping_margin(signals, "sight_unlit", spans["judged"]),
+        "following": following_margin(run, signals, spans["after_gap_recovery"], num_regain_frames),
         "braking": braking_margin(run, signals, spans["manoeuvre"], num_obstruction_frames),
-        "due": return_opportunity(
-            run, signals, target if has_target else 0, original_lane, spans["passed"]
+        "return_opportunity": return_opportunity(
+            run, signals, target if has_target else 0, original_lane, spans["after_passing"]
         ),
         "entry_arrival": -1 if follower is None else arrival(run, follower, crossing),
         "return_arrival": arrival(run, target, return_end) if has_return else -1,
-        "worst": worst_measures(run, signals, spans["conduct"]),
-        "sums": recorded_sums(run, signals, spans["counted"]),
+        "worst": worst_measures(run, signals, spans["judged"]),
+        "sums": recorded_sums(run, signals, spans["summed"]),
     }
 
 
@@ -310,7 +310,7 @@ def recorded_sums(run: SingleRun, signals: dict[str, SignalArray], span: range) 
     instants = instants_with_neighbour(signals, NeighbourRole.LEADER, span)
     return {
         "frames": len(span),
-        "led": len(instants),
+        "frames_with_leader": len(instants),
         "ego_speed": sum(run.speed[0][t] for t in span),
         "target_speed": sum(run.speed[slot][t] for t, slot in instants),
         "speed_difference": sum(abs(run.speed[0][t] - run.speed[slot][t]) for t, slot in instants),

@@ -56,7 +56,7 @@ def assert_same_scans(
     minima = {
         "stop_lit": results.stop_lit,
         "stop_unlit": results.stop_unlit,
-        "follow": results.following,
+        "following": results.following,
         "braking": results.forced_braking,
     }
     first_frame, num_frames = results.return_opportunity
@@ -75,7 +75,7 @@ def assert_same_scans(
                 minimum.longest_run[row],
             ]
             assert compiled_breach == breach, (row, name)
-        assert (first_frame[row], num_frames[row]) == expected["due"], row
+        assert (first_frame[row], num_frames[row]) == expected["return_opportunity"], row
         assert results.entry_arrival[row] == expected["entry_arrival"], row
         assert results.return_arrival[row] == expected["return_arrival"], row
         for name, value in expected["worst"].items():

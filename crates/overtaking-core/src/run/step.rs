@@ -119,13 +119,10 @@ pub fn perceive<S: Simd, const N: usize>(
             }
         }
         if has_oncoming_traffic {
-            with_cpu_features!(params.simd, {
-                // Other drivers need beliefs about oncoming vehicles only when they look, or while they overtake.
-                let needs_beliefs = slot == EGO_SLOT
-                    || (driver.checks_mirrors | oncoming_search.overtakes[slot]).any_true();
-                let traffic = (&*bodies, &*oncoming_search);
-                observe_oncoming(state, params, slot, traffic, (driver, needs_beliefs));
-            });
+            with_cpu_features!(
+                params.simd,
+                observe_oncoming(state, params, bodies, oncoming_search, driver)
+            );
         }
         // The function writes the beliefs in place: a value that is returned from a function with other CPU features
         // passes through memory twice.
@@ -249,8 +246,8 @@ pub fn drive_others<S: Simd, const N: usize>(
                 lane_change::change_lanes_by_mobil(
                     state,
                     params,
-                    slot,
-                    (bodies, &drivers[slot]),
+                    bodies,
+                    &drivers[slot],
                     accel_limit[slot],
                 );
             }

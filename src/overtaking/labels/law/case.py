@@ -157,11 +157,11 @@ def scans(case: Case) -> ScanResults:
     until = np.where(events.has_attempt, NEVER, until).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.
     spans = {
-        "conduct": judged_span(case),
-        "settled": span_after_gap_recovery(case),
-        "passed": span_after_passing(case),
+        "judged": judged_span(case),
+        "after_gap_recovery": span_after_gap_recovery(case),
+        "after_passing": span_after_passing(case),
         "manoeuvre": manoeuvre(case),
-        "counted": FrameSpan(first=np.zeros_like(until), last=until),
+        "summed": FrameSpan(first=np.zeros_like(until), last=until),
     }
     return scan_spans(case, spans)
 

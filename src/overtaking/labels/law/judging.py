@@ -27,12 +27,14 @@ from overtaking.model.verdicts import Case, Finding, Findings, Severity, Verdict
 def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) -> Finding:
     """Judge each simulation of a batch by one rule.
 
-    The finding has a severity, and is undecidable where an input of the rule is unknown.
-
     Args:
         rule: The rule.
         case: The batch.
-        errors: Of its measurement; a margin within its own is undecidable.
+        errors: Standard errors of the measured positions and speeds; None for exact values. A
+            margin smaller than its expanded error is undecidable.
+
+    Returns:
+        The finding with its severity, undecidable where an input of the rule is unknown.
     """
     finding = _without_errors(rule, case)
     if errors is None:
@@ -43,21 +45,21 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
     standard_error = rule.criterion.standard_error(case, finding, errors)
     if standard_error is None:
         return finding
-    # Two standard errors, about 95 %: with one, a third of the verdicts at the limit would be
-    # wrong.
+    # Expanded error of about 95 % confidence (GUM). A verdict whose margin is just larger is wrong
+    # in one of forty cases; with one standard error it would be wrong in one of six.
     error = COVERAGE_FACTOR.f32 * standard_error
     return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < error))
 
 
-def _with_undecidable(finding: Finding, inside: Mask) -> Finding:
+def _with_undecidable(finding: Finding, is_undecidable: Mask) -> Finding:
     """Make a finding undecidable in the simulations of a mask."""
     return finding.replace(
-        verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), finding.verdict),
-        margin=np.where(inside, np.float32(0.0), finding.margin),
-        first_frame=np.where(inside, NEVER, finding.first_frame),
-        last_frame=np.where(inside, NEVER, finding.last_frame),
-        longest_run=np.where(inside, np.int32(0), finding.longest_run),
-        severity=np.where(inside, np.uint8(Severity.NONE), finding.severity),
+        verdict=np.where(is_undecidable, np.uint8(Verdict.UNDECIDABLE), finding.verdict),
+        margin=np.where(is_undecidable, np.float32(0.0), finding.margin),
+        first_frame=np.where(is_undecidable, NEVER, finding.first_frame),
+        last_frame=np.where(is_undecidable, NEVER, finding.last_frame),
+        longest_run=np.where(is_undecidable, np.int32(0), finding.longest_run),
+        severity=np.where(is_undecidable, np.uint8(Severity.NONE), finding.severity),
     )
 
 
@@ -76,10 +78,10 @@ def _without_errors(rule: Rule, case: Case) -> Finding:
 
 
 def _possible_kinds(case: Case) -> Iterator[Case]:
-    """Yield the batch once for each kind, which vehicles of unknown kind have if their length fits.
+    """Yield the batch once for each kind, with the vehicles of unknown kind as that kind.
 
-    A vehicle whose length does not fit is a car. Every vehicle is a truck once, whatever its
-    length: where kind and length of a recording contradict each other, the length may be wrong.
+    A vehicle whose length does not fit the kind is a car instead. As trucks, all of them count
+    whatever their length: the length in a recording may be wrong.
     """
     trajectories = case.trajectories
     vehicles = trajectories.scenario.vehicles
@@ -91,24 +93,25 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
         VehicleKind.MOTORCYCLE,
         VehicleKind.BICYCLE,
     ):
-        may_be = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.TRUCK)
-        possible = np.where(may_be, np.uint8(kind), car)
-        kinds = np.where(trajectories.known_kinds, vehicles.kind, possible)
+        fits = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.TRUCK)
+        assumed_kinds = np.where(fits, np.uint8(kind), car)
+        kinds = np.where(trajectories.known_kinds, vehicles.kind, assumed_kinds)
         scenario = trajectories.scenario.replace(vehicles=vehicles.replace(kind=kinds))
         yield case.replace(trajectories=trajectories.replace(scenario=scenario))
 
 
-def _agreed_finding(checks: Sequence[Finding]) -> Finding:
-    """Combine checks of the same batch: undecidable in simulations in which the verdicts differ.
+def _agreed_finding(findings: Sequence[Finding]) -> Finding:
+    """Combine findings on the same batch: undecidable in simulations in which the verdicts differ.
 
-    Where they agree, the check with the smallest absolute margin counts.
+    Where they agree, the finding with the smallest absolute margin counts: it is the nearest to
+    another verdict.
     """
-    margins = np.stack([np.abs(check.margin) for check in checks])
+    margins = np.stack([np.abs(finding.margin) for finding in findings])
     choice = margins.argmin(axis=0)
     names = [field.name for field in dataclasses.fields(Finding)]
-    stacked = {name: np.stack([getattr(check, name) for check in checks]) for name in names}
-    columns = np.arange(len(choice))
-    nearest = Finding(**{name: values[choice, columns] for name, values in stacked.items()})
+    stacked = {name: np.stack([getattr(finding, name) for finding in findings]) for name in names}
+    simulation = np.arange(len(choice))
+    nearest = Finding(**{name: values[choice, simulation] for name, values in stacked.items()})
     return _with_undecidable(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
@@ -144,7 +147,7 @@ def _as_undecidable(finding: Finding) -> Finding:
     )
 
 
-def undecidable_rules(pack: "Pack", unknown: Iterable[str]) -> dict[str, list[str]]:
+def undecidable_rules(pack: Pack, unknown: Iterable[str]) -> dict[str, list[str]]:
     """The rules that a recording cannot decide.
 
     Args:
@@ -171,20 +174,20 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     Args:
         pack: The rules.
         case: Recordings of any source, with their signals and events.
-        errors: Errors of measured positions and speeds; None for exact values.
+        errors: Standard errors of measured positions and speeds; None for exact values.
 
     Returns:
         Arrays of shape (simulation, rule).
     """
     deciding = frozenset(rule.code for rule in pack.deciding_rules)
-    finding_of_rules = [
+    rule_findings = [
         judge_rule(rule, case, errors)
         if rule.code in deciding
         else _as_undecidable(rule.criterion.check(case))
         for rule in pack.rules
     ]
     columns = {
-        field.name: np.stack([getattr(finding, field.name) for finding in finding_of_rules], axis=1)
+        field.name: np.stack([getattr(finding, field.name) for finding in rule_findings], axis=1)
         for field in dataclasses.fields(Finding)
     }
     version = pack.version
@@ -325,7 +328,7 @@ def stored_policy(name: str) -> Policy:
 def assess_legality(
     findings: Findings, policy: Policy, pack: Pack | None = None, case: Case | None = None
 ) -> Legality:
-    """Findings under a policy.
+    """Count the breaches and the undecidable rules of each simulation under a policy.
 
     Args:
         findings: Findings of each rule for each simulation.
@@ -369,8 +372,8 @@ def counted_breaches(
         counted = counted & (findings.severity >= policy.min_severity)
     for code, tolerance in policy.tolerances.items():
         if pack is not None and case is not None and code in findings.rule_codes:
-            place = findings.rule_codes.index(code)
-            counted[:, place] = exceeds_tolerance(findings, code, tolerance, pack, case)
+            column = findings.rule_codes.index(code)
+            counted[:, column] = exceeds_tolerance(findings, code, tolerance, pack, case)
     return counted
 
 
@@ -384,8 +387,8 @@ def exceeds_tolerance(
     limit = rule.criterion.limit(case) if tolerance.share else None
     if limit is not None:
         is_exceeded &= excess > np.float32(tolerance.share) * (limit + excess)
-    if tolerance.lasting:
-        is_exceeded &= breach_duration(findings, column, case) > tolerance.lasting
+    if tolerance.duration:
+        is_exceeded &= breach_duration(findings, column, case) > tolerance.duration
     return is_exceeded
 
 

@@ -225,15 +225,17 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
             last_frame=frames[f"{name}.last"],
             longest_run=frames[f"{name}.longest"],
         )
-        for name in ("stop_lit", "stop_unlit", "follow", "braking")
+        for name in ("stop_lit", "stop_unlit", "following", "braking")
     }
     return ScanResults(
         stop_lit=minima["stop_lit"],
         stop_unlit=minima["stop_unlit"],
-        following=minima["follow"],
+        following=minima["following"],
         forced_braking=minima["braking"],
-        # "due": the law may demand a return while the ego has room for it.
-        return_opportunity=(frames["due.first"], frames["due.length"]),
+        return_opportunity=(
+            frames["return_opportunity.first"],
+            frames["return_opportunity.length"],
+        ),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],
         worst_measures=measures,

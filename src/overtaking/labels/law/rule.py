@@ -35,15 +35,15 @@ class Tolerance:
     """How far beyond the letter of a rule a policy looks away; a breach exceeds all of it.
 
     Attributes:
-        margin: Margin beyond the border, in the unit of the rule, 0 or more.
+        margin: Margin beyond the limit, in the unit of the rule, 0 or more.
         share: Share of the measured value, 0 to 1; only of rules that have a `limit`.
-        lasting: Time of the longest unbroken part of the breach [s].
+        duration: Time of the longest unbroken part of the breach [s].
         source: Id of the source of these numbers; empty without a source.
     """
 
     margin: float = 0.0
     share: float = 0.0
-    lasting: float = 0.0
+    duration: float = 0.0
     source: str = ""
 
 

@@ -71,15 +71,15 @@ class Gaze:
 
     Attributes:
         extinction: Extinction around each driver, and of the spray ahead.
-        watches: Whether the driver watches this role all the time, (vehicle, simulation).
-        looks: Whether the driver looks at this role at this decision, (vehicle, simulation).
+        watches_role: Whether the driver watches this role all the time, (vehicle, simulation).
+        looks_at_role: Whether the driver looks at this role now, (vehicle, simulation).
         known_slots: Vehicle in each role at the last look, (role, vehicle, simulation).
         known_times: Time for which that vehicle had been in view, same shape [s].
     """
 
     extinction: Extinction
-    watches: Mask
-    looks: Mask
+    watches_role: Mask
+    looks_at_role: Mask
     known_slots: F32
     known_times: F32
 
@@ -227,7 +227,7 @@ def detect(
     is_visible = _is_visible(state, params, neighbours, role, ratio)
     # A glance counts as half a second in view, so what is hard to see takes several looks; a
     # watched role gains 50 ms at each decision.
-    gained = np.where(gaze.watches, constants.decision, constants.glance_time)
+    gained = np.where(gaze.watches_role, constants.decision, constants.glance_time)
     # The same vehicle may have been in another role: passing it, or changing lanes, does not
     # restart its detection.
     time_so_far = np.zeros_like(ratio)
@@ -238,10 +238,10 @@ def detect(
     time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + gained)
     time = np.where(is_visible, time, ZERO)
     attention = state.attention
-    attention.time_in_view[role] = np.where(gaze.looks, time, attention.time_in_view[role])
-    attention.slot_in_view[role] = np.where(gaze.looks, slot, attention.slot_in_view[role])
+    attention.time_in_view[role] = np.where(gaze.looks_at_role, time, attention.time_in_view[role])
+    attention.slot_in_view[role] = np.where(gaze.looks_at_role, slot, attention.slot_in_view[role])
     is_seen_long_enough = attention.time_in_view[role] >= detection_time(params, ratio)
-    return gaze.looks & is_visible & is_seen_long_enough
+    return gaze.looks_at_role & is_visible & is_seen_long_enough
 
 
 def _sight_range_ratio_of(
@@ -383,11 +383,11 @@ def form_beliefs(
     detected, gaps, closing_speeds, accels = [], [], [], []
     for role in range(6):
         slot, is_front = neighbours.slot[role], is_leader_role(role)
-        watches = (role == LEADER) | (is_changing_lanes & is_front)
+        watches_role = (role == LEADER) | (is_changing_lanes & is_front)
         gaze = Gaze(
             extinction=extinction,
-            watches=watches,
-            looks=checks_mirrors | watches,
+            watches_role=watches_role,
+            looks_at_role=checks_mirrors | watches_role,
             known_slots=known_slots,
             known_times=known_times,
         )

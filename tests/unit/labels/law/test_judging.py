@@ -169,33 +169,33 @@ def test_a_fixed_device_deducts_five_percent_of_what_it_reads(speed, is_fined):
     assert bool(assess_legality(found, only_speed, PORTUGAL, case).num_broken[0]) == is_fined
 
 
-@pytest.mark.parametrize(("lasting", "counts"), [(0.0, True), (4.9, True), (5.1, False)])
-def test_a_breach_is_tolerated_for_so_long(lasting, counts):
+@pytest.mark.parametrize(("tolerance_s", "counts"), [(0.0, True), (4.9, True), (5.1, False)])
+def test_a_policy_tolerates_a_breach_up_to_a_duration(tolerance_s, counts):
     # The ego is too near its leader for 100 frames of 50 ms.
     case = crossing(target={"s": 20.0, "speed": 30.0}, events={})
-    found = judge_pack(PORTUGAL, case)
-    place = found.rule_codes.index("L3")
-    length = (found.last_frame[0, place] - found.first_frame[0, place] + 1) * 0.05
-    given = Policy(
+    findings = judge_pack(PORTUGAL, case)
+    column = findings.rule_codes.index("L3")
+    breach_s = (findings.last_frame[0, column] - findings.first_frame[0, column] + 1) * 0.05
+    policy = Policy(
         name="patient",
         required=("L3",),
-        tolerances={"L3": Tolerance(lasting=float(length) - 5.0 + lasting)},
+        tolerances={"L3": Tolerance(duration=float(breach_s) - 5.0 + tolerance_s)},
     )
-    assert bool(assess_legality(found, given, PORTUGAL, case).num_broken[0]) == counts
+    assert bool(assess_legality(findings, policy, PORTUGAL, case).num_broken[0]) == counts
 
 
-def test_a_breach_with_breaks_lasts_as_long_as_its_longest_part():
+def test_the_duration_of_an_interrupted_breach_is_that_of_its_longest_part():
     # Above 120 km/h in two parts, of 1 s and of 2 s, with 2 s between.
     speed = np.full(200, 30.0)
     speed[20:40] = speed[80:120] = 40.0
-    given = alone(ego={"speed": speed})
-    findings = judge_pack(PORTUGAL, given)
-    place = findings.rule_codes.index("L12")
-    assert (findings.first_frame[0, place], findings.last_frame[0, place]) == (20, 119)
-    assert findings.longest_run[0, place] == 40
-    for lasting, counts in ((1.95, True), (2.05, False)):
-        tolerance = Tolerance(lasting=lasting)
-        assert bool(exceeds_tolerance(findings, "L12", tolerance, PORTUGAL, given)[0]) == counts
+    case = alone(ego={"speed": speed})
+    findings = judge_pack(PORTUGAL, case)
+    column = findings.rule_codes.index("L12")
+    assert (findings.first_frame[0, column], findings.last_frame[0, column]) == (20, 119)
+    assert findings.longest_run[0, column] == 40
+    for duration, counts in ((1.95, True), (2.05, False)):
+        tolerance = Tolerance(duration=duration)
+        assert bool(exceeds_tolerance(findings, "L12", tolerance, PORTUGAL, case)[0]) == counts
 
 
 def test_a_breach_without_its_like_has_no_longest_part():

@@ -22,6 +22,7 @@ from overtaking.labels.law.case import (
 )
 from overtaking.labels.law.margins import (
     SAME_MARGIN_M,
+    MarginMinimum,
     finding_at_frame,
     finding_not_applicable,
     finding_of_minimum,
@@ -30,7 +31,7 @@ from overtaking.labels.law.margins import (
     minimum_to_limit,
 )
 from overtaking.labels.law.measurement_errors import MeasurementErrors, deciding_frame
-from overtaking.labels.law.numbers import STOPPING_REACTION_TIME, quantity
+from overtaking.labels.law.numbers import ONCOMING_TIME, STOPPING_REACTION_TIME
 from overtaking.labels.law.remedies import BreachContext, Remedy, RemedyQuantity, single_change
 from overtaking.labels.law.rule import Criterion
 from overtaking.labels.law.safe_distance import (
@@ -117,14 +118,6 @@ class StoppingSightDistance(Criterion):
         return signals.sight_unlit if self.is_for_unlit_obstacles else signals.sight_lit
 
 
-_CLEARANCE_TIME = quantity(
-    1.0,
-    "s",
-    "aashto-green-book-2018",
-    why="Clearance to an oncoming vehicle in the passing sight distance",
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MinimumSightDistance(Criterion):
     """From the attempt until the target is passed, the ego sees far enough.
@@ -139,7 +132,7 @@ class MinimumSightDistance(Criterion):
     """
 
     min_sight: Quantity
-    clearance_time: Quantity = _CLEARANCE_TIME
+    clearance_time: Quantity = ONCOMING_TIME
     is_for_unlit_obstacles: bool = False
     unit: str = "m"
 
@@ -160,8 +153,18 @@ class MinimumSightDistance(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The frame with the smallest sight decides, or the line crossing on two-way roads."""
-        sight, span = self._sight(case), _span_until_passed(case)
-        if not case.trajectories.road.is_two_way:
+        span, road = _span_until_passed(case), case.trajectories.road
+        if not (road.is_two_way or road.course or self.is_for_unlit_obstacles):
+            # The air is the same in all frames, so one comparison serves a whole simulation.
+            minimum = MarginMinimum(
+                min_margin=meteorological_range(case) - self.min_sight.f32,
+                first_frame=span.first,
+                last_frame=span.last,
+                longest_run=span.last - span.first + 1,
+            )
+            return finding_of_minimum(minimum, span)
+        sight = self._sight(case)
+        if not road.is_two_way:
             minimum = minimum_to_limit(sight, self.min_sight.f32, span, is_most=False)
             return finding_of_minimum(minimum, span)
         margin = sight - self.min_sight.f32
@@ -207,7 +210,7 @@ class PassingSightDistance(Criterion):
         clearance_time: Time to an oncoming vehicle that must remain at the end of the overtake.
     """
 
-    clearance_time: Quantity = _CLEARANCE_TIME
+    clearance_time: Quantity = ONCOMING_TIME
     unit: str = "m"
     only_two_way_roads: bool = True
 
