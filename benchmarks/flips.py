@@ -36,7 +36,7 @@ STEP_FILES = (
     "acceleration", "car_following", "collisions", "gap_acceptance", "lane_change",
     "math/elementary", "math/vectors", "neighbour_search", "oncoming", "overtake", "params",
     "pass_continuation", "passing", "perception", "recorder", "road_conditions", "run/engine",
-    "state", "steering", "vehicle_dynamics",
+    "run/step", "state", "steering", "vehicle_dynamics", "vehicle_handle",
 )  # fmt: skip
 """What the step consists of, and what writes it down."""
 
