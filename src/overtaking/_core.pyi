@@ -489,8 +489,8 @@ def ego_signals_and_events(
     """Compute the signals and the events of recordings.
 
     Args:
-        recording: As `labels.signals.pack_recording` makes it: s, d, speed, heading, accel, lane and
-            is_recorded (or None), shape (simulation, vehicle, time), and collided_with, shape
+        recording: As `labels.signals.pack_recording` makes it: s, d, speed, heading, accel, lane
+            and is_recorded (or None), shape (simulation, vehicle, time), and collided_with, shape
             (simulation, time), the frames adjacent; num_frames, valid, length and width, flat; and
             the numbers num_lanes, overtaking_sign, direction, interval_ms, half_window.
         visibility: As `labels.signals.visibility_inputs` makes it.
