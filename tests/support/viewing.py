@@ -62,7 +62,15 @@ class Held:
         """Hold back from now on."""
         self._page, self._path = page, path
         self._routes: list[Route] = []
-        page.route(path, lambda route: self._routes.append(route))
+        self._has_ended = False
+        page.route(path, self._hold)
+
+    def _hold(self, route: Route) -> None:
+        """Keep a request, or let it pass after the end."""
+        if self._has_ended:
+            route.continue_()
+        else:
+            self._routes.append(route)
 
     def wait(self, count: int) -> None:
         """Wait until so many have come."""
@@ -85,7 +93,9 @@ class Held:
         route.fulfill(response=answer, json=of(answer.json()))
 
     def end(self) -> None:
-        """Hold back nothing any more."""
+        """Let all requests pass, those that are held and later ones."""
+        # First: a request that arrives while `unroute` waits for the browser would stay held.
+        self._has_ended = True
         while self._routes:
             self._routes.pop(0).continue_()
         self._page.unroute(self._path)
