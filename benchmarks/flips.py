@@ -224,7 +224,8 @@ def build(folder: Path) -> tuple[Path | None, set[tuple[str, int]]]:
         message = json.loads(line).get("message") or {}
         if message.get("level") == "error":
             spans = [span for span in message["spans"] if span["is_primary"]]
-            wrong |= {(Path(span["file_name"]).name, span["line_start"]) for span in spans}
+            paths = [span["file_name"].rpartition("overtaking-core/src/")[2] for span in spans]
+            wrong |= set(zip(paths, (span["line_start"] for span in spans), strict=True))
     if not wrong:
         raise SystemExit(done.stderr)
     return None, wrong

@@ -31,8 +31,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 TIMEOUT = 1800.0
 """Longest time of one command, on a busy machine [s]."""
 
-QUICK_COUNT = 10
-"""Largest number of simulations or replicates of an example with --quick."""
+QUICK_COUNTS = {"-n": 10, "--num-replicates": 10, "--repeats": 1}
+"""Largest values of these options in an example with --quick."""
 
 DRIVER = """
 import numpy as np
@@ -162,7 +162,7 @@ def shortened(words: list[str]) -> list[str]:
         return words
     previous = ["", *words]
     return [
-        str(min(int(word), QUICK_COUNT)) if option in ("-n", "--num-replicates") else word
+        str(min(int(word), QUICK_COUNTS[option])) if option in QUICK_COUNTS else word
         for option, word in zip(previous, words, strict=False)
     ]
 
