@@ -17,23 +17,33 @@ from overtaking.model.driver_interface import ACTION_KINDS, MAX_ACTION_PARTS, Ac
 from overtaking.sim.ego_observation import EgoObservation
 
 TrackAnswer = Callable[[F64, EgoObservation, EgoObservation], F64]
-"""A function from an answer, the observation that it answers and the present observation to the
-present action. Answers and actions have shape (simulation, part)."""
+"""A function that returns the present action, shape (simulation, part).
+
+Its arguments are an answer, shape (simulation, part), the observation that the driver answered, and
+the present observation.
+"""
 
 
 _SPEED_TIME_CONSTANT = 1.0
-"""Time in which the answered speed of `speed_lane` would be reached at the first acceleration [s].
+"""Acceleration per difference from the answered speed of `speed_lane`, as a time [s].
 
-Chosen.
+Within the comfort limits the difference decreases to 37 % in this time. Chosen: with a longer time
+the ego would follow the answer later.
 """
 
 
 _POINT_TIMES = (0.5, 1.0, 1.5, 2.0)
-"""Times after an answer at which the ego is to reach the points of a trajectory [s]. Chosen."""
+"""Times after an answer at which the ego is to reach the points of a trajectory [s].
+
+Chosen. They are part of the action space: other times give another meaning to the same answer.
+"""
 
 
 _MIN_TRACKING_SPEED = 1.0
-"""Smallest speed in the formula of the wheel angle, which divides by its square [m/s]. Chosen."""
+"""Smallest speed in the formula of the wheel angle, which divides by its square [m/s].
+
+Chosen: at lower speeds the wheels turn less than the points require, instead of up to the limit.
+"""
 
 
 _, _LANE_PART = ACTION_KINDS["accel_lane"]
@@ -72,13 +82,15 @@ def _track_speed(answer: F64, start: EgoObservation, now: EgoObservation) -> F64
 def _track_points(answer: F64, start: EgoObservation, now: EgoObservation) -> F64:
     """Acceleration and wheel angle that lead the ego through the answered points.
 
-    Along and across the road, the acceleration is the constant one that fits the points ahead with
+    The points ahead are fitted with one constant acceleration along the road and one across it, by
     least squares. The fit is repeated at every decision from the observed position and speed, so
-    tracking errors do not add up.
+    tracking errors do not add up. The wheel angle contains no part for the bend of the road: in a
+    bend the wheels turn only once heading and lateral position have changed against the road.
+    Unlike `_track_speed` this function keeps no comfort limits: the points state the motion.
 
     Args:
-        answer: Points relative to the position at `start`, in turn ahead and to the overtaking
-            side, shape (simulation, coordinate) [m].
+        answer: For each point the distance along the road and the distance to the overtaking side
+            from the position at `start`, shape (simulation, 2 * point) [m].
         start: Observation that the answer was given to.
         now: Observation at this decision.
     """
@@ -90,6 +102,7 @@ def _track_points(answer: F64, start: EgoObservation, now: EgoObservation) -> F6
     # A point whose time is over gets the time 0 and so no weight in the fit.
     times = np.maximum(np.array(_POINT_TIMES) - (now.time - start.time), 0.0)
 
+    # The heading is the angle to the road, positive towards the overtaking side.
     speed, heading = now.ego.speed.astype(np.float64), now.ego.heading.astype(np.float64)
     accel = _least_squares_accel(distances_along, speed * np.cos(heading), times)
     lateral_accel = _least_squares_accel(distances_across, speed * np.sin(heading), times)
@@ -122,13 +135,20 @@ def _least_squares_accel(distances: F64, speed: F64, times: F64) -> F64:
 
 
 # The limits are chosen wide enough for any vehicle: a vehicle at the largest speed of `speed_lane`,
-# 100 m/s, moves by 200 m within the 2 s of a trajectory.
+# 100 m/s, moves by 200 m within the 2 s of a trajectory. 20 m aside are more than five lanes of
+# 3.5 m. The resolution of 1 mm is that of recorded positions.
 _POINT_PARTS = tuple(
     part
     for k in range(1, len(_POINT_TIMES) + 1)
     for part in (
-        ActionPart(f"ahead_{k}", "m", 1e-3, 0.0, 200.0),
-        ActionPart(f"aside_{k}", "m towards the overtaking side", 1e-3, -20.0, 20.0),
+        ActionPart(f"ahead_{k}", "m", resolution=1e-3, low=0.0, high=200.0),
+        ActionPart(
+            f"aside_{k}",
+            "m towards the overtaking side",
+            resolution=1e-3,
+            low=-20.0,
+            high=20.0,
+        ),
     )
 )
 
@@ -136,7 +156,9 @@ _POINT_PARTS = tuple(
 ACTION_SPACES: Final = {
     "accel_lane": ActionSpace(ACTION_KINDS["accel_lane"], "accel_lane"),
     "speed_lane": ActionSpace(
-        (ActionPart("speed", "m/s", 1e-3, 0.0, 100.0), _LANE_PART), "accel_lane", _track_speed
+        (ActionPart("speed", "m/s", resolution=1e-3, low=0.0, high=100.0), _LANE_PART),
+        "accel_lane",
+        _track_speed,
     ),
     "accel_steer": ActionSpace(ACTION_KINDS["accel_steer"], "accel_steer"),
     "trajectory": ActionSpace(_POINT_PARTS, "accel_steer", _track_points),
@@ -144,7 +166,10 @@ ACTION_SPACES: Final = {
     "accel_move": ActionSpace(ACTION_KINDS["accel_move"], "accel_move"),
     "accel_steer_signal": ActionSpace(ACTION_KINDS["accel_steer_signal"], "accel_steer_signal"),
 }
-"""The action spaces by the names that a `Driver` states; the first is the default."""
+"""The action spaces by the names that a `Driver` states; the first is the default.
+
+`model.driver_interface.ACTION_KINDS` explains the kinds of action.
+"""
 
 
 class ClippedAnswers(NamedTuple):

@@ -2,8 +2,8 @@
 
 The parent sends the limits, the content of an ONNX file, then one table of observations for each
 decision. The process answers `READY`, then the width of the input and the number of parts of an
-action, then actions. An error is answered as a dictionary with `expected` and `got`; the process
-then ends.
+action (`model.driver_interface.ActionPart`), then actions. An error is answered as a dictionary
+with `expected` and `got`; the process then ends.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _NUM_CHECKED_ROWS = 3
 """Number of rows of the input in the check, for a network that takes any number of rows.
 
-Chosen: with more than one row, the check notices an output without a row for each simulation.
+Chosen: any number above 1 shows whether the output has a row for each simulation.
 """
 
 
@@ -103,9 +103,9 @@ class _Network:
         if not isinstance(action, np.ndarray) or action.dtype.kind not in "fiub":
             value_type = getattr(action, "dtype", type(action).__name__)
             raise _UnusableError(expected, f"values of type {value_type}")
-        num_rows, *num_parts = action.shape or (0,)
-        is_action = not num_parts or (len(num_parts) == 1 and 1 <= num_parts[0] <= MAX_ACTION_PARTS)
-        if num_rows != len(observation) or not is_action:
+        num_parts = action.shape[1] if action.ndim == 2 else 1
+        has_parts = action.ndim in {1, 2} and 1 <= num_parts <= MAX_ACTION_PARTS
+        if not has_parts or len(action) != len(observation):
             raise _UnusableError(expected, f"{action.shape} for {len(observation)} simulations")
         return action
 
@@ -114,10 +114,11 @@ def main(parent: ParentConnection) -> None:
     """Load the network in the second message, then evaluate it for each later message."""
     messages = iter(parent)
     limits = next(messages)
+    # This module has imported ONNX Runtime by now, and the parent's time limit begins.
     parent.send(READY)
     content = next(messages)
-    # Three open files are allowed, and standard input, output and error are open already. So ONNX
-    # Runtime cannot open other files, such as a file of weights that the network names.
+    # New files must have descriptors 0 to 2, which standard input, output and error occupy. Files
+    # that are open stay open. So ONNX Runtime cannot open a file of weights that the network names.
     limit_process(limits["memory_mib"], open_files=3)
     try:
         network = _Network(content, limits["widths"])
@@ -137,7 +138,8 @@ def _runtime_error(expected: str, error: Exception) -> Exception:
     """Our error for an exception of ONNX Runtime, with a shortened message."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     text = lines[0] if lines else type(error).__name__
-    # Remove the error code, then the place in the source code of ONNX Runtime.
+    # A message is "[ONNXRuntimeError] : 2 : INVALID_ARGUMENT : Non-zero status code ... Status
+    # Message: /a/file.cc:38 onnxruntime::f(int) Reason". Keep the reason: remove code and place.
     text = re.sub(r"^\[ONNXRuntimeError\] : \d+ : ", "", text)
     cause = re.sub(r"^\S+:\d+ .*?\) (?=[A-Z])", "", text.rpartition("Status Message: ")[2])
     is_memory = isinstance(error, MemoryError) or any(sign in text for sign in _MEMORY_SIGNS)

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from overtaking import _core
+from overtaking.core.errors import check_choice
 from overtaking.core.native import simd_level
 from overtaking.model.driver_interface import (
     MAX_ACTION_PARTS,
+    OBSERVATION_SIZE,
     SplitObservation,
     SteppedObservation,
     split_observation,
@@ -30,11 +32,14 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
 
 
+_SIMULATORS = ("engine", "reference")
+
+
 class Stepper(Protocol):
     """A batch that waits at every decision for actions; both simulators give the same bits.
 
-    A simulation may end before its action has held for all its decisions. Its last observation is
-    the state at its end.
+    A simulation may end before the decisions of a call of `step` are over. The observation of the
+    simulation is then the state at its end.
     """
 
     def observe_start(self) -> SteppedObservation:
@@ -45,7 +50,7 @@ class Stepper(Protocol):
         """Carry out the same action at some successive decisions.
 
         Args:
-            actions: Each part of the action as a number of steps of its resolution, shape
+            actions: Each part of the action as an integer multiple of its resolution, shape
                 (simulation, `MAX_ACTION_PARTS`).
             num_decisions: Number of decisions, at least 1.
         """
@@ -93,7 +98,8 @@ class EngineStepper:
         Args:
             rows: Positions in the batch at which new simulations begin, without repetition.
             params: Parameters of the new simulations, in the order of `rows`. Road, seed and
-                number of slots must be the same as at the start.
+                number of slots must be the same as at the start, because the batch has one of each;
+                the scenario indices give new simulations other random numbers.
 
         Returns:
             The observations at their start, shape (row, `OBSERVATION_SIZE`).
@@ -139,10 +145,12 @@ def new_stepper(
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU does not have it.
+        ConfigError: The simulator or the SIMD level is unknown, or this CPU does not have the
+            level.
     """
+    check_choice(simulator, _SIMULATORS, what="simulator", where="stepper")
     if simulator == "reference":
-        # Production loads the reference only on request.
+        # Commands that use the engine do not spend the time to import the reference.
         from overtaking.sim.reference.simulation import ReferenceStepper
 
         return ReferenceStepper(params, action_kind, observes_truth=observes_truth)
@@ -159,7 +167,8 @@ def trace_beliefs(
         actions: Recorded actions of an external driver; None if the model driver drove the ego.
         simulator: `engine` or `reference`; both give the same beliefs.
     """
-    # A stepper observes either beliefs or truth, so the same simulation runs twice.
+    # A stepper observes either beliefs or truth, so the same simulation runs twice. The columns of
+    # the ego are the same in both.
     believed = _trace_observations(scenario, actions, simulator, observes_truth=False)
     true = _trace_observations(scenario, actions, simulator, observes_truth=True)
     return BeliefTrace(ego=believed.ego, believed=believed.neighbours, true=true.neighbours)
@@ -169,6 +178,8 @@ def _trace_observations(
     scenario: Scenario, actions: Actions | None, simulator: str, *, observes_truth: bool
 ) -> SplitObservation:
     """Observations of the egos at all decisions, along a first axis of decisions."""
+    if not scenario.num_simulations:  # Steppers need at least one simulation.
+        return split_observation(np.zeros((0, 0, OBSERVATION_SIZE), np.float32))
     action_kind = None if actions is None else actions.kind
     stepper = new_stepper(
         step_parameters(scenario), action_kind, observes_truth=observes_truth, simulator=simulator
@@ -178,13 +189,16 @@ def _trace_observations(
     tables: list[F32] = []
     observed = stepper.observe_start()
     while observed.is_running.any():
+        action = no_action if actions is None else _actions_at(actions, len(tables))
         tables.append(np.where(observed.is_running[:, None], observed.table, np.float32(np.nan)))
-        action = no_action if actions is None else _actions_at(actions, len(tables) - 1)
         observed = stepper.step(action, 1)
     return split_observation(np.stack(tables))
 
 
 def _actions_at(actions: Actions, decision: int) -> np.ndarray:
-    """Recorded actions at a decision; after the end of the record, the last recorded actions."""
+    """Recorded actions at a decision; after the end of the record, the last recorded actions.
+
+    The simulators repeat a shorter record in the same way.
+    """
     last_decision = actions.values.shape[1] - 1
     return np.ascontiguousarray(actions.values[:, min(decision, last_decision)])

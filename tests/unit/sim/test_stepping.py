@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.model.driver_interface import EgoColumns, NeighbourColumns
+from overtaking.core.errors import ConfigError
+from overtaking.model.driver_interface import (
+    NEIGHBOUR_ROLES,
+    Actions,
+    EgoColumns,
+    NeighbourColumns,
+)
 from overtaking.sim.stepping import trace_beliefs
 
 _MM = 1000.0
@@ -47,6 +53,22 @@ def test_both_simulators_give_the_same_beliefs(scenario: ot.Scenario):
     for name in ("ego", "believed", "true"):
         np.testing.assert_array_equal(getattr(by_engine, name), getattr(by_reference, name))
     assert EgoColumns._make(by_reference.ego.T).speed.max() > 5.0
+
+
+@pytest.mark.parametrize("simulator", ["engine", "reference"])
+@pytest.mark.parametrize("actions", [None, Actions.empty(0)])
+def test_a_batch_without_simulations_has_an_empty_trace(
+    scenario: ot.Scenario, simulator: str, actions: Actions | None
+):
+    trace = trace_beliefs(scenario.select(slice(0, 0)), actions, simulator)
+    assert trace.ego.shape == (0, 0, len(EgoColumns._fields))
+    expected_shape = (0, 0, len(NEIGHBOUR_ROLES), len(NeighbourColumns._fields))
+    assert trace.believed.shape == trace.true.shape == expected_shape
+
+
+def test_an_unknown_simulator_is_refused(scenario: ot.Scenario):
+    with pytest.raises(ConfigError, match="simulator"):
+        trace_beliefs(scenario, simulator="other")
 
 
 def test_undetected_neighbours_have_no_believed_closing_speed(scenario: ot.Scenario):

@@ -18,17 +18,22 @@ from overtaking.world.step_parameters import StepParameters, VehicleParameters
 MIN_CLOSING_SPEED = np.float32(0.5)
 """Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s].
 
-Smaller differences count as this one, so that the times stay finite.
+Smaller differences count as this one, so that the times stay finite. Chosen: it matters only for
+vehicles of nearly equal speed.
 """
 
-_MIN_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
+_MIN_ACCEL = np.float32(0.1)
+"""Smallest acceleration with which drivers compute the time of a pass [m/s^2].
+
+It keeps this time finite where a slow vehicle cannot accelerate. Chosen.
+"""
 
 
 class PassingSpeeds(NamedTuple):
     """Speeds of a passing driver and its target [m/s].
 
-    The closing speed is a field of its own: the rounded difference of the speeds would differ from
-    a believed closing speed in the last bits, and the engine would record other bits.
+    The closing speed is a field of its own. Where a driver believes a closing speed, the target's
+    speed is computed from it, and rounding makes the difference of the speeds another number.
     """
 
     passer: F32
@@ -49,8 +54,8 @@ class PassingOpportunity:
         oncoming_closing_speed: Believed or expected closing speed of that vehicle [m/s].
         is_certain: Whether the driver has looked long enough to know if a vehicle is coming.
         line_is_solid: Whether a solid line separates the directions here or ahead.
-        tall_vehicle_gap_factor: Factor on the gap that is left to a leader that blocks the view
-            [1].
+        tall_vehicle_gap_factor: Factor on the gap that the driver leaves at its return to a leader
+            that blocks the view [1].
     """
 
     leader_gap: F32
@@ -88,9 +93,10 @@ def expected_accel(
 ) -> F32:
     """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 
-    It is the acceleration of a passing driver, limited by the engine halfway to the passing speed.
-    Drivers know the power of their vehicle. They misjudge the time of a pass by the trait
-    `passing_time_factor`, which is not part of this acceleration.
+    Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits
+    them to its force at the mean of the present speed and the passing speed; `slip_speed` bounds
+    this speed from below. Drivers know the power of their vehicle. They misjudge the time of a pass
+    by the trait `passing_time_factor`, which is not part of this acceleration.
 
     Args:
         constants: Constants of the model.
@@ -109,8 +115,8 @@ def expected_accel(
 def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed: F32) -> F32:
     """Speed at which drivers pass: well above the target's speed, if the vehicle can [m/s].
 
-    A driver gives up the same share of its excess over the speed limit as on a free road, so a
-    driver that respects limits takes longer to pass.
+    A driver that complies with the speed limit on a free road complies as much while it passes, and
+    takes longer.
 
     Args:
         vehicle: Parameters of the drivers and their vehicles.
@@ -151,8 +157,9 @@ def time_to_pass(
 def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_distance: F32) -> F32:
     """Distance at which drivers assume an oncoming vehicle, seen or not [m].
 
-    Few drivers assume a vehicle at the very end of the visible road: one that does come from there
-    comes into sight while they pass.
+    Where the road is hidden, a driver assumes a vehicle at a multiple of the sight distance. The
+    factor `assumed_sight_factor` is above 1 for most drivers: few believe that a vehicle is just
+    beyond the visible road.
 
     Args:
         vehicle: Parameters of the drivers and their vehicles.
@@ -164,6 +171,9 @@ def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_di
 
 def tall_vehicle_gap_factor(params: StepParameters, slot: F32) -> F32:
     """Factor on the gap that drivers keep to the vehicle in a slot, 1 for a car [1].
+
+    Drivers keep longer gaps to a vehicle that blocks the view: behind it, to see past it, and ahead
+    of it at the return, because it brakes worse. The number is fitted.
 
     Source:
         The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
@@ -207,14 +217,17 @@ def accepts_oncoming_gap(
 
     They compare the time that passing takes, with their error about it and a reserve, with the time
     until they meet the nearest oncoming vehicle. Beyond their sight distance they assume one.
-    Passing takes half a lane change before the driver gains speed, and half of one at its end. A
-    waiting driver keeps a smaller reserve, but not less than a share of its first one.
+    To the time of gaining on the leader they add one lane change: half of it before the driver
+    gains, half at the end. A waiting driver asks for less return gap and a smaller reserve. The
+    reserve does not fall below a share of its first value: unlike a follower, an oncoming vehicle
+    cannot be expected to brake.
 
     Args:
         params: Parameters of the batch.
         vehicle: Parameters of the drivers and their vehicles.
         speed: Their speed [m/s].
-        patience_left: Share of their demands that is left after waiting, 1 at first [1].
+        patience_left: Share of return gap and reserve that they still ask for after waiting, 1 at
+            first [1].
         opportunity: Their beliefs about the opposing lane.
     """
     constants, leader_speed = params.constants, opportunity.leader_speed
@@ -230,7 +243,8 @@ def accepts_oncoming_gap(
     closing_speed = opportunity.oncoming_closing_speed + HALF * maximum(top_speed - speed, ZERO)
     reserve = vehicle.time_reserve_share * maximum(patience_left, constants.min_time_reserve_share)
     has_time = opportunity.assumed_oncoming_gap > time * (ONE + reserve) * closing_speed
-    # Ahead of the leader the driver needs space for its body, the return gap and a time gap.
+    # Ahead of the leader lie, one after the other, the return gap, the driver's vehicle, and its
+    # smallest gap and a share of its time gap to the next vehicle.
     min_gap = TWO * vehicle.half_length + constants.min_return_gap + return_gap
     time_gap = constants.return_time_gap_share * vehicle.time_gap
     fits_ahead = opportunity.gap_ahead_of_leader > min_gap + time_gap * leader_speed
@@ -241,10 +255,12 @@ def accepts_oncoming_gap(
 def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSelection) -> F32:
     """Gap between the vehicle in a slot and the next one ahead of it, for each driver [m].
 
+    The next vehicle may be in any lane, also in the opposing lane while it passes.
+
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        slot: Slot of the vehicle, shape of the slots.
+        slot: Slot of the vehicle, which travels in the driver's direction, shape of the slots.
         slots: Slots of the drivers, which do not count as the next vehicle.
     """
     vehicles, s = params.vehicles, state.motion.s
@@ -255,10 +271,11 @@ def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSel
     for candidate in range(len(s)):
         is_same_direction = vehicles.travel_sign[candidate] == vehicles.travel_sign[slots]
         is_other = (slot != np.float32(candidate)) & (driver_slot != np.float32(candidate))
-        is_ahead = is_other & is_same_direction & (s[candidate] > centre)
+        is_candidate = is_other & is_same_direction & (vehicles.valid[candidate] > 0)
+        # Stations grow in each vehicle's direction of travel.
+        is_ahead = is_candidate & (s[candidate] > centre)
         rear = s[candidate] - vehicles.half_length[candidate]
-        is_nearer = is_ahead & (vehicles.valid[candidate] > 0)
-        gap = np.where(is_nearer, minimum(gap, rear - front), gap)
+        gap = np.where(is_ahead, minimum(gap, rear - front), gap)
     return gap
 
 
@@ -266,6 +283,8 @@ def line_is_solid(
     state: State, params: StepParameters, slots: SlotSelection, distance: F32 | np.float32
 ) -> Mask:
     """Whether the line between the directions is solid at drivers, or at a distance ahead of them.
+
+    A solid piece that begins and ends between the two places is overlooked.
 
     Args:
         state: State at a decision.
@@ -277,6 +296,7 @@ def line_is_solid(
     s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
     is_solid = np.zeros(s.shape, bool)
     for road_s in (s, s + travel_sign * distance):
+        # The first mark begins far before the road, so every place has a mark.
         knot = np.searchsorted(stations, road_s, side="right") - 1
         is_solid = is_solid | (np.where(travel_sign < 0, against[knot], along[knot]) > 0)
     return is_solid

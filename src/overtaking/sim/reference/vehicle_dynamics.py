@@ -16,7 +16,11 @@ from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
 _MIN_SLIDING_SPEED = np.float32(1e-3)  # Keeps the direction of a wreck at rest finite [m/s].
-_MIN_LATERAL_GRIP = np.float32(1.0)  # Keeps a divisor above 0 at full braking [N^2].
+_MIN_SQUARED_LATERAL_GRIP = np.float32(1.0)
+"""Smallest square of the largest lateral force [N^2].
+
+`fiala_force` divides by that force, which would be 0 at full braking.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +30,10 @@ class MidStep:
     Attributes:
         step_length: Length of the step [s].
         speed: Speed, extrapolated by the acceleration of the last step [m/s].
-        inverse_speed: One over the speed, which is bounded from below [s/m].
-        wheel_angle: Front wheel angle [rad], or requested lean of a two-wheeler [m/s^2].
+        inverse_speed: One over the speed, or over `slip_speed` at lower speeds, where the equations
+            of tyre slip are stiff [s/m].
+        wheel_angle: Front wheel angle [rad], or requested lean of a two-wheeler as the lateral
+            acceleration that it balances [m/s^2].
         level_resistance: Air drag and rolling resistance [N].
         resistance: Air drag, rolling resistance and the pull of the slope [N].
     """
@@ -76,8 +82,8 @@ class MotionStep:
     """Result of a step; arrays of shape (vehicle, simulation).
 
     Attributes:
-        accel_lon, accel_lat: Mean acceleration by tyre and wind forces, in the vehicle's axes
-            [m/s^2].
+        accel_lon, accel_lat: Mean of all forces over the mass, along and across the vehicle
+            [m/s^2]. The velocities change by the turning of the vehicle's axes as well.
         vx, vy, yaw_rate: Velocity [m/s] and yaw rate [rad/s] at the end.
         mean_yaw_rate: Mean yaw rate [rad/s].
     """
@@ -129,6 +135,7 @@ def axle_forces(params: StepParameters, state: State, force: F32, load: F32) -> 
     Each side transmits as much as its own friction allows, which turns the vehicle on split
     friction. Traction control lets the engine use a smaller share of the friction than anti-lock
     brakes let the brakes use: driven wheels at their limit could not keep the vehicle on course.
+    A two-wheeler, a point mass without tyre slip, stays on course without it.
     """
     constants, friction = params.constants, state.friction_and_wind
     half_load = HALF * load
@@ -141,7 +148,7 @@ def axle_forces(params: StepParameters, state: State, force: F32, load: F32) -> 
     force_lon = left + right
     # Friction circle: longitudinal and lateral force together are at most the grip.
     grip = (friction.mu_left + friction.mu_right) * half_load
-    squared_lateral_grip = maximum(grip * grip - force_lon * force_lon, _MIN_LATERAL_GRIP)
+    squared_lateral_grip = maximum(grip * grip - force_lon * force_lon, _MIN_SQUARED_LATERAL_GRIP)
     return Axle(
         load=load,
         force_lon=force_lon,
@@ -158,8 +165,7 @@ def advance_motion(
     Args:
         state: State with the acceleration of the last step; it changes.
         params: Parameters of the batch.
-        wheel_angle: Front wheel angle [rad], or lean of a two-wheeler [m/s^2], in the middle of the
-            step.
+        wheel_angle: As `MidStep.wheel_angle`.
         step_length: Length of the step [s].
     """
     vehicles = params.vehicles
@@ -198,15 +204,17 @@ def _mid_step(
 def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Axles:
     """Loads and forces of both axles for a requested force [N].
 
-    The loads follow the acceleration of this step, which depends on the loads. It is estimated by
-    the requested force within the friction under the loads of the last step, minus the part of the
-    last step's side force that the turned wheels hold back.
+    The loads follow the acceleration of this step, which depends on the loads. An estimate of the
+    acceleration takes their place: the requested force, limited by friction under the loads of the
+    last step, minus resistance and the backward part of the side force at the turned front wheels.
 
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
     """
     vehicles, constants = params.vehicles, params.constants
     is_two_wheeler = vehicles.two_wheeler > 0
+    # The acceleration of the last step contains the pull of the slope. It affects the estimate only
+    # where friction limits the force, and in `steering_loss`.
     front_load_share = _front_load_share(params, state.motion.accel_lon)
     front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
     max_accel = np.where(
@@ -217,10 +225,13 @@ def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Ax
     front_accel = clamp(front_force_share * accel, -max_front, max_front)
     rear_accel = clamp((ONE - front_force_share) * accel, -max_rear, max_rear)
     accel = front_accel + rear_accel
+    # In steady cornering the front axle carries this share of the side force too; the angle stands
+    # for its sine.
     steering_loss = np.where(
         is_two_wheeler, ZERO, state.motion.accel_lat * front_load_share * mid.wheel_angle
     )
-    # The pull of a slope acts at the centre of gravity, so it shifts no load.
+    # The pull of a slope has no moment about the centre of gravity, so it is not subtracted. Air
+    # drag counts as if it acted at the road.
     front_load_share = _front_load_share(
         params, accel - mid.level_resistance * vehicles.inverse_mass - steering_loss
     )
@@ -295,7 +306,9 @@ def _single_track_step(
     )
     yaw_accel = moment * vehicles.inverse_inertia
 
-    # (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates), with the Jacobian J.
+    # (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates). J is the derivative of the
+    # rates by side speed and yaw rate: slopes of the side forces, and the term speed * yaw_rate. It
+    # neglects terms of second order in the wheel angle, and stability control.
     front_arm = vehicles.cg_front * (front_slope * cosine)
     rear_arm = vehicles.cg_rear * rear_slope
     per_mass, per_inertia = half_step * vehicles.inverse_mass, half_step * vehicles.inverse_inertia
@@ -307,7 +320,8 @@ def _single_track_step(
     vy_change = scale * (a22 * vy_rate - a12 * yaw_accel)
     yaw_rate_change = scale * (a11 * yaw_accel - a21 * vy_rate)
 
-    # The side force of the front tyres in the middle of the step, which turned wheels hold back.
+    # The side force of turned front wheels points partly backwards, and so decelerates the vehicle.
+    # It is taken in the middle of the step.
     slip_change = HALF * (vy_change + vehicles.cg_front * yaw_rate_change)
     front_force_mid = front_tyre.force - front_slope * slip_change
     force_lon = front.force_lon * cosine - front_force_mid * sine + rear.force_lon - mid.resistance
@@ -342,6 +356,7 @@ def _stability_control(state: State, params: StepParameters, speed: F32, wheel_a
     threshold = constants.stability_threshold
     error = error - clamp(error, -threshold, threshold)
     max_moment = np.float32(0.25) * max_accel * vehicles.mass * vehicles.half_track
+    # The moment that would remove the error within `stability_time`.
     moment = -error * (ONE / constants.stability_time) / vehicles.inverse_inertia
     return clamp(moment, -max_moment, max_moment)
 
@@ -384,7 +399,7 @@ def _stop_when_creeping(state: State, params: StepParameters, motion_step: Motio
     stops = creeps & (state.controls.requested_accel <= 0)
     for name in ("vx", "vy", "yaw_rate"):
         setattr(motion_step, name, np.where(stops, ZERO, getattr(motion_step, name)))
-    # From the present yaw rate to 0.
+    # The yaw rate falls from its present value to 0 during the step.
     motion_step.mean_yaw_rate = np.where(
         stops, HALF * state.motion.yaw_rate, motion_step.mean_yaw_rate
     )
@@ -395,8 +410,9 @@ def _update_position(
 ) -> None:
     """Move vehicles by the mean of the old and the new velocity, and store the new motion.
 
-    In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck
-    slides straight on with locked wheels, however it and the road turn, and comes to rest.
+    Each vehicle measures `s` in its own direction of travel. In a bend the road turns under the
+    vehicle by its curvature times the driven distance. A wreck with locked wheels keeps the
+    direction of its velocity over ground until it rests, even if its body or the road turns.
 
     Source:
         The equations of motion along a curve, in the frame of its tangent: Rajamani, Vehicle
@@ -408,7 +424,8 @@ def _update_position(
     along = motion.vx * cosine - motion.vy * sine
     across = motion.vx * sine + motion.vy * cosine
 
-    # Sliding friction takes a share of a wreck's speed, and turns against its spin.
+    # Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The moment
+    # is that of a body that only spins, with its weight at half the wheelbase from the centre.
     sliding_decel = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
     lost_share = minimum(sliding_decel * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
@@ -429,10 +446,13 @@ def _update_position(
         is_wreck, HALF * (motion.yaw_rate + yaw_rate), motion_step.mean_yaw_rate
     )
 
+    # The new speed along the road depends on this turn, so the mean speed is extrapolated instead.
+    # The angle to the road is neglected in it.
     road_turn = step_length * (state.road.curvature * (along + half_step * motion.accel_lon))
     motion.heading = motion.heading + step_length * mean_yaw_rate - road_turn
     turn_sine, turn_cosine = sincos(road_turn)
     sine, cosine = sincos(motion.heading)
+    # The axes of the road turn by `road_turn`, so a constant velocity turns back against them.
     kept_share = ONE - lost_share
     new_along = np.where(
         is_wreck,
