@@ -1,7 +1,24 @@
 """The German rules of overtaking (StVO): an interpretation, not legal advice.
 
-A breach is serious where the catalogue of fines gives a point for it, very serious with two, else
-light. A rule whose text was not read is undecidable.
+The first letter of a code is the subject: G general duty, F lanes, V speed, A distance, O
+overtaking, B lamps, S lines. An s at the end marks the strict variant of a rule. Where a criterion
+takes the code of another rule (such as `distance_rule`), it only names this rule in its sentence
+(`predicate`); without a code the sentence states the formula.
+
+- `grade`: a breach is serious where the catalogue of fines (BKatV, annex) gives a point for it,
+  very serious with two, else light. `de-2` has one grade for each rule but V2. A later reading of
+  the catalogue found differences, which would change verdicts: A3 (number 15), O9 (153a) and O17
+  (89a, 113) cost a point; A2 costs two with the smallest gaps above 100 km/h; O1 costs none in
+  towns (16); V1 costs one only in some situations, such as bad weather (8.1).
+- `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
+  require the rule, by choice. `EVERY_POLICY`: rules of the same weight as those of the reproduced
+  study; `DEFAULT_AND_STRICTER`, all but `paper`: other rules; `STRICT_ONLY`: signals, lamps,
+  keeping right, the intentions of others, and uncertain readings; `ALL_BUT_STRICT`: `strict`
+  requires the variant with an s instead; `NO_POLICY`: the text was not read, or the duty is another
+  vehicle's. `enforced` counts breaches that are fined in practice.
+- `text_source`: how the wording of the duty is known. `READ`: in a full reprint. `SECONDARY`: in
+  quotations alone; such a rule (G1, F2) is always undecidable.
+- `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
 """
 
 from overtaking.labels.law.case import (
@@ -88,6 +105,7 @@ F2 = Rule(
     article="§ 7(5) StVO",
     title="Change of lane",
     gloss="Change lane only if no person is endangered.",
+    # Of all changes of lane only the return is measured here; O6 measures the pull-out.
     criterion=SafeReturn(),
     grade=Grade.LIGHT,
     required_by=NO_POLICY,
@@ -105,7 +123,7 @@ V1 = Rule(
     criterion=StoppingSightDistance(safe_distance_rule="A1"),
     grade=Grade.SERIOUS,
     required_by=ALL_BUT_STRICT,
-    limit_phrase="the way to a stop within sight of lit vehicles",
+    limit_phrase="the stopping distance that the sight of lit vehicles allows",
     text_source=TextSource.READ,
     consulted_source="3(1) at fahrschule.de",
 )
@@ -119,14 +137,20 @@ V1s = Rule(
     criterion=StoppingSightDistance(safe_distance_rule="A1", is_for_unlit_obstacles=True),
     grade=Grade.SERIOUS,
     required_by=STRICT_ONLY,
-    limit_phrase="the way to a stop within sight of unlit obstacles",
+    limit_phrase="the stopping distance that the sight of unlit obstacles allows",
     text_source=TextSource.READ,
     consulted_source="as V1",
 )
 
 _TOWN_LIMIT = quantity(50.0, "km/h", "de-stvo-2013")
 _LIMIT_OUTSIDE_TOWN = quantity(100.0, "km/h", "de-stvo-2013")
-_TRUCK_LIMIT = quantity(60.0, "km/h", "de-stvo-2013", why="Above 7.5 t")
+_TRUCK_LIMIT = quantity(
+    60.0,
+    "km/h",
+    "de-stvo-2013",
+    why="Above 7.5 t, as most trucks here. From 3.5 t to 7.5 t 80 km/h hold, but trucks are one "
+    "class",
+)
 _TRUCK_LIMIT_ON_MOTORWAY = quantity(80.0, "km/h", "de-stvo-2013")
 
 V2 = Rule(
@@ -148,7 +172,9 @@ V2 = Rule(
             ),
             town=ClassSpeedLimits(light=_TOWN_LIMIT, van=_TOWN_LIMIT, heavy=_TOWN_LIMIT),
         ),
-        # A breach costs one point from the first excess, two from the second.
+        # Steps of cars outside built-up areas, recalled; `text_source` is about the duty alone. An
+        # excess above the first number costs one point, above the second two. The catalogue has
+        # lower steps in towns and for trucks, which this reading leaves out.
         serious_excess=quantity(20.0, "km/h", "de-bkatv-recalled"),
         very_serious_excess=quantity(
             40.0, "km/h", "de-bkatv-recalled", why="Outside built-up areas"
@@ -156,6 +182,8 @@ V2 = Rule(
     ),
     grade=Grade.BY_BREACH,
     required_by=EVERY_POLICY,
+    # Devices deduct 3 km/h up to 100 km/h, 3 % above. A breach counts if it exceeds both the margin
+    # [m/s] and the share of the measured speed.
     tolerances={"enforced": Tolerance(margin=3.0 / 3.6, share=0.03, source="adac-2019")},
     limit_phrase="the speed limit",
     text_source=TextSource.READ,
@@ -174,7 +202,7 @@ V3 = Rule(
     gloss=f"Drive no faster than {_FOG_SPEED} if one sees less than {_FOG_RANGE} for fog, snow or "
     "rain.",
     criterion=SpeedInFog(max_range=_FOG_RANGE, max_speed=_FOG_SPEED),
-    grade=Grade.SERIOUS,
+    grade=Grade.SERIOUS,  # Number 9 of the catalogue.
     required_by=EVERY_POLICY,
     limit_phrase=f"the {_FOG_SPEED} in fog",
     text_source=TextSource.READ,
@@ -215,7 +243,8 @@ A2 = Rule(
             0.9,
             "s",
             "de-bkatv",
-            why="Five tenths of half the speedometer in metres: v / 4 with v in km/h",
+            why="The catalogue fines gaps below five tenths of half the speedometer, v / 4 metres "
+            "at v km/h: driven in 3.6 / 4 s",
         ),
         min_speed=quantity(80.0, "km/h", "de-bkatv"),
         max_duration=quantity(3.0, "s", "olg-hamm-2013", why="Shorter is transient"),
@@ -223,14 +252,14 @@ A2 = Rule(
             140.0,
             "m",
             "olg-hamm-2013",
-            why="A gap that is too small over this distance is not transient either; this matters "
-            "above 168 km/h",
+            why="A gap that is too small over this distance is not transient either. Above 168 "
+            "km/h it is driven in less than 3 s",
         ),
         distance_rule="A1",
     ),
     grade=Grade.SERIOUS,
     required_by=frozenset(["enforced"]),
-    limit_phrase="the time for which a gap may be under half of half the speedometer",
+    limit_phrase="the time for which a gap may be below five tenths of half the speedometer",
     text_source=TextSource.READ,
     consulted_source="4(1) at ra.de; the numbers of the catalogue as told by "
     "anwaltspraxis-magazin.de",
@@ -261,14 +290,15 @@ A4 = Rule(
     article="§ 4(2) StVO",
     title="Trucks leave room",
     gloss="Outside built-up areas vehicles with a speed limit of their own keep so large a "
-    "distance to the vehicle ahead that one that overtakes can move in. This does not hold for who "
-    "moves out to overtake, on several lanes in one direction, and where overtaking is forbidden.",
+    "distance to the vehicle ahead that an overtaking vehicle can move in. This does not hold for "
+    "drivers who move out to overtake, on several lanes in one direction, and where overtaking is "
+    "forbidden.",
     criterion=GapForAnotherVehicle(
         vehicle_length=quantity(
             4.5,
             "m",
-            why="§ 4(2): 'can move in' takes a car with the distance of § 4(1) behind and ahead of "
-            "it",
+            why="A choice: the length of a car, which § 4(2) lets move in. The distances of § 4(1) "
+            "ahead of and behind it are added",
         ),
         min_time=_COURTS_TIME,
         distance_rule="A1",
@@ -336,6 +366,7 @@ O4 = Rule(
     title="Clear situation",
     gloss="Do not overtake where the situation is unclear, such as behind a vehicle that moves "
     "out.",
+    # Of the unclear situations only the example is measured.
     criterion=TargetInLane(),
     grade=Grade.SERIOUS,
     required_by=STRICT_ONLY,
@@ -386,6 +417,7 @@ O7 = Rule(
     article="§ 5(4) sentence 2 StVO",
     title="Lateral distance",
     gloss="Keep a sufficient distance to the side of others when overtaking.",
+    # The StVO states one duty for all roads, so `min_outside` also holds in built-up areas.
     criterion=LateralDistance(min_outside=_SIDE_GAP),
     grade=Grade.LIGHT,
     required_by=EVERY_POLICY,
@@ -413,8 +445,10 @@ O9 = Rule(
     code="O9",
     article="§ 5(3) number 2 StVO; signs 276 and 277",
     title="Signs",
-    gloss="Sign 276 forbids motor vehicles to overtake motor vehicles with several tracks, sign "
-    "277 those above 3.5 t.",
+    gloss="Sign 276 forbids all motor vehicles to overtake motor vehicles other than two-wheelers, "
+    "sign 277 forbids it to motor vehicles above 3.5 t.",
+    # A road without zones (stretches with a sign) may be one whose signs were not recorded. Unless
+    # a posted speed limit shows that signs were recorded, the rule is undecidable there.
     criterion=NoOvertakingSigns(exempts_two_wheelers=True, is_undecidable_without_zones=True),
     grade=Grade.LIGHT,
     required_by=DEFAULT_AND_STRICTER,
@@ -483,11 +517,14 @@ O13 = Rule(
     grade=Grade.LIGHT,
     required_by=NO_POLICY,
     is_duty_of_ego=False,
-    limit_phrase="the speed it had",
+    limit_phrase="the acceleration at which it still holds its speed",
     text_source=TextSource.READ,
     consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",
 )
 
+# O3 and O14 to O16 measure one sentence of the law: the gap to oncoming vehicles as the ego is back
+# and as it pulls out, their reaction, and the sight. O14 to O16 came after the first version of the
+# pack, and `paper` does not require them. O15, about the intentions of others, is for `strict`.
 O14 = Rule(
     id="de.stvo.5-2-1.pull-out@2013",
     code="O14",
@@ -569,11 +606,24 @@ B1 = Rule(
     "beam that dazzles; rear fog lamps only if fog leaves less than "
     f"{_FOG_LAMP_RANGE} of sight.",
     criterion=Lamps(
-        low_beam_max_range=quantity(100.0, "m", why="§ 17(3) says 'considerably'"),
+        low_beam_max_range=quantity(
+            100.0,
+            "m",
+            why="A choice, as in the Portuguese rule; § 17(3) says 'considerably'. Less sight in "
+            "fog and rain makes low beam due by day",
+        ),
         fog_lamp_max_range=_FOG_LAMP_RANGE,
-        high_beam_min_gap=quantity(100.0, "m", why="§ 17(2) names no distance; nearer it dazzles"),
+        high_beam_min_gap=quantity(
+            100.0,
+            "m",
+            why="A choice, as in the Portuguese rule; § 17(2) names no distance. High beam nearer "
+            "to the leader breaks the rule",
+        ),
         high_beam_min_oncoming_gap=quantity(
-            200.0, "m", why="§ 17(2) names no distance; from here on it dazzles"
+            200.0,
+            "m",
+            why="A choice, as in the Portuguese rule; § 17(2) names no distance. High beam nearer "
+            "to an oncoming vehicle breaks the rule",
         ),
     ),
     grade=Grade.LIGHT,
@@ -605,6 +655,7 @@ _RULES = (
 )
 # fmt: on
 
+# The second version of these readings of the text of 2013 as amended.
 GERMANY = Pack(
     name="de",
     version="de-2@2013",

@@ -1,17 +1,25 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice.
 
-An s at the end of a code marks the strict variant of a rule.
+An s at the end of a code marks the strict variant of a rule. Where a criterion takes the code of
+another rule (such as `return_rule`), it only names this rule in its sentence (`predicate`).
 
-- `grade`: how severe a breach is. By Articles 145 and 146 most breaches are very serious on a
-  motorway and serious elsewhere (`Grade.BY_ROAD`).
-- `required_by`: `EVERY_POLICY` for rules that the data of the study can decide and rules of the
-  same weight, `DEFAULT_AND_STRICTER` for rules that also need the road or the weather,
-  `STRICT_ONLY` for rules on signals, lamps, keeping right and the intentions of others, and for
-  uncertain readings.
+- `grade`: how severe a breach is. By Articles 145(1)(f) and 146(h) breaches of distance, overtaking
+  and change of lane are very serious on a motorway and serious elsewhere (`BY_ROAD`). Breaches that
+  these articles do not list are light. With `BY_BREACH` the criterion states a `Severity` for each
+  breach.
+- `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
+  require the rule. `EVERY_POLICY`: the 22 columns of the reproduced study suffice to decide it.
+  `DEFAULT_AND_STRICTER`, all but `paper`: it also needs the road or the weather. `STRICT_ONLY`:
+  signals, lamps, keeping right, the intentions of others, and uncertain readings.
+  `ALL_BUT_STRICT`: `strict` requires the variant with an s instead. `NO_POLICY`: the duty is
+  another vehicle's.
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
-- `text_source`: how the wording is known, `RECALLED` where no text was read; a rule on several
-  provisions has the weakest of theirs. `consulted_source` says where.
-- `source`: the Highway Code, unless a rule states another one.
+- `text_source`: how the wording of the duty is known. `READ`: in the decree or a full reprint.
+  `SECONDARY`: in a quotation, a bill or an earlier edition. `RECALLED`: no text was read. A rule
+  on several provisions has the weakest of those that its criterion applies. `consulted_source`
+  says where.
+- `source`: the Highway Code, unless a rule states another one. `stl-monitor` is a published monitor
+  of highway rules, from which some numbers are taken.
 """
 
 from overtaking.knowledge.quantities import Quantity
@@ -95,6 +103,7 @@ L1 = Rule(
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
     limit_phrase="the place one lane to the left of the overtaken vehicle",
+    # Article 37 does not count: it has exceptions alone, and the criterion applies none of them.
     text_source=TextSource.SECONDARY,
     consulted_source="36(1) quoted by dinheirovivo.pt (2021); 38(3) and 42 read in the decree "
     "(pages 69, 70); 37 not found",
@@ -233,11 +242,13 @@ L10 = Rule(
     article="Article 18(2)",
     title="Lateral distance",
     gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
-    # The Code states one distance, so `min_outside` also holds in built-up areas. "The monitor" is
-    # the source `stl-monitor`.
+    # The Code states one duty for all roads, so `min_outside` also holds in built-up areas.
     criterion=LateralDistance(
         min_outside=quantity(
-            0.8, "m", why="The Code says 'enough'; the monitor's hard floor is 0.5 m"
+            0.8,
+            "m",
+            why="A choice; the Code says 'enough'. Below 0.5 m the monitor of highway rules "
+            "(stl-monitor) calls another vehicle close",
         )
     ),
     grade=Grade.BY_ROAD,
@@ -259,8 +270,8 @@ L11 = Rule(
     criterion=BicycleDistance(min_gap=_BICYCLE_GAP),
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
-    # The rule has two limits, so its margin is a share of the one that decides: "missed ..., as a
-    # share of it, by 0.2".
+    # A distance and a speed have no common unit, so each margin is a share of its limit, and the
+    # smaller share decides. The sentence is "missed the distance ..., as a share of it, by 0.2".
     limit_phrase="the distance to the side of the bicycle, or the speed at the start, as a share "
     "of it,",
     text_source=TextSource.SECONDARY,
@@ -277,7 +288,9 @@ L12 = Rule(
     gloss="Keep to the limit that is posted and to the general limit of road and vehicle: on "
     f"motorways {_MOTORWAY_LIMITS.light} for light vehicles, {_MOTORWAY_LIMITS.van.bare()} for "
     f"vans, {_MOTORWAY_LIMITS.heavy.bare()} for heavy goods vehicles.",
-    # Articles 145(1)(b) and 146(i) state from which excess a breach is serious or very serious.
+    # Articles 145(1)(b) and 146(i) state from which excess a breach is serious or very serious. The
+    # numbers are those outside localities. Inside, the steps are 20 and 40 km/h, for heavy vehicles
+    # 10 and 20 km/h; this reading leaves them out, so it grades a breach there too mildly.
     criterion=SpeedLimit(
         general_limits=GENERAL_LIMITS,
         serious_excess=_highway_code_kmh(30.0),
@@ -288,7 +301,8 @@ L12 = Rule(
     grade=Grade.BY_BREACH,
     required_by=EVERY_POLICY,
     # The police deduct the largest permissible error of a fixed device from its reading: 5 km/h up
-    # to 100 km/h, 5 % above. The error of moving devices is 7 km/h or 7 %.
+    # to 100 km/h, 5 % above. The error of moving devices is 7 km/h or 7 %. A breach counts if it
+    # exceeds both the margin [m/s] and the share of the measured speed.
     tolerances={"enforced": Tolerance(margin=5.0 / 3.6, share=0.05, source="pt-portaria-352-2023")},
     limit_phrase="the speed limit",
     text_source=TextSource.SECONDARY,
@@ -296,6 +310,8 @@ L12 = Rule(
     "acp.pt; 145(1)(b) quoted by pplware.sapo.pt",
 )
 
+# A driving school and a list of fines state 50 km/h, an edition of 2001 has 40 km/h. The paragraph
+# was not read in the edition of 2013; 50 km/h is the choice.
 _MIN_SPEED = _highway_code_kmh(50.0)
 
 L13 = Rule(
@@ -321,9 +337,11 @@ L14 = Rule(
     gloss="Adapt speed to road, weather and traffic, so that the vehicle can be stopped in the "
     "free and visible space ahead.",
     criterion=StoppingSightDistance(safe_distance_rule="L3"),
+    # Article 145(1)(e), a speed that does not fit the conditions; 146(h) does not raise it.
     grade=Grade.SERIOUS,
+    # Not `paper`, whose columns lack the friction, nor `strict`, which requires L14s.
     required_by=DEFAULT_AND_STRICTER & ALL_BUT_STRICT,
-    limit_phrase="the way to a stop within sight of lit vehicles",
+    limit_phrase="the stopping distance that the sight of lit vehicles allows",
     text_source=TextSource.READ,
     consulted_source="24(1) reprinted by codigo.pt; its beginning in the decree (page 63)",
 )
@@ -337,7 +355,7 @@ L14s = Rule(
     criterion=StoppingSightDistance(safe_distance_rule="L3", is_for_unlit_obstacles=True),
     grade=Grade.SERIOUS,
     required_by=STRICT_ONLY,
-    limit_phrase="the way to a stop within sight of unlit obstacles",
+    limit_phrase="the stopping distance that the sight of unlit obstacles allows",
     text_source=TextSource.READ,
     consulted_source="as L14",
 )
@@ -434,19 +452,26 @@ L19 = Rule(
     gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
     f"meeting or less than {_HIGH_BEAM_GAP} behind another; rear fog lamps when required and only "
     "then.",
-    # Range in fog and rain below which low beam is due by day; by night it is due at any range.
+    # By night low beam is due at any range. Without `fog_lamp_max_range`, rear fog lamps are due
+    # below `low_beam_max_range` and unlawful from there on.
     criterion=Lamps(
         low_beam_max_range=quantity(
             100.0,
             "m",
             "pt-highway-code-2013",
-            why="Below this by day low beam and rear fog lamps",
+            why="By day low beam and rear fog lamps are due in fog and rain with less sight: our "
+            "reading of Article 61, which names 100 m",
         ),
         high_beam_min_gap=_HIGH_BEAM_GAP,
         high_beam_min_oncoming_gap=quantity(
-            200.0, "m", why="Article 61 says 'when meeting'; from here on it dazzles"
+            200.0,
+            "m",
+            why="A choice; Article 61 says 'when meeting'. High beam nearer to an oncoming vehicle "
+            "breaks the rule",
         ),
     ),
+    # By a list of Article 145, driving without lamps is serious; this version has one grade for all
+    # breaches of the rule.
     grade=Grade.LIGHT,
     required_by=STRICT_ONLY,
     limit_phrase="the right lamps",
@@ -473,6 +498,7 @@ L20 = Rule(
             why="On motorways with at least so many lanes each way",
         ),
     ),
+    # By a list of Article 145, such a breach may be serious; the text of 74 was not found.
     grade=Grade.LIGHT,
     required_by=DEFAULT_AND_STRICTER,
     limit_phrase="the two right-most lanes",
@@ -507,7 +533,7 @@ L22 = Rule(
     grade=Grade.BY_ROAD,
     required_by=NO_POLICY,
     is_duty_of_ego=False,
-    limit_phrase="the speed it had",
+    limit_phrase="the acceleration at which it still holds its speed",
     text_source=TextSource.READ,
     consulted_source="39 in the decree (page 69)",
 )
@@ -541,13 +567,13 @@ L24 = Rule(
     consulted_source="38(1) quoted by dinheirovivo.pt (2021)",
 )
 
+# The duty of L24, measured as the ego pulls out; L24 measures it as the ego is back.
 L25 = Rule(
     id="pt.ce.38-1.pull-out@2013",
     code="L25",
     article="Articles 35 and 38(1)",
     title="Time to pass",
-    gloss="Do not begin to overtake unless sure of no danger of colliding with traffic that comes "
-    "from the opposite direction.",
+    gloss=L24.gloss,
     criterion=TimeToPass(),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,
@@ -600,8 +626,8 @@ L28 = Rule(
         max_speed=quantity(
             40.0,
             "km/h",
-            why="The Code says 'slowly'; a vehicle that cannot go faster than this must show a "
-            "lamp that marks it as slow",
+            why="A choice; the Code says 'slowly'. Vehicles that cannot exceed this speed must "
+            "show the lamp of slow vehicles",
         ),
         min_gap=_SLOW_VEHICLE_GAP,
     ),
@@ -620,7 +646,8 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
-    # L25 to L29 came with two-way roads; without this, tables of one-way roads would get new rows.
+    # L25 to L29 came with two-way roads. The criteria of L25 to L28 apply to such roads alone; this
+    # one could also judge one-way roads, whose tables would then have new rows.
     criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,
@@ -638,8 +665,9 @@ _RULES = (
 )
 # fmt: on
 
-# The second version of these readings of the text of 2013. On two-way roads `two_way_version` is
-# added, so that data sets of one-way roads keep their version.
+# The second version of these readings of the text of 2013. On two-way roads the version is
+# `pt-2@2013+opposite-1`, with the version of the readings that came with these roads. So data sets
+# of one-way roads keep the version that they had before.
 PORTUGAL = Pack(
     name="pt",
     version="pt-2@2013",
