@@ -11,9 +11,9 @@ takes the code of another rule (such as `distance_rule`), it only names this rul
   (89a, 113) cost a point; A2 costs two with the smallest gaps above 100 km/h; O1 costs none in
   towns (16); V1 costs one only in some situations, such as bad weather (8.1).
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
-  require the rule, by choice. `EVERY_POLICY`: rules of the same weight as those of the reproduced
-  study; `DEFAULT_AND_STRICTER`, all but `paper`: other rules; `STRICT_ONLY`: signals, lamps,
-  keeping right, the intentions of others, and uncertain readings; `ALL_BUT_STRICT`: `strict`
+  require the rule, by choice. `EVERY_POLICY`: rules of the same weight as the rules of the
+  reproduced study; `DEFAULT_AND_STRICTER`, all but `paper`: other rules; `STRICT_ONLY`: signals,
+  lamps, keeping right, the intentions of others, and uncertain readings; `ALL_BUT_STRICT`: `strict`
   requires the variant with an s instead; `NO_POLICY`: the text was not read, or the duty is another
   vehicle's. `enforced` counts breaches that are fined in practice.
 - `text_source`: how the wording of the duty is known. `READ`: in a full reprint. `SECONDARY`: in

@@ -46,8 +46,8 @@ WINDOW_AFTER = quantity(
 REACTION_TIME = quantity(
     1.0,
     "s",
-    why="An attentive driver; 33 m at 120 km/h. The monitor's 0.3 s is for automation, the 2 s of "
-    "advice would make most traffic illegal",
+    why="A choice: an attentive driver; 33 m at 120 km/h. The 0.3 s of stl-monitor are for "
+    "automation, the 2 s of advice would make most traffic illegal",
 )
 """Reaction time of the driver behind in the safe distance."""
 
@@ -72,7 +72,9 @@ LINE_TOLERANCE = quantity(
 ABRUPT_BRAKING = quantity(2.0, "m/s^2", "stl-monitor", why="Harder braking is abrupt (a_abrupt)")
 """Largest deceleration to which the ego may force another vehicle."""
 
-ENTRY_TTC = quantity(3.0, "s", why="Between a conflict (3 to 4 s) and a severe one (1.5 s)")
+ENTRY_TTC = quantity(
+    3.0, "s", why="A choice; 3 to 4 s are the border of a conflict, 1.5 s of a severe conflict"
+)
 """Smallest time to collision with the leader in a lane that is entered."""
 
 LATERAL_ERROR_SHARE = quantity(

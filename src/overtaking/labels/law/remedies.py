@@ -1,4 +1,8 @@
-"""Changes that would have kept a broken rule, and the breach from which they are computed."""
+"""Changes that would have kept a broken rule, and the breach from which they are computed.
+
+`Criterion.remedies` returns alternatives. So a function here that makes one remedy returns it in a
+tuple.
+"""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -26,16 +30,16 @@ class RemedyQuantity(StrEnum):
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
     GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
-    GAP_TO_RETURN = "gap_to_return", "m"  # Between the two vehicles between which one returns.
+    GAP_TO_RETURN = "gap_to_return", "m"  # Between the vehicles ahead of and behind the place.
     LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
-    CLEARANCE = "clearance", "m"  # From a body to a line, negative beyond what is tolerated.
+    CLEARANCE = "clearance", "m"  # From a body to where it breaks the rule about a line.
     SPEED = "speed", "m/s"  # Of the ego.
     LANES_LEFT = "lanes_left", "lanes"  # How many lanes to the left of the target the ego is.
     LANE = "lane", "lanes"  # Index of the ego's lane, 0 the slowest.
     TIME_OUT = "time_out", "s"  # Time outside the original lane while the return was due.
     ARRIVAL = "arrival", "s"  # Time until the next vehicle on the left is beside the ego.
-    SIGHT = "sight", "m"  # How far one sees.
-    PLACE = "place", "m"  # How far the ego is within a place, to the nearer end.
+    SIGHT = "sight", "m"  # Sight distance of the driver.
+    PLACE = "place", "m"  # From the ego, inside a forbidden place, to the nearer end of it.
     WIDTH = "width", "m"  # Of the lane on the left.
     UNSIGNALLED = "unsignalled", "s"  # Time without the indicator that is due.
     WRONG_LAMPS = "wrong_lamps", "s"  # Time with lamps that are wrong.
@@ -61,7 +65,8 @@ class RequiredChange:
         quantity: The quantity.
         actual: As it was.
         needed: The nearest lawful value.
-        frame: Where it was farthest from lawful; None for a sum over the breach.
+        frame: Where it was farthest from lawful; None where no single frame has the values, as for
+            a time summed over the breach.
         slot: Slot of the other vehicle that it is about, None if it is about none.
     """
 
@@ -109,8 +114,8 @@ class BreachContext:
     """One breach, from which its remedies are computed.
 
     Attributes:
-        case: One simulation.
-        margin: Of the finding.
+        case: The batch reduced to the simulation of the breach, so all arrays are read at index 0.
+        margin: Margin of the finding, below 0, in the unit of the criterion.
         first_frame: First frame of the breach.
         last_frame: Last frame of the breach.
     """
@@ -135,7 +140,14 @@ class BreachContext:
         return frames[(frames >= self.first_frame) & (frames <= self.last_frame)]
 
     def frame_of_margin(self, margins: NDArray[np.floating]) -> int:
-        """The frame of the breach at which the margin has the value of the finding."""
+        """The frame of the breach at which the margin has the value of the finding.
+
+        The nearest margin is taken, because recomputed margins may differ in the last bits. The
+        smallest margin may belong to a frame that the criterion leaves out.
+
+        Args:
+            margins: Margin in each of `frames`, shape (frame,).
+        """
         return int(self.frames[np.abs(margins - self.margin).argmin()])
 
     def remedy_ego_speed(
@@ -145,7 +157,15 @@ class BreachContext:
         return single_change(RemedyQuantity.SPEED, self.case.signals.speed[0, frame], needed, frame)
 
     def remedy_slower_ego(self, frames: IndexArray, allowed: F32) -> tuple[Remedy, ...]:
-        """So much slower that every frame is lawful; no remedy where one of them never is."""
+        """The ego slowed down to the lawful speed in the frame in which it exceeded it most.
+
+        Args:
+            frames: Frames of the breach, shape (frame,).
+            allowed: Highest lawful speed in each frame, `NO_SPEED` where none is lawful [m/s].
+
+        Returns:
+            One remedy; none if no speed is lawful in one of the frames.
+        """
         if (allowed < 0).any():
             return ()
         worst = int((self.case.signals.speed[0, frames] - allowed).argmax())
@@ -164,7 +184,7 @@ def change_by_margin(
     frame: int | np.integer | None = None,
     slot: int | None = None,
 ) -> tuple[Remedy]:
-    """One remedy: a quantity that exceeded its limit by the margin, at its limit.
+    """One remedy: a quantity at its limit, which it exceeded by the size of the negative margin.
 
     Args:
         breach: The breach.
@@ -191,7 +211,8 @@ def more_gap(
         margin: Margin of the gap in that frame [m].
     """
     signals = breach.case.signals
-    is_ahead = neighbour in (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER)
+    leaders = (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER, NeighbourRole.RIGHT_LEADER)
+    is_ahead = neighbour in leaders
     quantity = RemedyQuantity.GAP_AHEAD if is_ahead else RemedyQuantity.GAP_BEHIND
     gap = float(signals.gap[0, neighbour, frame])
     slot = int(signals.neighbour_slot[0, neighbour, frame])
@@ -216,7 +237,10 @@ def margins_to_neighbour(
 
 
 def max_following_speed(gap: F32, leader_speed: F32, decel: F32) -> F32:
-    """Highest speed at which a gap to the leader is lawful by `lawful_gap` [m/s].
+    """Highest speed v at which a gap to the leader is lawful by `safe_distance.lawful_gap` [m/s].
+
+    It solves gap + u^2 / (2 b) = v t + v^2 / (2 b), with u the speed of the leader, b `decel` and t
+    the reaction time.
 
     Args:
         gap: Gap to the leader [m].
@@ -228,10 +252,14 @@ def max_following_speed(gap: F32, leader_speed: F32, decel: F32) -> F32:
 
 
 def min_speed_before_follower(gap: F32, follower_speed: F32, decel: F32) -> F32:
-    """Lowest speed at which a gap to a follower is lawful by `entry_margin_behind` [m/s].
+    """Lowest speed v at which a gap to a follower is lawful by `entry_margin_behind` [m/s].
+
+    Two conditions on v, of which the stricter counts, with u the speed of the follower, b `decel`
+    and t the reaction time: gap >= u t + u^2 / (2 b) - v^2 / (2 b), its safe distance, and
+    (u - v)^2 / (2 gap) <= `ABRUPT_BRAKING`, the braking that is forced on it.
 
     Args:
-        gap: Gap to the follower, 0 or more [m].
+        gap: Gap to the follower, 0 or more: no speed is lawful for overlapping vehicles [m].
         follower_speed: Speed of the follower [m/s].
         decel: `decel_for_safe_distance` [m/s^2].
     """

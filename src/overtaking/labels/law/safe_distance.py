@@ -119,8 +119,9 @@ def entry_margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) ->
 def gap_in_right_lane(case: Case, frame: Frames) -> F32:
     """Room for the ego in the lane to its right, negative where it is taken, (simulation,) [m].
 
-    The smallest of three margins: to the safe distance ahead and behind, and to the vehicle ahead
-    being reached within 10 s; at most 200 m either way. A lane that does not exist counts as empty.
+    The smallest of three margins: to the safe distances ahead and behind, and to the gap at which
+    the vehicle ahead is reached in `RETURN_FREE_TIME`; at most `RETURN_RANGE` either way. A lane
+    that does not exist counts as empty.
 
     Args:
         case: The batch.

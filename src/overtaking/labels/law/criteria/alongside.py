@@ -1,6 +1,7 @@
 """Criteria about ego and target side by side: side, lateral distance, speed of the target.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
+the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,8 @@ class PassingSide(Criterion):
     """While ego and target overlap, the ego is in a lane to the left of the target's lane.
 
     Queues that drive side by side at different speeds do not overtake each other: frames in them do
-    not count.
+    not count. All numbers of queues but `queue_reach` come from rule R_I2 (passing on the right) of
+    the published monitor `stl-monitor`.
 
     Attributes:
         max_lanes_left: Largest lawful number of lanes from the target's lane to the ego's; None for
@@ -54,9 +56,11 @@ class PassingSide(Criterion):
     """
 
     max_lanes_left: int | None = None
-    queue_min_vehicles: Quantity = quantity(3.0, "vehicle", "stl-monitor", why="Rule R_I2")
+    queue_min_vehicles: Quantity = quantity(
+        3.0, "vehicle", "stl-monitor", why="Rule R_I2: fewer slow vehicles are no queue"
+    )
     queue_reach: Quantity = quantity(
-        100.0, "m", why="Vehicles farther off are not in the queue that the ego passes"
+        100.0, "m", why="A choice; slow vehicles farther off do not excuse the ego"
     )
     queue_max_speed: Quantity = quantity(8.33, "m/s", "stl-monitor", why="30 km/h, rule R_I2")
     queue_max_speed_gain: Quantity = quantity(5.55, "m/s", "stl-monitor", why="20 km/h, rule R_I2")
@@ -68,8 +72,8 @@ class PassingSide(Criterion):
         if self.max_lanes_left is not None:
             number = "one lane" if self.max_lanes_left == 1 else f"{self.max_lanes_left} lanes"
             lanes = (
-                f", and at most {number} left of it or of the lane from which the overtake began, "
-                "for the target may make room"
+                f", and at most {number} left of it, or of the lane from which the overtake began "
+                "if the target has moved to the right of that lane"
             )
         return (
             f"While ego and target overlap: lane(ego) is left of lane(target){lanes}. "
@@ -84,6 +88,8 @@ class PassingSide(Criterion):
         simulation, frame = frames_alongside.simulation, frames_alongside.frame
         ego_lane = signed_lane(case.signals.lane)[simulation, frame]
         target_lane = signed_lane(frames_alongside.lane)
+        # Lanes are whole numbers, -1 beyond the slow edge. The half makes the margin 0.5 in the
+        # next lane and -0.5 in the same lane, so that no margin is 0.
         margin = (ego_lane - target_lane - HALF).astype(np.float32)
         if self.max_lanes_left is not None:
             # A target that makes room to the right causes no breach.
@@ -91,7 +97,8 @@ class PassingSide(Criterion):
             reference_lane = np.maximum(target_lane, original_lane)
             lanes_to_spare = reference_lane + (np.float32(self.max_lanes_left) + HALF) - ego_lane
             margin = np.minimum(margin, lanes_to_spare)
-        # Only breaches are looked up: the search for queues is slow.
+        # Only breaches are looked up: the search for queues is slow. `UNCONSTRAINED` is larger than
+        # any margin, so the frames in queues never decide.
         breaches = np.flatnonzero(margin < 0)
         is_exempt = self._is_in_queue(case, simulation[breaches], frame[breaches])
         margin[breaches[is_exempt]] = UNCONSTRAINED
@@ -102,11 +109,12 @@ class PassingSide(Criterion):
     )
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Half a lane where the centre of ego or target is one error from a lane border [lanes].
+        """Error that is half a lane where a centre is `sp` from a lane border [lanes].
 
-        A breach is certain if the lanes are in one of its frames, so the frame of the breach with
-        the largest distance to a border decides. Without a breach the lanes must be certain in all
-        frames, and the smallest distance decides.
+        The centres of ego and target determine their lanes, so the number of lanes between them is
+        uncertain where a centre is near a border. For a breach, one frame with certain lanes
+        suffices: the one with the largest distance to a border decides. Without a breach, the lanes
+        must be certain in all frames, and the smallest distance decides.
         """
         frames_alongside = alongside(case)
         simulation, frame = frames_alongside.simulation, frames_alongside.frame
@@ -127,10 +135,12 @@ class PassingSide(Criterion):
             signed_lane(signals.lane)[0, frames].astype(int)
             for signals in (breach.case.signals, breach.case.target)
         )
+        # Right of the target's lane or in it, the ego lacks lanes to the left of that lane.
         lanes_left = ego_lane - target_lane
         needed = np.ones_like(lanes_left)
         lacking = needed - lanes_left
         if self.max_lanes_left is not None:
+            # Too far left, it lacks lanes to the right, and counts from the reference of `check`.
             original_lane = signed_lane(breach.case.events.original_lane)[0]
             lanes_from_reference = ego_lane - np.maximum(target_lane, original_lane)
             is_too_far = lanes_from_reference > self.max_lanes_left
@@ -232,7 +242,7 @@ class LateralDistance(Criterion):
         return _more_lateral_gap(breach, self._min_gap(breach.case))
 
     def margins_by_frame(self, case: Case) -> F64:
-        """Margins of the frames alongside."""
+        """Margins of the frames alongside, for charts; the batch has one simulation."""
         frames_alongside = alongside(case)
         margins = np.full(case.signals.num_frames, np.nan)
         margins[frames_alongside.frame] = frames_alongside.lateral_gap - self._min_gap(case)
@@ -255,8 +265,9 @@ class LateralDistance(Criterion):
 class BicycleDistance(Criterion):
     """Beside a bicycle the ego keeps its distance and is no faster than as the overtake began.
 
-    The margin is the smaller of two shares: of the gap beyond `min_gap`, in units of `min_gap`, and
-    of the speed that the ego has lost since the attempt.
+    The law asks to slow down and states no speed. The mildest reading is a choice: an equal speed
+    is lawful. The margin is the smaller of two shares: (gap - `min_gap`) / `min_gap`, and
+    (v at the attempt - v) / (v at the attempt).
 
     Attributes:
         min_gap: Smallest lawful distance between the sides of ego and bicycle.
@@ -296,7 +307,8 @@ class BicycleDistance(Criterion):
         frames_alongside = alongside(case)
         gap_share = np.full(len(finding.margin), UNCONSTRAINED)
         np.minimum.at(gap_share, frames_alongside.simulation, self._gap_share(frames_alongside))
-        # The two speeds of the ego have the same error, which changes only their ratio.
+        # Both speeds of the ego have the same error. It leaves their difference and changes the
+        # divisor, the speed at the attempt.
         speed_error = np.abs(finding.margin) / _speed_at_attempt(case)
         speed_error = speed_error * np.float32(errors.speed_std)
         gap_error = np.float32(np.sqrt(2.0) * errors.position_std) / self.min_gap.f32
@@ -307,6 +319,7 @@ class BicycleDistance(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """More distance, and a speed no higher than at the attempt, as far as they lack."""
         frames, speed = _frames_alongside(breach), breach.case.signals.speed[0]
+        # Both functions return one remedy with one change.
         ((more_gap,),) = _more_lateral_gap(breach, self.min_gap.f32)
         start_speed = speed[breach.case.events.attempt[0]]
         fastest = frames[int(speed[frames].argmax())]
@@ -328,12 +341,15 @@ def _speed_at_attempt(case: Case) -> F32:
 class TargetSpeed(Criterion):
     """While ego and target overlap, the target does not accelerate; the duty is the target's.
 
+    Constant errors of positions and speeds do not change an acceleration, so there is no standard
+    error.
+
     Attributes:
         max_accel: Largest lawful acceleration of the target.
     """
 
     max_accel: Quantity = quantity(
-        0.3, "m/s^2", why="Holding a speed on a real road takes this much"
+        0.3, "m/s^2", why="A choice; up to this the target counts as holding its speed"
     )
     unit: str = "m/s^2"
 

@@ -1,6 +1,7 @@
 """Criteria about the distance to the vehicle ahead.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
+symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods.
 """
 
 from collections.abc import Mapping
@@ -319,7 +320,7 @@ class FinedTimeDistance(Criterion):
         is_too_near = is_judged & (gap < self._min_gap(speed))
         frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
         duration = _run_lengths(is_too_near).astype(np.float32) * frame_duration
-        # The bound keeps the time finite; it does not matter above `min_speed`.
+        # The bound of 1 m/s keeps the time finite; frames below `min_speed` are not judged.
         time_for_distance = self.max_distance.f32 / np.maximum(speed, np.float32(1.0))
         margin = np.minimum(self.max_duration.f32, time_for_distance) - duration
         return np.where(is_judged, margin, UNCONSTRAINED)
@@ -367,7 +368,8 @@ class FixedDistance(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest gap over all judged frames decides."""
         is_truck, road = ego_may_be(case, VehicleKind.TRUCK), case.trajectories.road
-        # An unknown road counts as a motorway: the rule then applies, and is undecidable.
+        # An ego of unknown kind counts as a truck, an unknown road as a motorway: the rule then
+        # applies, and is undecidable, because both are required inputs.
         is_motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
         if not (is_motorway and is_truck.any()):
             return finding_not_applicable(case.signals.num_simulations)
@@ -533,7 +535,7 @@ def _finding_of_gap(case: Case, min_gap: F32 | np.float32, is_judged: Mask) -> F
 
     Args:
         case: The batch.
-        min_gap: Smallest lawful gap, one or of shape (simulation, time) [m].
+        min_gap: Smallest lawful gap, a number or of shape (simulation, time) [m].
         is_judged: Where the duty holds, shape (simulation, time).
     """
     margin = case.signals.gap[:, _LEADER] - min_gap
@@ -565,7 +567,7 @@ def _larger_gap(
     Args:
         breach: The breach.
         frames: Frames with a leader.
-        min_gap: Smallest lawful gap, one or for each of these frames [m].
+        min_gap: Smallest lawful gap, a number or of shape (frame,) [m].
     """
     margins = breach.case.signals.gap[0, _LEADER, frames] - min_gap
     frame = frames[int(np.abs(margins - breach.margin).argmin())]

@@ -1,6 +1,7 @@
 """Criteria about the lamps and the indicators of the ego.
 
 `criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -59,8 +60,12 @@ class IndicatorUse(Criterion):
         time_after: Time after the crossing for which it must stay on.
     """
 
-    time_before: Quantity = quantity(2.0, "s", why="Time for those around to see it and to react")
-    time_after: Quantity = quantity(1.0, "s", why="The signal stays on while the line is crossed")
+    time_before: Quantity = quantity(
+        2.0, "s", why="A choice; drivers around need some time to see the signal and to react"
+    )
+    time_after: Quantity = quantity(
+        1.0, "s", why="A choice; the signal stays on while the body crosses the line"
+    )
     unit: str = "s"
 
     @property

@@ -1,6 +1,7 @@
 """Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
+the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -175,6 +176,8 @@ def _came_from_right(is_right: Mask, is_left: Mask) -> Mask:
 class WidthForOvertaking(Criterion):
     """At the attempt there is a driving lane on the left with room for the ego.
 
+    Widths of lanes and vehicles are taken as exact, so there is no standard error.
+
     Attributes:
         min_border_distance: Smallest lawful distance of the ego from either border of that lane.
     """
@@ -217,7 +220,10 @@ def _left_lane_width(case: Case) -> F32:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RightmostLanesForTrucks(Criterion):
-    """On a motorway with several lanes a truck is in one of the slowest.
+    """On a motorway with several lanes a truck is in one of the slowest lanes.
+
+    An ego of unknown kind counts as a truck, an unknown road as a motorway: the rule then applies,
+    and is undecidable, because both are required inputs.
 
     Attributes:
         num_open_lanes: Number of the slowest lanes that trucks may use.
@@ -253,6 +259,8 @@ class RightmostLanesForTrucks(Criterion):
         # The strip beyond the slow edge counts as below lane 0.
         lane, margin = signed_lane(signals.lane[rows]), np.zeros(len(applies), np.float32)
         fastest = as_f32(reduce_span(np.maximum, lane, span.select(rows)))
+        # Lanes count from 0. The half makes the margin 0.5 in the last open lane and -0.5 in the
+        # next, so that no margin is 0.
         margin[rows] = num_open_lanes - HALF - fastest
         breaches = np.flatnonzero(margin[rows] < 0)
         is_too_fast = lane[breaches] >= num_open_lanes
@@ -262,7 +270,10 @@ class RightmostLanesForTrucks(Criterion):
     ERROR_FORMULA: ClassVar[str] = "0.5 sp / distance from the border that decides"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Half a lane where the centre of the ego is one error from the last open lane [lanes]."""
+        """Error that is half a lane where the ego's centre is `sp` from the border [lanes].
+
+        The border is that between the last open lane and the next.
+        """
         if not self._is_on_wide_motorway(case):
             return np.zeros_like(finding.margin)
         road, span = case.trajectories.road, judged_span(case)

@@ -1,7 +1,8 @@
 """Criteria about oncoming traffic on two-way roads.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes. On roads with
-lanes of one direction, no rule of this module applies.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
+symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods. On roads with lanes of one
+direction, no rule of this module applies.
 """
 
 from dataclasses import dataclass, replace
@@ -62,7 +63,7 @@ class GapAtReturn(Criterion):
 
     min_time: Quantity = ONCOMING_TIME
     min_pet: Quantity = quantity(
-        2.0, "s", why="Post-encroachment times of 1 to 1.5 s are conflicts"
+        2.0, "s", why="A choice, above the post-encroachment times of conflicts, 1 to 1.5 s"
     )
     unit: str = "m"
 
@@ -267,8 +268,8 @@ def _more_gap_to_oncoming(
 class NoOncomingReaction(Criterion):
     """While the ego is in the opposing lane, the next oncoming driver need not react.
 
-    Constant errors of positions and speeds do not change a recorded acceleration, and the error of
-    whether a vehicle leaves its lane is neglected. So there is no standard error.
+    There is no standard error. Constant errors of positions and speeds do not change a recorded
+    acceleration; a lateral error, by which a vehicle may seem to leave its lane, is neglected.
 
     Attributes:
         max_meeting_time: Oncoming vehicles that the ego meets later, at the speeds of both, do not
@@ -276,7 +277,7 @@ class NoOncomingReaction(Criterion):
     """
 
     max_meeting_time: Quantity = quantity(
-        10.0, "s", why="An oncoming driver whom the ego meets later does not yet brake for it"
+        10.0, "s", why="A choice; a driver whom the ego meets later does not yet brake for it"
     )
     unit: str = "m/s^2"
     only_two_way_roads: bool = True
@@ -300,7 +301,8 @@ class NoOncomingReaction(Criterion):
         accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
         has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
-        # Leaving the lane has no braking: it counts like braking at twice the limit.
+        # Leaving the lane has no deceleration from which a margin could follow. By choice the
+        # margin is -limit, as of braking at twice the limit; `predicate` states it.
         margin = np.where(has_left_lane, np.minimum(margin, -limit), margin)
         frame = oncoming.frame.astype(np.intp)
         return finding_at_instants(margin, oncoming.simulation, frame, case.signals.num_simulations)
@@ -331,7 +333,7 @@ class NoOncomingReaction(Criterion):
         )
 
     def _nearest_oncoming(self, case: Case) -> VehicleInstants:
-        """The nearest oncoming vehicle in each frame in which one is near, in order."""
+        """The nearest oncoming vehicle, in order of frames; only frames with a near vehicle."""
         simulation, frame = opposing_lane_span(case).instants()
         others = other_vehicles_at(case.trajectories, frame.astype(np.int32), simulation)
         closing_speed = others.speed + case.signals.speed[simulation, frame][:, None]

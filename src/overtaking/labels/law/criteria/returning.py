@@ -1,6 +1,7 @@
 """Criteria about the return to the original lane, and about keeping right.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
+symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods.
 """
 
 from collections.abc import Callable, Mapping
@@ -119,7 +120,7 @@ class SafeReturn(Criterion):
             gap_behind = f"its safe distance (as {self.safe_distance_rule})"
             condition_ahead = ">= the ego's safe distance"
         return (
-            "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= "
+            "At return_end: gap to the vehicle behind, the target or a vehicle in between, >= "
             f"{gap_behind}; the braking forced on it <= {ABRUPT_BRAKING}; gap to the vehicle "
             f"ahead {condition_ahead}."
         )
@@ -206,7 +207,7 @@ class ReturnDelay(Criterion):
     max_delay: Quantity = quantity(
         8.0,
         "s",
-        why="Looking, signalling and a lane change of average duration, with some time to spare",
+        why="A choice; enough for looking, signalling and a lane change of average duration",
     )
     opposing_lane_rule: str
     unit: str = "s"
@@ -388,7 +389,7 @@ def _error_between_neighbours(
         margin: The margin from an error of the ego's speed [m/s] and the two vehicles.
         first: The vehicle whose square is added before the square of `second`; another order could
             change the last bits of the result.
-        second: The other one.
+        second: The other vehicle.
         errors: Standard deviations of positions and speeds.
         is_first_ahead: Whether `first` is ahead of the ego and `second` behind it.
     """

@@ -1,6 +1,7 @@
 """Criteria about sight: stopping within it, and enough of it to overtake.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
+the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass

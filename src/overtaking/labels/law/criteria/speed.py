@@ -1,6 +1,7 @@
 """Criteria about the ego's speed: speed limits, lowest speed on motorways, speed in fog.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
+the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -200,7 +201,9 @@ class MinimumSpeed(Criterion):
     """
 
     min_speed: Quantity
-    congestion_speed: Quantity = quantity(2.78, "m/s", "stl-monitor", why="10 km/h")
+    congestion_speed: Quantity = quantity(
+        2.78, "m/s", "stl-monitor", why="10 km/h, below which it counts vehicles of a congestion"
+    )
     congestion_min_vehicles: Quantity = quantity(3.0, "vehicle", "stl-monitor")
     queue_time_gap: Quantity = quantity(
         3.0,

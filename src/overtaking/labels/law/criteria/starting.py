@@ -1,7 +1,8 @@
 """Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors (with the symbols sp, sv
-and dv of `ERROR_FORMULA`) and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs of the driver, lanes, and errors
+(sp and sv are the standard deviations of a position and of a speed, dv is the closing speed).
+`rule.Criterion` describes their methods.
 """
 
 from collections.abc import Mapping
@@ -89,7 +90,8 @@ class GapAhead(Criterion):
 
     Attributes:
         min_ttc: Smallest lawful time to collision with it.
-        safe_distance_rule: Code of the rule of the same law that states the safe distance.
+        safe_distance_rule: Code of the rule of the same law that states the safe distance, for the
+            sentence of `predicate`; the formula is the same in all laws.
     """
 
     min_ttc: Quantity = ENTRY_TTC
@@ -117,8 +119,8 @@ class GapAhead(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The gap as the line is crossed decides."""
-        conditions = {PerceivedVehicle.NEW_LEADER: self._margin}
-        return _finding_at_crossing(case, NeighbourRole.LEFT_LEADER, conditions)
+        role, perceived = NeighbourRole.LEFT_LEADER, PerceivedVehicle.NEW_LEADER
+        return _finding_at_crossing(case, role, perceived, self._margin)
 
     ERROR_FORMULA: ClassVar[str] = (
         f"{GAP_ERROR_FORMULA}, or sqrt(2 sp^2 + 2 min_ttc^2 sv^2) where the time to collision "
@@ -154,7 +156,8 @@ class GapBehind(Criterion):
     """As the line is crossed, the gap to the follower in the lane on the left is lawful.
 
     Attributes:
-        safe_distance_rule: Code of the rule of the same law that states the safe distance.
+        safe_distance_rule: Code of the rule of the same law that states the safe distance, for the
+            sentence of `predicate`; the formula is the same in all laws.
         general_limits: Speed limits of the same law; no remedy exceeds the limit at the crossing.
     """
 
@@ -184,8 +187,8 @@ class GapBehind(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The gap as the line is crossed decides."""
-        conditions = {PerceivedVehicle.NEW_FOLLOWER: entry_margin_behind}
-        return _finding_at_crossing(case, NeighbourRole.LEFT_FOLLOWER, conditions)
+        role, perceived = NeighbourRole.LEFT_FOLLOWER, PerceivedVehicle.NEW_FOLLOWER
+        return _finding_at_crossing(case, role, perceived, entry_margin_behind)
 
     ERROR_FORMULA: ClassVar[str] = f"{GAP_ERROR_FORMULA}, or {BRAKING_ERROR_FORMULA}"
 
@@ -203,9 +206,9 @@ class GapBehind(Criterion):
         gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
         follower_speed = case.signals.speed[0, frames] + closing_speed
         decel = decel_for_safe_distance(case.signals.friction[0, frames])
-        # At this speed the safe distance and the limit of forced braking are both kept.
         # Overlapping vehicles have a negative gap, which has no square root; no speed mends this.
         needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
+        # Where a sign or a kind is unknown, the highest limit that may hold counts.
         _, highest_limit = speed_limit_bounds(case, self.general_limits)
         if gap[0] < 0 or needed > highest_limit[0, frame]:
             return larger_gap
@@ -213,31 +216,33 @@ class GapBehind(Criterion):
 
 
 def _finding_at_crossing(
-    case: Case, role: NeighbourRole, conditions: dict[PerceivedVehicle, GapMargin]
+    case: Case, role: NeighbourRole, perceived: PerceivedVehicle, margin: GapMargin
 ) -> Finding:
     """The finding of a gap to a neighbour as the line is crossed.
 
     Args:
         case: The batch.
         role: The neighbour.
-        conditions: The input of `belief_at`, here with one entry: the neighbour as a perceived
-            vehicle, and the margin of its gap.
+        perceived: The same vehicle in the percept of the decision to pull out.
+        margin: Margin of the gap.
     """
     signals, frame = case.signals, case.events.line_crossed
     neighbour = neighbour_at(case, role, frame)
     decel = decel_for_safe_distance(at_frame(signals.friction, frame))
-    (margin,) = conditions.values()
     return finding_at_frame(
         frame,
         margin(neighbour.gap, at_frame(signals.speed, frame), neighbour.closing_speed, decel),
         neighbour.valid,
-        belief=belief_at(case, pull_out_percept(case), conditions),
+        belief=belief_at(case, pull_out_percept(case), {perceived: margin}),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalmFollower(Criterion):
     """After a change of lane, the vehicle behind need not brake hard.
+
+    Unlike `GapBehind` it leaves the safe distance out, so it needs no weather, and it compares no
+    belief of the driver.
 
     Attributes:
         manoeuvre: The pull-out, as the line is crossed, or the return, as it ends.
@@ -301,6 +306,8 @@ def _braking_distance(closing_speed: F32) -> F32:
 class SpeedAdvantage(Criterion):
     """As the ego comes alongside, it is substantially faster than the target.
 
+    This instant is a choice; the law names none.
+
     Attributes:
         min_speed_gain: Smallest lawful speed of the ego minus the speed of the target.
     """
@@ -337,6 +344,8 @@ class SpeedAdvantage(Criterion):
 class SightForTrucks(Criterion):
     """As a truck begins to overtake, fog and rain leave enough sight.
 
+    Every truck counts: kinds of vehicles have no limit of weight, such as the 7.5 t of German law.
+
     Attributes:
         min_range: Smallest lawful meteorological range.
     """
@@ -358,6 +367,8 @@ class SightForTrucks(Criterion):
 
     def check(self, case: Case) -> Finding:
         """The meteorological range, which is the same in all frames, decides."""
+        # An ego of unknown kind counts as a truck; as `kinds` is a required input, the verdict is
+        # then undecidable.
         is_judged = ego_may_be(case, VehicleKind.TRUCK) & case.events.has_attempt
         margin = meteorological_range(case) - self.min_range.f32
         return finding_at_frame(case.events.attempt, margin, is_judged)
@@ -369,7 +380,9 @@ class SightForTrucks(Criterion):
         return single_change(RemedyQuantity.SIGHT, actual, needed, breach.first_frame)
 
 
-_MOVING_OUT_SPEED = quantity(0.2, "m/s", why="Faster sideways motion is no swaying in the lane")
+_MOVING_OUT_SPEED = quantity(
+    0.2, "m/s", why="A choice; slower sideways motion counts as swaying in the lane"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -377,9 +390,7 @@ class NoOtherOvertaking(Criterion):
     """At the attempt, no vehicle overtakes the ego or is about to.
 
     Attributes:
-        min_arrival: Smallest lawful time until the next vehicle on the left is beside the ego. The
-            default is a choice: a change of lane takes about 5 s, so an earlier vehicle would be
-            beside the ego during it.
+        min_arrival: Smallest lawful time until the next vehicle on the left is beside the ego.
         max_arrival: Later arrivals count as this, so that margins stay finite.
         reach: Followers in the lane of the ego count up to this distance behind it.
         max_lateral_speed: A follower that moves left faster has begun to pull out.
@@ -388,20 +399,21 @@ class NoOtherOvertaking(Criterion):
     min_arrival: Quantity = quantity(
         4.0,
         "s",
-        why="A vehicle that arrives within the first part of a lane change overtakes already",
+        why="A choice; a lane change takes about 5 s, and a vehicle that would be beside the ego "
+        "during most of it overtakes already",
     )
     max_arrival: Quantity = quantity(
         60.0, "s", why="Later arrivals count as this, so that margins stay finite"
     )
     reach: Quantity = quantity(
-        100.0, "m", why="A follower farther back has not begun to overtake the ego"
+        100.0, "m", why="A choice; the motion of a follower farther back is not taken as overtaking"
     )
     max_lateral_speed: Quantity = _MOVING_OUT_SPEED
     unit: str = "s"
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """The indicators: a follower with unknown ones may signal left, unless one moves left."""
+        """The indicators: a follower may signal left; one that moves left decides without them."""
         return frozenset(["indicators"])
 
     def predicate(self) -> str:
@@ -424,8 +436,8 @@ class NoOtherOvertaking(Criterion):
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         arrival = self._first_arrival(case, others, is_left_follower)
         arrival = np.where(has_begun, np.float32(0.0), arrival)
-        # Where no follower moves left, one with unknown indicators may still indicate: the verdict
-        # is then open. `finding_at_frame` keeps breaches decided.
+        # Where no follower moves left, a follower with unknown indicators may still indicate, so a
+        # kept rule is in doubt. `finding_at_frame` decides doubtful breaches all the same.
         is_doubtful = np.any(is_follower, axis=1) & ("indicators" in case.trajectories.unknown)
         to_batch = partial(scatter, simulations=has_attempt, num_simulations=len(has_attempt))
         return finding_at_frame(
@@ -446,8 +458,8 @@ class NoOtherOvertaking(Criterion):
         is_follower, is_left_follower = self._followers(case, others)
 
         def arrival_with(ego_error: StateError, other_error: StateError) -> F32:
-            # `_first_arrival` takes the ego's speed from the signals, and only the difference of
-            # both speeds matters. So the error of the ego's speed is subtracted from the other's.
+            # The arrival depends on the difference of both speeds. `_first_arrival` reads the ego's
+            # speed from the signals, so the error of that speed is subtracted from the others'.
             measured = replace(
                 others,
                 gap=others.gap + ego_error.position - other_error.position,
@@ -548,7 +560,8 @@ class TargetInLane(Criterion):
     def check(self, case: Case) -> Finding:
         """The speed of the target to the left decides, as the attempt begins.
 
-        Constant errors of positions do not change a speed, so there is no standard error.
+        There is no standard error: constant errors of positions do not change a speed, and
+        `denoised_lateral_speed_at` reduces the noise that differs from frame to frame.
         """
         trajectories, attempt = case.trajectories, case.events.attempt
         has_target, slot = case.target.slot != NO_VEHICLE, slot_or_ego(case.target.slot)
@@ -590,21 +603,21 @@ def denoised_lateral_speed_at(
 ) -> F32:
     """Speed of vehicles to the left at single frames, shape (instant,) [m/s].
 
-    The speed is a central difference over a time T of about 0.2 s. This value is a choice, and the
-    same at all frame rates, so that they give the same speeds. In a recording, T is increased until
-    the standard error of the speed is at most `LATERAL_ERROR_SHARE` of the limit. T is at most
-    `LATERAL_NOISE_TIME` before and after the frame, the time from which the noise is measured. The
-    standard error is sqrt(2) noise / T. The noise is the standard deviation of a position: the root
-    mean square of its third differences around the frame, divided by sqrt(20). Simulations have no
-    noise.
+    The speed is the difference of the positions h after and h before the frame, divided by 2 h. In
+    simulations, which have no noise, h is about 0.1 s, at all frame rates; the value is a choice.
+
+    In a recording, h is increased until the standard error of the speed, sqrt(2) noise / (2 h), is
+    at most `LATERAL_ERROR_SHARE` of the limit, but not beyond `LATERAL_NOISE_TIME`. The noise is
+    the standard deviation of a position, measured from the frames up to `LATERAL_NOISE_TIME` before
+    and after: the root mean square of the third differences, divided by sqrt(20).
 
     Args:
         trajectories: The batch.
         vehicles: The vehicles and frames.
         limit: The speed with which it is compared [m/s].
     """
-    # `unknown` is empty for simulations. Recordings of real traffic lack at least the stage of the
-    # ego, which only simulators record.
+    # `unknown` names the inputs that are not recorded: none in simulations. Recordings of real
+    # traffic lack at least the stage of the ego (following, pulling out, ...).
     if not trajectories.unknown:
         return lateral_speed_at(trajectories, vehicles)
     interval = trajectories.scenario.frame_interval_ms
@@ -639,5 +652,7 @@ def _lateral_noise(
         weight * values for weight, (values, _) in zip(_THIRD_DIFFERENCE, windows, strict=True)
     )
     is_complete = np.logical_and.reduce([is_inside for _, is_inside in windows])
+    # Without four frames in a row the noise is 0. The track around the frame then has at most three
+    # frames, so a longer window would find no more of them.
     squares = np.where(is_complete, third_difference**2, 0.0).sum(axis=1)
     return np.sqrt(squares / np.maximum(is_complete.sum(axis=1), 1) / (_THIRD_DIFFERENCE**2).sum())

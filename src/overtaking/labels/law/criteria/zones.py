@@ -1,6 +1,7 @@
 """Criteria about places and signs that forbid to overtake.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
+`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
+the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -43,7 +44,7 @@ from overtaking.world.sight_distance import all_zones_for
 _NO_FRAME = np.iinfo(np.int32).max  # Later than any frame.
 
 _WITH_APPROACH = (ZoneKind.JUNCTION, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.LEVEL_CROSSING)
-"""Places that one must not overtake immediately before, either."""
+"""Places before which overtaking is also forbidden, within the approach length."""
 
 _WAIVED_ON_SEVERAL_LANES = (
     ZoneKind.CREST,
@@ -60,7 +61,7 @@ _WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego ba
 _ERROR_FORMULA = "sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)"
 
 _APPROACH_LENGTH = quantity(
-    50.0, "m", why="This is 'immediately before'; a car at 60 km/h stops within it"
+    50.0, "m", why="A choice for 'immediately before'; a car at 60 km/h stops within it"
 )
 """Length of road that is 'immediately before' a crossing or junction."""
 
@@ -213,6 +214,8 @@ class NoOvertakingSigns(Criterion):
 
     def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
         """The stretches of each sign, in simulations whose ego and target it is about."""
+        # A sign counts for vehicles of unknown kind; as `kinds` is a required input, the verdict is
+        # then undecidable.
         has_target = case.target.slot != NO_VEHICLE
         has_several_tracks = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
@@ -245,7 +248,7 @@ class NoOvertakingAtCrossings(Criterion):
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """The kind of the target."""
+        """The kind of the target; one of unknown kind counts as a motor vehicle."""
         return frozenset(["kinds"])
 
     def predicate(self) -> str:
