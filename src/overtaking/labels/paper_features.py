@@ -1,10 +1,10 @@
-"""The paper's features in two readings: as the paper measures them, and alike in every class.
+"""The features of Pinto, Dutra and Fonseca (2023) in two readings, "paper" and "matched".
 
 The paper measures an overtake in the frame in which it begins, and a simulation without an attempt
-by the mean over all of its frames. This definition depends on the class, so a model may learn from
-the second reading only. In that reading, a simulation without an attempt is measured at a pseudo
-attempt: an instant after a waiting time that has the distribution of the attempts' waiting times,
-within the time for which the ego followed.
+by the mean over all of its frames. The features then reveal whether there is an attempt, so a model
+may learn from the reading "matched" only: it measures every simulation at one frame. Without an
+attempt this frame is a pseudo attempt, after a waiting time drawn from the waiting times of
+attempts and limited to the time for which the ego followed.
 """
 
 from typing import Any
@@ -68,8 +68,8 @@ def matched_features(case: Case) -> PaperFeatures:
 
     The waiting time counts from the frame in which the ego begins to follow the target, the
     difference of speeds is positive while the gap shrinks, the distance is the gap between the
-    bumpers, and the occupancy is the share of the lane to the left, 100 m ahead and behind, that
-    vehicles cover.
+    bumpers, and the occupancy is `LeftLaneOccupancy.occupancy`. Unlike in the paper's reading, the
+    end of an abort also ends the overtaking time.
     """
     events = case.events
     has_attempt = events.has_attempt
@@ -100,7 +100,8 @@ def _at_attempt(case: Case) -> dict[str, F32]:
     """Features of the paper's reading at the attempt; undefined without an attempt."""
     ego_speed = at_frame(case.signals.speed, case.events.attempt)
     target = _target_at(case, case.events.attempt)
-    left_lane = left_lane_at_matched_frame(case)  # The matched frame is the attempt.
+    # With an attempt, the matched frame is its frame.
+    left_lane = left_lane_at_matched_frame(case)
     num_others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
     return {
         "ego_speed": ego_speed,
@@ -114,7 +115,8 @@ def _at_attempt(case: Case) -> dict[str, F32]:
 def _means_without_attempt(case: Case) -> dict[str, F32]:
     """Means over the frames up to a collision, 0 in simulations with an attempt.
 
-    The recorded integers are summed, so the sums have no rounding error.
+    Here the leader of each frame is the target. The sums are of recorded integers, in mm, mm/s and
+    vehicles, so they have no rounding error.
     """
     sums = scans(case).recorded_sums
     num_others = np.maximum(case.trajectories.scenario.num_vehicles - 1, 1)
@@ -150,8 +152,9 @@ def pseudo_attempt(case: Case) -> I32:
     """The frame in which a simulation without an attempt is measured; `NEVER` with an attempt.
 
     The waiting time until that frame is drawn from the distribution of the waiting times of the
-    profile's attempts, cut off at the time for which the ego followed: by inversion, at a uniform
-    number from a stream of its own.
+    profile's attempts, cut off at the time for which the ego followed: the quantile of a uniform
+    number times the share of the distribution below that time. `following_begin` always is a frame:
+    the first of the recording if the ego never follows.
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_time_quantiles(scenario.profile)
@@ -168,8 +171,8 @@ def _waiting_time_quantiles(profile: str) -> F32:
     """Minimum, deciles and maximum of the waiting times of a profile's attempts [s].
 
     The quantiles are fixed for each profile: with quantiles of the present data set, the features
-    of a simulation would depend on the other simulations. A profile without an entry has the
-    quantiles of `pinto2023-physical`.
+    of a simulation would depend on the other simulations. `calibration/waiting_times.py` measures
+    them. Recordings and profiles without an entry have the quantiles of `pinto2023-physical`.
     """
     table, quantities = "matched.waiting_time_quantiles", all_quantities("event_detection.toml")
     quantiles = quantities.get(f"{table}.{profile}", quantities[f"{table}.pinto2023-physical"])
@@ -196,7 +199,11 @@ def _share_below(quantiles: F32, value: F32) -> F32:
 
 
 def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
-    """Frame of the first listed event that happens, else the last frame, shape (simulation,)."""
+    """Frame of an event, else the last frame, shape (simulation,).
+
+    Of events that happen in the same simulation, the one that is listed first counts, even if it is
+    later in time.
+    """
     end = case.events.last
     for event in reversed(events):
         end = np.where(event == NEVER, end, event)
@@ -206,10 +213,10 @@ def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
 def _target_at(case: Case, frame: I32) -> dict[str, F32]:
     """Speed, lead and gap of the target at one frame of each simulation.
 
-    They are 0 without a target, and NaN if it is not recorded in that frame. Lead and gap are also
-    NaN if the attempt began before the recording.
+    They are 0 without a target, as `PaperFeatures` defines, and NaN if it is not recorded in that
+    frame. Lead and gap are also NaN if the attempt began before the recording.
     """
-    slot = case.target.slot
+    slot = case.events.target_slot
     target = vehicle_snapshot(case.trajectories, slot, np.arange(len(frame)), frame)
     default = np.where(slot == NO_VEHICLE, np.float32(0.0), np.float32(np.nan))
 

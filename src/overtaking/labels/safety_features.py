@@ -54,6 +54,9 @@ from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 from overtaking.world.surrogate_safety import picud, rss_safe_gap, time_headway
 
+_EVENTS = MEASURED_MOMENTS[1:]
+"""The moments that are events; the first moment is the whole manoeuvre."""
+
 _LEFT = (NeighbourRole.LEFT_LEADER, NeighbourRole.LEFT_FOLLOWER)
 
 _RIGHT = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
@@ -61,12 +64,10 @@ _RIGHT = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
 _ENTERED_NEIGHBOURS = {"attempt": _LEFT, "line_crossed": _LEFT, "return_begin": _RIGHT}
 """Roles of leader and follower in the lane that the ego moves into, by event."""
 
-_ENTERS_LANE = np.array([name in _ENTERED_NEIGHBOURS for name in MEASURED_MOMENTS[1:]])
+_ENTERS_LANE = np.array([name in _ENTERED_NEIGHBOURS for name in _EVENTS])
 """Whether the ego moves into a lane at an event, shape (event,)."""
 
-_ENTERED_BY_EVENT = np.array(
-    [_ENTERED_NEIGHBOURS.get(name, _LEFT) for name in MEASURED_MOMENTS[1:]], np.intp
-)
+_ENTERED_BY_EVENT = np.array([_ENTERED_NEIGHBOURS.get(name, _LEFT) for name in _EVENTS], np.intp)
 """`_ENTERED_NEIGHBOURS` as an array of shape (event, 2); any roles where no lane is entered."""
 
 
@@ -76,15 +77,15 @@ class _MomentTables:
 
     Attributes:
         num_simulations: Number of simulations.
-        worst: Worst value of a measure over the manoeuvre, by name, shape (simulation,). Other
-            measures are 0 there.
+        worst: Worst value of a measure over the manoeuvre, by name, shape (simulation,). A measure
+            without an entry is 0 over the manoeuvre.
     """
 
     num_simulations: int
     worst: Mapping[str, F32]
 
     def of_measure(self, name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
-        """A measure as a table; 0 at events that do not happen.
+        """A measure as a table; 0 at events that do not happen, where results are undefined.
 
         Args:
             name: Name of the measure in `worst`.
@@ -110,17 +111,18 @@ class _MomentTables:
 def safety_features(case: Case) -> SafetyMeasures:
     """The measures of a batch: over the manoeuvre, and at the events of the overtake.
 
-    The manoeuvre is the span that the law judges: from 3 s before the attempt to 3 s after its end;
-    without an attempt, all frames in which the ego is driven.
+    The manoeuvre is `judged_span`, as for the law: from 3 s before the attempt to 3 s after the
+    return; without an attempt, all frames in which the ego is driven.
     """
     span, signals = judged_span(case), case.signals
-    frame_by_event = np.column_stack([getattr(case.events, name) for name in MEASURED_MOMENTS[1:]])
+    frame_by_event = np.column_stack([getattr(case.events, name) for name in _EVENTS])
     simulation, event = np.nonzero(frame_by_event != NEVER)  # Most events do not happen.
     instants = Instants(simulation, frame_by_event[simulation, event].astype(np.intp))
     cells = simulation * len(MEASURED_MOMENTS) + event + 1  # The manoeuvre is the first moment.
 
     leader = encounters_at(case, NeighbourRole.LEADER, *instants)
     follower = encounters_at(case, NeighbourRole.FOLLOWER, *instants)
+    # By the names of the fields of `SafetyMeasures`.
     margins = leader_measures(case, leader, instants) | stop_margins(
         signals.speed[instants],
         signals.friction[instants],
@@ -152,7 +154,10 @@ def safety_features(case: Case) -> SafetyMeasures:
 
 
 def _worst_of_manoeuvre(case: Case, span: FrameSpan) -> dict[str, F32]:
-    """The worst of each measure over the frames of a span, shape (simulation,)."""
+    """The worst of each measure over `judged_span`, shape (simulation,).
+
+    `ScanResults.worst_measures` describes the names, also `num_close` and `num_critical`.
+    """
     results, no_frame = scans(case), np.float32(np.inf)
     frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
     num_frames = np.maximum(span.last - span.first + 1, 1)
@@ -168,9 +173,10 @@ def _worst_of_manoeuvre(case: Case, span: FrameSpan) -> dict[str, F32]:
 def entry_pet(case: Case) -> F32:
     """Post-encroachment time of entering the lane on the left, shape (simulation,) [s].
 
-    The time from the frame in which the ego crosses the line until the follower in that lane is
-    where the ego's rear bumper was in that frame. It is 0 if they are alongside, and infinite
-    without a follower, or if the follower does not arrive in that lane within the recording.
+    The time begins in the frame in which the ego crosses the line. It ends when the front of the
+    follower in that lane is where the ego's rear bumper was in that frame. It is 0 if they are
+    alongside, and infinite without a follower, or if the follower does not arrive in that lane
+    within the recording.
 
     Source:
         Allen, Shin, Cooper (1978), Analysis of traffic conflicts and collisions.
@@ -180,6 +186,7 @@ def entry_pet(case: Case) -> F32:
     encroachment = _Encroachment(
         vehicle=slots[rows, NeighbourRole.LEFT_FOLLOWER, np.maximum(frame, 0)],
         frame=frame,
+        # Only a corner of the ego is over the line in this frame; its centre is in the old lane.
         lane=at_frame(case.signals.lane, frame) + np.uint8(1),
         arrival_frame=scans(case).entry_arrival,
     )
@@ -233,12 +240,15 @@ def _post_encroachment_time(case: Case, encroachment: _Encroachment) -> F32:
 
     arrival = np.maximum(arrival_frame, begin)
     is_in_lane = case.trajectories.states.lane[rows, slot, arrival] == encroachment.lane[rows]
-    # The vehicle reaches the place between two frames, at constant speed.
+    # The vehicle reaches the place between two frames, at constant speed. If it is there already in
+    # `begin`, the distance to the place is not positive and the time is 0.
     frame_before = np.maximum(arrival - 1, begin)
-    missing = -overshoot(frame_before)
-    step = overshoot(arrival) + missing
-    share_of_step = np.maximum(missing, np.float32(0.0)) / np.where(step > 0, step, np.float32(1.0))
-    num_frames = as_f32(frame_before - begin) + share_of_step
+    distance_to_place = -overshoot(frame_before)
+    distance_per_frame = overshoot(arrival) + distance_to_place
+    share_of_frame = np.maximum(distance_to_place, np.float32(0.0)) / np.where(
+        distance_per_frame > 0, distance_per_frame, np.float32(1.0)
+    )
+    num_frames = as_f32(frame_before - begin) + share_of_frame
     frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
     time = np.full(len(has_both), np.inf, np.float32)
     arrives = (arrival_frame != NEVER) & is_in_lane
@@ -263,6 +273,7 @@ def leader_measures(case: Case, leader: Encounter, instants: Instants) -> dict[s
         leader_decel=RSS_LEADER_DECEL.f32,
     )
     return {
+        # The headway is from front to front, so it includes the leader's length.
         "time_headway": time_headway(leader.gap, length, speed),
         "picud": picud(
             leader.gap,
@@ -289,6 +300,8 @@ def oncoming_measures(case: Case) -> PassingSafety:
     """The measures of a batch against oncoming traffic, NaN where they do not exist."""
     if not case.trajectories.road.is_two_way:
         return _no_measures(case.signals.num_simulations)
+    # Its first frame is the crossing of the centre line; `events.line_crossed` is the crossing of
+    # any line on the ego's left.
     span = opposing_lane_span(case)
     is_in_opposing_lane = span.is_nonempty
     crossing_frame = np.where(is_in_opposing_lane, span.first, NEVER)
@@ -297,7 +310,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
     gap_abreast, time_abreast = _gap_and_time_to_meet(case, abreast_frame)
     return_frame = np.where(is_in_opposing_lane, span.last, NEVER)
     gap_at_return, time_at_return = _gap_and_time_to_meet(case, return_frame)
-    # An oncoming vehicle may be just out of sight.
+    # The time available is also limited by a vehicle that may come just out of sight.
     begin = np.maximum(crossing_frame, 0)
     sight = available_sight(case, begin)
     closing_speed = at_frame(case.signals.speed, begin) + assumed_oncoming_speed(case, begin)
@@ -322,7 +335,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
 
 
 def _no_measures(num_simulations: int) -> PassingSafety:
-    """No flag set and no measure known in any simulation."""
+    """The measures on a one-way road: flags false and numbers NaN, also after an abort."""
     columns: dict[str, Any] = {
         name: np.full(num_simulations, False if field.is_flag else _NAN)
         for name, field in batch_fields(PassingSafety).items()
@@ -340,7 +353,8 @@ def _gap_and_time_to_meet(
 ) -> tuple[F32, F32]:
     """Gap to the nearest oncoming vehicle [m], and time to meet it [s].
 
-    `nearest_oncoming_at` describes the arguments.
+    `nearest_oncoming_at` describes the arguments. Its closing speed is at least
+    `MIN_CLOSING_SPEED`.
     """
     gap, closing_speed, _ = nearest_oncoming_at(case, frame, simulation)
     return gap, np.maximum(gap, np.float32(0.0)) / closing_speed

@@ -47,7 +47,7 @@ SIGNALS_FOR_ENGINE = (
     *("right_edge", "left_edge", "neighbour_slot"),
     *("friction", "sight_lit", "sight_unlit"),
 )
-"""Signals that other compiled functions read."""
+"""Signals that other compiled functions read, by name."""
 
 _NEIGHBOUR_SIGNAL_NAMES = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
 _PER_NEIGHBOUR = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
@@ -75,20 +75,22 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # The memory may hold the signals of an earlier batch that was deleted; new `Buffers` leave the
-    # memory of living batches alone. `zero_from` is the frame from which on each row is zero: the
-    # engine clears only the frames before it. Most simulations end early, so this saves writes.
+    # A new `Buffers` object gets memory that no existing batch uses: either zeros, or the signals
+    # of a batch that was deleted. In both cases each row is zero from its frame `zero_from` on. The
+    # engine clears only the frames before it, which saves writes: most simulations end early.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
+    zero_from_frame = outputs.pop("zero_from")
     _core.ego_signals_and_events(
         recording=recording,
         visibility=visibility_inputs(trajectories),
         thresholds=thresholds,
         constants=engine_constants(model_constants()),
-        zero_from=outputs.pop("zero_from"),
+        zero_from=zero_from_frame,
         signals=outputs,
         events=events,
         level=simd_level(),
     )
+    # The first use of a neighbour signal computes all five.
     neighbour_signals = partial(_neighbour_signals, trajectories, outputs["neighbour_slot"])
     at_first_use: DelayedArrays = {
         "s": lambda: {"s": as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES_PER_MM},
@@ -104,8 +106,8 @@ def extract_signals_and_events(
 
 def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> None:
     """Limit both sight distances to the one that the course of the road leaves."""
-    if trajectories.road.course:
-        # Roads are computed in float64, signals in float32: hence not `METRES_PER_MM`.
+    if trajectories.road.course is not None:
+        # Roads are computed in float64; `METRES_PER_MM` is the same factor in float32.
         s = trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION
         sight_of_road = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
@@ -136,7 +138,9 @@ def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8)
 def encounters_at(
     case: Case, role: NeighbourRole | IndexArray, simulation: IndexArray, frame: IndexArray
 ) -> Encounter:
-    """The ego and a neighbour at single frames; times and braking refer to the rear vehicle.
+    """The ego and a neighbour at single frames, with the fields of `Encounter`.
+
+    Times to collision and required decelerations are those of the rear one of the two vehicles.
 
     Args:
         case: The batch.
@@ -203,21 +207,22 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
     interval_ms = trajectories.scenario.frame_interval_ms
     is_recorded = trajectories.is_recorded
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
-    # The engine subtracts the origin from the headings: the direction of a straight road. On a road
-    # that bends, the headings already are angles to the road, and the origin is 0.
+    # The origin is the angle that the engine subtracts from the headings: on a straight road its
+    # direction. On a road that bends, the headings already are angles to the road, so it is 0.
     recorded["heading"], heading_origin = trajectories.headings_and_origin
     recorded |= {"accel": states.accel_lon, "collided_with": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _lanes_with_opposing_lane(trajectories)
         drives_along = np.broadcast_to(~is_oncoming(trajectories)[:, :, None], states.s.shape)
+        # None: every vehicle is recorded in every frame.
         is_recorded = drives_along.copy() if is_recorded is None else is_recorded & drives_along
     return {
         **{name: with_adjacent_frames(values) for name, values in recorded.items()},
         "is_recorded": None if is_recorded is None else with_adjacent_frames(is_recorded),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _contiguous_row(getattr(bodies, name)) for name in ("valid", "length", "width")},
-        # The engine has room for `MAX_LANES` lanes. An opposing lane beside as many own lanes is
-        # left out, so vehicles in it count as beyond the lanes.
+        # The engine has room for `MAX_LANES` lanes. If the ego's direction has that many, there is
+        # none for the opposing lane, and vehicles in it count as beyond the lanes.
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
         "overtaking_sign": float(overtaking_sign(road)),
         # The same float32 that `snapshots` subtracts from headings.
@@ -257,9 +262,10 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
         tyre_wear, has_truck_tyres: Tread wear of the ego, and 1 for truck tyres.
         fog, rain: Extinction coefficient of fog, and of rain for an observer at rest [1/m].
         contrast_depth: Optical depth at which a vehicle of medium contrast becomes invisible.
-        lamp_depth, lamp_clear: Logarithm of a rear lamp's intensity over the threshold, and its
-            range in clear air [m].
-        unlit_limit: Range of the ego's own lamps by night, the attention range by day [m].
+        lamp_depth: Logarithm of a rear lamp's intensity over the threshold of detection.
+        lamp_clear: Distance at which a rear lamp is detected in clear air [m].
+        unlit_limit: The attention range, or the range of the ego's low beam if it is shorter; by
+            day only the attention range limits the sight of unlit vehicles [m].
         attention_range: Distance beyond which drivers perceive no vehicle, a number [m].
     """
     scenario, attention_range = trajectories.scenario, constant("model.perception.range")
@@ -270,6 +276,7 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     lamp_ratio = lamp / sight["lamp_threshold"]
     # The contrast of a vehicle of medium colour, which drivers also assume as they choose a speed.
     depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
+    # The inverse of an unlimited range is 0.
     inverse_limit = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention_range)
     arrays = {
         "film": film,
@@ -300,8 +307,9 @@ def _mean_water_film(water: dict[str, F32], *, path_factor: F32) -> F32:
         path_factor[None, :],
         water["texture_depth"][:, None],
     )
-    # Puddles are where the sum of two waves, distributed like independent uniform numbers, is below
-    # a threshold t (`road_surface.puddle_depth_share`): on a share t^2 / 2 of the lane, as t <= 1.
+    # A puddle is where the sum of two waves is below a threshold t
+    # (`road_surface.puddle_depth_share`). The waves are distributed like independent uniform
+    # numbers from 0 to 1; their sum is below t <= 1 on a share t^2 / 2 of the lane.
     covered_share = np.float32(0.5) * water["puddle_threshold"] * water["puddle_threshold"]
     return film + (water["puddle_film"] * covered_share)[:, None]
 

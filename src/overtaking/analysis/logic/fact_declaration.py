@@ -1,8 +1,8 @@
 """Declarations of facts: each stands at the function that measures the fact.
 
 A declaration has the predicate, its meaning, and the types of its arguments. The function returns
-one column of integers for each argument; a constant is its position among the constants of its
-type. Files list facts in the order of the declarations.
+one column of integers for each argument. The integer of a constant is its code: its position in the
+list of constants of its type. Files list facts in the order of the declarations.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ class Fact(Predicate):
 
     Attributes:
         measure: Returns the columns of its arguments.
-        required_input: Constant of `UNKNOWN` without which there are no facts; None: no such input.
+        required_input: Name in `UNKNOWNS` (`model.trajectories`): recordings that do not state this
+            property have no facts of the predicate. None if all recordings have them.
     """
 
     measure: FactMeasurement
@@ -68,8 +69,8 @@ def fact(
         name: Name of the predicate.
         meaning: Its statement about its arguments, for lists and headers of files.
         required_input: As in `Fact`.
-        unused_constants: As in `Predicate`: such a constant in a query is an error, because no
-            fact has it.
+        unused_constants: By label of an argument, constants of its type that no fact has; a query
+            with one of them is an error.
         arguments: Type of each argument, by its label, in the order of the columns.
     """
 

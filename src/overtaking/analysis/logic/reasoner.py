@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.reasoner_process import ReasonerSettings
     from overtaking.analysis.logic.vocabulary import Signature
 
-# Default limits of a query.
+# Default limits of a query of `overtaking ask`; a `Reasoner` by itself returns all rows.
 MAX_ROWS = 10_000
 TIMEOUT_S = 600.0
 MEMORY_MIB = 2048
 
 _RESTART_AFTER_BYTES = 32 * 1024 * 1024
-"""Bytes of facts after which the process is replaced: clingo never frees a term."""
+"""Bytes of facts after which the process is replaced.
+
+clingo never frees a term, so its memory grows with the facts that it has read. The number is a
+choice: a larger one needs more of the memory limit, a smaller one starts more processes.
+"""
 
 
 class ProgramError(Exception):
@@ -31,8 +35,10 @@ class Reasoner:
 
     Args:
         program: Rules.
-        predicates: Predicates whose atoms are returned; the arguments of an atom are a row.
-        max_rows: Most rows of a group; one more row shows that there are others.
+        predicates: Predicates whose atoms are returned, in this order. The arguments of an atom are
+            a row, without the name of its predicate.
+        max_rows: Largest number of rows of a group. If more atoms follow, `solve` returns
+            `max_rows + 1` rows.
         timeout_s: Time limit for all groups together [s].
         memory_mib: Memory limit [MiB].
     """
@@ -52,7 +58,7 @@ class Reasoner:
             ConfigError: A limit is out of range.
             MissingExtraError: clingo is not installed.
         """
-        import_clingo()
+        import_clingo()  # The worker needs it; here its absence is a `MissingExtraError`.
         check_query_limits("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
         self._timeout_s, self._seconds_left = timeout_s, timeout_s
         self._settings: ReasonerSettings = {
@@ -79,6 +85,11 @@ class Reasoner:
 
     def solve(self, facts: bytes) -> list[list[Any]]:
         """The arguments of each atom of the predicates that follows from the facts.
+
+        After an error the reasoner must be left: its process has ended, or still computes.
+
+        Args:
+            facts: Facts of one group in clingo's syntax, in UTF-8.
 
         Raises:
             ConfigError: The program exceeds its time or memory.

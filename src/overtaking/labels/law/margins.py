@@ -174,10 +174,10 @@ class ScanResults:
             these frames of the critical time to collision minus the actual one [s].
         recorded_sums: Sums of recorded integers up to a collision by name, 0 in simulations with an
             attempt: features are means over time only without one, else values at the attempt.
-            `frames`, the number of frames; `led`, the number of frames with a leader. Over all
-            frames `ego_speed` [mm/s] and `left_count`, the number of vehicles in the lane to the
-            left of the ego. Over the frames with a leader `target_speed`, and the absolute
-            `speed_difference` [mm/s] and `distance` [mm] to the leader.
+            `frames` and `frames_with_leader` are numbers of frames. Over all frames `ego_speed`
+            [mm/s] and `left_count`, the number of vehicles in the lane to the left of the ego. Over
+            the frames with a leader `target_speed`, and the absolute `speed_difference` [mm/s] and
+            `distance` [mm] to the leader.
     """
 
     stop_lit: MarginMinimum
