@@ -215,6 +215,7 @@ def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
     num_simulations, num_percepts = is_pull_out.shape
     if "percepts" in case.trajectories.unknown or not num_percepts:
         return _no_beliefs(len(frame))
+    # Without a decision to pull out this is the last percept, and `exists` is false.
     last = num_percepts - 1 - is_pull_out[:, ::-1].argmax(axis=1)
     index = (np.arange(num_simulations), last)
     exists = is_pull_out[index]
