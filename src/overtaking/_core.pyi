@@ -733,10 +733,10 @@ def simulate(
         frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
         outputs: Flat arrays by name.
         switches: For each step at which parameters change: vehicle and simulation parameters,
-            indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
-            step.
+            indices of the scenarios, errors of the egos in judging distance and speed
+            (2, simulation) or None, and the step.
         action_log: Kind and numbers of the actions of an external driver of the ego, (simulation,
-            action, part).
+            decision, part).
         level: SIMD level; None for the best of this CPU.
 
     Raises:

@@ -13,9 +13,14 @@ use crate::params::{LineMarks, Params, station_indices};
 use crate::state::{FAR, LEADER};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Smallest closing speed, which keeps the times of passing and of meeting finite [m/s].
+/// Smallest speed difference with which drivers compute the time of a pass or a meeting [m/s].
+///
+/// Smaller differences count as this one, so that the times stay finite. Chosen: it matters only for vehicles of nearly
+/// equal speed.
 pub const MIN_CLOSING_SPEED: f32 = 0.5;
-/// Smallest acceleration, which keeps the time of accelerating finite [m/s^2].
+/// Smallest acceleration with which drivers compute the time of a pass [m/s^2].
+///
+/// It keeps this time finite where a slow vehicle cannot accelerate. Chosen.
 const MIN_ACCEL: f32 = 0.1;
 
 /// Speeds of a passing driver and its target [m/s].
@@ -24,8 +29,8 @@ pub struct PassingSpeeds<S: Simd> {
     pub passer: F32<S>,
     /// Speed of the vehicle that it passes.
     pub target: F32<S>,
-    /// The first minus the second. A field of its own, because a believed closing speed differs in its last bits from
-    /// the difference of the speeds.
+    /// The first minus the second. A field of its own: where a driver believes a closing speed, the target's speed is
+    /// computed from it, and rounding makes the difference of the speeds another number.
     pub closing: F32<S>,
 }
 
@@ -44,18 +49,21 @@ fn time_to_gain<S: Simd>(
     let v = min(at_least(closing_speed, 0.0), v_max);
     let ramp_time = (v_max - v) / a;
     let ramp_distance = 0.5 * (v + v_max) * ramp_time;
-    // The driver gains the distance while it still accelerates, or at its largest speed after the ramp.
-    let time_within_ramp = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
+    // Solves distance = v t + a t^2 / 2.
+    let time_on_ramp = ((v * v + 2.0 * a * distance).sqrt() - v) / a;
     select(
         distance.simd_lt(ramp_distance),
-        time_within_ramp,
+        time_on_ramp,
         ramp_time + (distance - ramp_distance) / v_max,
     )
 }
 
 /// Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 ///
-/// It is the acceleration that they like to use, limited to what the engine can give halfway.
+/// Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits them to its force at
+/// the mean of the present speed and the passing speed; `slip_speed` bounds this speed from below. Drivers know the
+/// power of their vehicle. They misjudge the time of a pass by the trait `passing_time_factor`, which is not part of
+/// this acceleration.
 #[inline(always)]
 fn expected_accel<S: Simd>(
     constants: &ModelConstants,
@@ -63,22 +71,22 @@ fn expected_accel<S: Simd>(
     speed: F32<S>,
     passing_speed: F32<S>,
 ) -> F32<S> {
-    let halfway = 0.5 * (speed + max(passing_speed, speed));
+    let mean_speed = 0.5 * (speed + max(passing_speed, speed));
     let engine_force = min(
         vehicle.launch_force,
-        vehicle.power / at_least(halfway, constants.slip_speed),
+        vehicle.power / at_least(mean_speed, constants.slip_speed),
     );
-    let surplus = engine_force - (vehicle.drag * halfway * halfway + vehicle.rolling);
+    let force = engine_force - (vehicle.drag * mean_speed * mean_speed + vehicle.rolling);
     min(
         constants.accelerate_gain * vehicle.accel,
-        surplus * vehicle.inverse_mass,
+        force * vehicle.inverse_mass,
     )
 }
 
 /// Distance at which a driver assumes an oncoming vehicle, seen or not [m].
 ///
-/// Few drivers assume a vehicle at the very end of the visible road: one that does come from there comes into sight
-/// while they pass.
+/// Where the road is hidden, a driver assumes a vehicle at a multiple of the sight distance. The factor
+/// `assumed_sight_factor` is above 1 for most drivers: few believe that a vehicle is just beyond the visible road.
 #[inline(always)]
 pub fn assumed_oncoming_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
@@ -90,8 +98,10 @@ pub fn assumed_oncoming_gap<S: Simd>(
     )
 }
 
-/// Factor on the gap that drivers keep to the vehicle in a slot: above 1 if no driver sees over that vehicle, else 1
-/// [1].
+/// Factor on the gap that drivers keep to the vehicle in a slot, 1 for a car [1].
+///
+/// Drivers keep longer gaps to a vehicle that blocks the view: behind it, to see past it, and ahead of it at the
+/// return, because it brakes worse. The number is fitted.
 #[inline(always)]
 pub fn tall_vehicle_gap_factor<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -112,13 +122,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     fn passing_speed(self, target_speed: F32<S>) -> F32<S> {
         let vehicle = self.vehicle();
-        let unlimited = max(
+        let speed = max(
             self.desired_passing_speed(),
             target_speed + self.params.constants.passing_speed_surplus,
         );
-        let excess = at_least(unlimited - self.speed_limit(), 0.0);
-        let limited = unlimited - vehicle.speed_limit_compliance * excess;
-        min(limited, vehicle.max_speed)
+        let excess = at_least(speed - self.speed_limit(), 0.0);
+        min(
+            speed - vehicle.speed_limit_compliance * excess,
+            vehicle.max_speed,
+        )
     }
 
     /// Speed along the road of the vehicle that the driver overtakes [m/s].
@@ -157,10 +169,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether the driver believes that the opposing lane is free for long enough.
     ///
-    /// It compares the passing time, as it misjudges it and with a reserve, with the time until it meets the nearest
-    /// oncoming vehicle. Where it does not see the road it assumes an oncoming vehicle. A pass has half a lane change
-    /// before the driver gains on its target, and half a lane change at the end. A waiting driver keeps a smaller
-    /// reserve, but not less than a share of its first one.
+    /// It compares the time that passing takes, with its error about it and a reserve, with the time until it meets the
+    /// nearest oncoming vehicle. Beyond its sight distance it assumes one. To the time of gaining on the leader it adds
+    /// one lane change: half of it before the driver gains, half at the end. A waiting driver asks for less return gap
+    /// and a smaller reserve. The reserve does not fall below a share of its first value: unlike a follower, an
+    /// oncoming vehicle cannot be expected to brake.
     #[inline(always)]
     pub fn accepts_oncoming_gap(
         self,
@@ -186,12 +199,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let gaining_time = self.time_to_pass(distance, &speeds);
         let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
-        // On average over its acceleration the driver is half of the gained speed faster.
+        // On average over the pass the driver is faster than now by half of its gain in speed.
         let closing_speed = oncoming.closing_speed + 0.5 * at_least(passing_speed - speed, 0.0);
         let reserve =
             vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);
         let has_time =
             assumed_oncoming_gap(vehicle, oncoming).simd_gt(time * (1.0 + reserve) * closing_speed);
+        // Ahead of the leader lie, one after the other, the return gap, the driver's vehicle, and its smallest gap and
+        // a share of its time gap to the next vehicle.
         let min_gap = 2.0 * vehicle.half_length + constants.min_return_gap + return_gap;
         let time_gap = constants.return_time_gap_share * vehicle.time_gap;
         let fits_ahead = self
@@ -203,6 +218,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// Gap between the vehicle in `other_slot` and the next vehicle ahead of it; this driver's own does not count [m].
+    ///
+    /// The vehicle in `other_slot` travels in the driver's direction. The next vehicle may be in any lane, also in the
+    /// opposing lane while it passes.
     #[inline(always)]
     pub fn gap_ahead_of(self, other_slot: F32<S>) -> F32<S> {
         let (s, params) = (&self.state.motion.s, self.params);
@@ -214,6 +232,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let mut gap = splat(params.simd, FAR);
         for j in (0..params.num_slots_in_use).filter(|j| *j != self.slot) {
             let vehicle = &params.vehicles[j];
+            // Stations grow in each vehicle's direction of travel.
             let is_ahead = vehicle.valid.simd_gt(0.0)
                 & vehicle.travel_sign.simd_eq(self.vehicle().travel_sign)
                 & s[j].simd_gt(centre)
@@ -228,6 +247,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// Whether the line between the directions is solid at the driver, or at a distance ahead of it.
+    ///
+    /// A solid piece that begins and ends between the two places is overlooked.
     #[inline(always)]
     pub fn line_is_solid(self, distance: F32<S>) -> Mask<S> {
         let (params, travel_sign) = (self.params, self.vehicle().travel_sign);
@@ -240,6 +261,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (s, _) = self.road_position();
         let places = [s, s + travel_sign * distance];
         let mut is_solid = [splat(params.simd, 0.0); 2];
+        // The first mark begins far before the road, so every place has a mark.
         for k in station_indices(stations) {
             let mark = select(
                 is_oncoming,

@@ -1,6 +1,6 @@
 //! Vehicles that a program drives by pedals and wheel angles; see `overtaking.sim.reference.pedal_driving`.
 //!
-//! There is one simulation, and every lane of a vector holds it. Only `update_weather` has different numbers in the
+//! There is one simulation, and every lane of a SIMD vector holds it. Only `update_weather` has different numbers in the
 //! lanes: the wind in the axes of different vehicles.
 
 use std::array;
@@ -31,7 +31,7 @@ macro_rules! table_fields {
         /// Fields that a tick changes, in the order of the rows of a table.
         pub const TABLE_FIELDS: &[&str] = &[$(stringify!($field)),*];
 
-        /// Write the table, (field, vehicle), to every lane of the state.
+        /// Read the table, (field, vehicle), into every lane of the state. A simulation has at least one vehicle.
         #[inline(always)]
         fn read_table<S: Simd, const N: usize>(state: &mut State<S, N>, table: &[f32], simd: S) {
             let mut rows = table.chunks_exact(table.len() / TABLE_FIELDS.len());
@@ -40,7 +40,7 @@ macro_rules! table_fields {
             })*
         }
 
-        /// Write one lane of the state to each column of the table.
+        /// Write the state to the table, each column from one lane.
         ///
         /// `lane_of` maps the slot of a vehicle to the lane with its numbers; the columns of vehicles without a lane
         /// stay unchanged.
@@ -60,6 +60,7 @@ macro_rules! table_fields {
     };
 }
 
+// The vehicles have no model driver, but `update_random_processes` draws the errors of drivers together with the gusts.
 table_fields! {
     motion.s, motion.d, motion.heading, motion.vx, motion.vy, motion.yaw_rate, controls.wheel_angle,
     controls.requested_accel, motion.accel_lon, motion.accel_lat, noise.gust, noise.distance_error,
@@ -111,7 +112,8 @@ pub enum TickPart<'a> {
     },
 }
 
-/// Slots that few vehicles get. More vehicles get `MAX_VEHICLES` slots: a third size would take long to compile.
+/// Number of slots for up to as many vehicles. More vehicles get `MAX_VEHICLES` slots: a third size would take long to
+/// compile.
 const FEW_SLOTS: usize = SLOT_CAPACITIES[0];
 
 /// Compute a part of a tick for the vehicles of a table, (field, vehicle), whose rows are `TABLE_FIELDS`.
@@ -245,12 +247,12 @@ struct Contact {
     time: f32,
 }
 
-/// Partner of a body that has touched another body in an earlier pair: any slot but 0 and 1, the slots of a pair.
+/// Partner of a body that has touched a body of an earlier pair: neither `NO_SLOT` nor 0 or 1, the slots of this pair.
 const SLOT_OF_ANOTHER_PAIR: f32 = 2.0;
 
 /// Resolve the contacts of pairs, one pair after the other in the first two slots.
 ///
-/// In this way there may be any number of bodies, and of bodies that touch one of them.
+/// So the number of bodies is not limited by the number of slots.
 fn resolve_pairs<S: Simd>(
     simd: S,
     inputs: &Inputs<'_>,
@@ -291,7 +293,7 @@ fn resolve_pairs<S: Simd>(
             let vehicle = &mut params.vehicles[slot];
             (vehicle.half_length, vehicle.half_width) = (half_length, half_width);
             (vehicle.inverse_mass, vehicle.inverse_inertia) = (inverse_mass, inverse_inertia);
-            // All bodies have their positions in one frame, also on a road with oncoming traffic.
+            // The positions of all bodies have the same axes, also on a road with oncoming traffic.
             vehicle.travel_sign = splat(simd, 1.0);
             old_s[slot] = splat(simd, old_positions[body]);
             old_d[slot] = splat(simd, old_positions[num_bodies + body]);
@@ -346,16 +348,18 @@ fn resolve_pairs<S: Simd>(
 
 /// Draw gusts, and compute friction and wind of all vehicles until the next decision.
 ///
-/// Vehicles head anywhere, and the formulas of the wind hold in the axes of one vehicle. So sixteen vehicles at a time
-/// get a lane each: a lane has the wind in the axes of its vehicle, and only the numbers of that vehicle are read from
-/// it.
+/// The formulas of the wind hold in the axes of one vehicle, and the vehicles may head in any direction. So a pass of
+/// the loop computes all vehicles with a different wind in each lane: lane `k` has the wind in the axes of the vehicle
+/// in slot `first_slot + k`. Only the numbers of that vehicle are read from the lane.
 fn update_weather<S: Simd, const N: usize>(
     mut params: Params<S, N>,
     decision_index: u32,
     table: &mut [f32],
 ) {
+    // Every pass starts from the numbers before the tick.
     let old_table = table.to_vec();
     let ground_frame_weather = params.simulations;
+    // Reused, to allocate it once; nothing here reads it.
     let mut history = new_history();
     for first_slot in (0..params.num_slots_in_use).step_by(SIMD_LANES) {
         history = params.simd.vectorize(
@@ -405,6 +409,9 @@ fn set_wind_in_vehicle_axes<S: Simd, const N: usize>(
     }
 }
 
+/// The value of `VARIES`: pedal-driven vehicles move on straight and level ground.
+const ROAD_VARIES: bool = false;
+
 /// Move every vehicle by some steps, without detection of contacts.
 fn drive<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -423,20 +430,21 @@ fn drive<S: Simd, const N: usize>(
             }
             for _ in 0..num_steps {
                 for slot in 0..params.num_slots_in_use {
+                    // The step of 10 ms, the constant `step`.
                     let step_length = &params.derived.fine;
                     let (vx, accel) = (state.motion.vx[slot], state.motion.accel_lon[slot]);
                     // Speed in the middle of the step.
                     let speed = at_least(vx + step_length.half * accel, 0.0);
                     apply_throttle_and_brake(&mut state, params, slot, controls, speed);
                     let mid_angle = turn_wheels(&mut state, params, slot, controls, speed);
-                    let motion = vehicle_dynamics::compute_step::<S, N, false>(
+                    let motion = vehicle_dynamics::compute_step::<S, N, ROAD_VARIES>(
                         &mut state,
                         params,
                         slot,
                         mid_angle,
                         step_length,
                     );
-                    vehicle_dynamics::update_position::<S, N, false>(
+                    vehicle_dynamics::update_position::<S, N, ROAD_VARIES>(
                         &mut state,
                         params,
                         slot,
@@ -452,8 +460,8 @@ fn drive<S: Simd, const N: usize>(
 
 /// Set the acceleration that the pedals request of `vehicle_dynamics` at a speed.
 ///
-/// The dynamics add the resistance and apply the limits of engine, brakes and friction. Without a foot on a pedal the
-/// vehicle thus coasts.
+/// The dynamics add the resistance to the requested force and apply the limits of engine, brakes and friction. The
+/// resistance is subtracted here, so that a vehicle without a foot on a pedal coasts.
 #[inline(always)]
 fn apply_throttle_and_brake<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -477,6 +485,9 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
 
 /// Turn the front wheels towards an angle; a two-wheeler leans into the curve of that angle.
 ///
+/// `Controls::wheel_angle` of a two-wheeler is the lateral acceleration that its lean balances [m/s^2]. Its lean follows
+/// with a lag, so `wheel_rate` does not limit it.
+///
 /// Returns the wheel angle [rad], or the lateral acceleration of a two-wheeler [m/s^2], in the middle of the step.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
@@ -488,17 +499,17 @@ fn turn_wheels<S: Simd, const N: usize>(
 ) -> F32<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
     let friction = &state.friction_and_wind;
-    let start_angle = state.controls.wheel_angle[slot];
+    let start = state.controls.wheel_angle[slot];
     let requested_angle: F32<S> = splat(params.simd, controls.wheel_angle[slot]);
     let max_turn = controls.wheel_rate * constants.step;
-    let turn = clamp_to(requested_angle - start_angle, -max_turn, max_turn);
+    let turn = clamp_to(requested_angle - start, -max_turn, max_turn);
     // v^2 tan(angle) / wheelbase, the lateral acceleration on that curve.
     let (sine, cosine) = sincos(requested_angle);
     let accel_lat = speed * speed * sine / (cosine * vehicle.wheelbase);
     let max_accel = constants.gravity * 0.5 * (friction.mu_left[slot] + friction.mu_right[slot]);
-    let lean_error = clamp(accel_lat, -max_accel, max_accel) - start_angle;
+    let lean_error = clamp(accel_lat, -max_accel, max_accel) - start;
     let lean_change = lean_error * params.derived.fine.leaning;
     let change = select(vehicle.two_wheeler.simd_gt(0.0), lean_change, turn);
-    state.controls.wheel_angle[slot] = start_angle + change;
-    start_angle + 0.5 * change
+    state.controls.wheel_angle[slot] = start + change;
+    start + 0.5 * change
 }

@@ -13,8 +13,10 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps the direction of a wreck at rest finite [m/s].
 const MIN_SLIDING_SPEED: f32 = 1e-3;
-/// Smallest square of the largest lateral force: at full braking it keeps the divisor of the slip above 0 [N^2].
-const MIN_LATERAL_GRIP: f32 = 1.0;
+/// Smallest square of the largest lateral force [N^2].
+///
+/// `fiala_force` divides by that force, which would be 0 at full braking.
+const MIN_SQUARED_LATERAL_GRIP: f32 = 1.0;
 
 /// Length of a step, and motion and controls in its middle.
 struct MidStep<'a, S: Simd> {
@@ -22,9 +24,10 @@ struct MidStep<'a, S: Simd> {
     step_length: &'a StepLength,
     /// Speed, extrapolated by the acceleration of the last step [m/s].
     speed: F32<S>,
-    /// One over the speed, which is bounded from below [s/m].
+    /// One over the speed, or over `slip_speed` at lower speeds, where the equations of tyre slip are stiff [s/m].
     inverse_speed: F32<S>,
-    /// Front wheel angle [rad], or requested lean of a two-wheeler [m/s^2].
+    /// Front wheel angle [rad], or requested lean of a two-wheeler as the lateral acceleration that it balances
+    /// [m/s^2].
     wheel_angle: F32<S>,
     /// Air drag and rolling resistance [N].
     level_resistance: F32<S>,
@@ -167,7 +170,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Share of the friction that a requested longitudinal force may use [1].
     ///
     /// Traction control lets the engine use a smaller share than anti-lock brakes let the brakes use: driven wheels at
-    /// their limit could not keep the vehicle on course.
+    /// their limit could not keep the vehicle on course. A two-wheeler, a point mass without tyre slip, stays on course
+    /// without it.
     #[inline(always)]
     fn friction_share(self, force: F32<S>) -> F32<S> {
         let (constants, simd) = (&self.params.constants, self.params.simd);
@@ -195,7 +199,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let force_lon = left + right;
         // Friction circle: longitudinal and lateral force together are at most the grip.
         let grip = (mu_left + mu_right) * half_load;
-        let squared_lateral_grip = at_least(grip * grip - force_lon * force_lon, MIN_LATERAL_GRIP);
+        let squared_lateral_grip = at_least(
+            grip * grip - force_lon * force_lon,
+            MIN_SQUARED_LATERAL_GRIP,
+        );
         Axle {
             load,
             force_lon,
@@ -224,15 +231,17 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Loads and forces of both axles for a requested force [N].
     ///
-    /// The loads follow the acceleration of this step, which depends on the loads. It is estimated by the requested
-    /// force within the friction under the loads of the last step, minus the part of the last step's side force that
-    /// the turned wheels hold back.
+    /// The loads follow the acceleration of this step, which depends on the loads. An estimate of the acceleration
+    /// takes their place: the requested force, limited by friction under the loads of the last step, minus resistance
+    /// and the backward part of the side force at the turned front wheels.
     #[inline(always)]
     fn axles(self, force: F32<S>, mid: &MidStep<'_, S>) -> Axles<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
         let brakes = force.simd_lt(0.0);
+        // The acceleration of the last step contains the pull of the slope. It affects the estimate only where friction
+        // limits the force, and in `steering_loss`.
         let front_load_share = self.front_load_share(state.motion.accel_lon[slot]);
         let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
         let max_accel = self.friction_share(force) * self.max_friction_accel();
@@ -242,12 +251,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let front_accel = clamp(front_force_share * accel, -max_front, max_front);
         let rear_accel = clamp((1.0 - front_force_share) * accel, -max_rear, max_rear);
         let accel = front_accel + rear_accel;
+        // In steady cornering the front axle carries this share of the side force too; the angle stands for its sine.
         let steering_loss = select(
             is_two_wheeler,
             splat(params.simd, 0.0),
             state.motion.accel_lat[slot] * front_load_share * mid.wheel_angle,
         );
-        // The pull of a slope acts at the centre of gravity, so it shifts no load.
+        // The pull of a slope has no moment about the centre of gravity, so it is not subtracted. Air drag counts as if
+        // it acted at the road.
         let front_load_share = self
             .front_load_share(accel - mid.level_resistance * vehicle.inverse_mass - steering_loss);
         // Brakes follow the load, so that no axle locks before the other (required by UN R13-H).
@@ -279,6 +290,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let threshold = constants.stability_threshold;
         let error = error - clamp_to(error, -threshold, threshold);
         let max_moment = 0.25 * max_accel * vehicle.mass * vehicle.half_track;
+        // The moment that would remove the error within `stability_time`.
         let moment = -error * (1.0 / constants.stability_time) / vehicle.inverse_inertia;
         clamp(moment, -max_moment, max_moment)
     }
@@ -286,7 +298,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Advance the vehicle in `slot` by one step up to its new velocity, and store its mean accelerations.
 ///
-/// `wheel_angle` is the front wheel angle [rad], or the lean of a two-wheeler [m/s^2], in the middle of the step.
+/// `wheel_angle` is as in `MidStep`.
 /// `VARIES` is whether the road bends, rises or has several speed limits.
 #[inline(always)]
 pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
@@ -363,7 +375,9 @@ fn single_track_step<S: Simd, const N: usize>(
         + extra_moment;
     let yaw_accel = moment * vehicle.inverse_inertia;
 
-    // (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates), with the Jacobian J.
+    // (1 - h/2 J) (change of vy, change of the yaw rate) = h (rates). J is the derivative of the rates by side speed
+    // and yaw rate: slopes of the side forces, and the term speed * yaw_rate. It neglects terms of second order in the
+    // wheel angle, and stability control.
     let half_step = step_length.half;
     let front_arm = vehicle.cg_front * (front_slope * cosine);
     let rear_arm = vehicle.cg_rear * rear_slope;
@@ -377,7 +391,8 @@ fn single_track_step<S: Simd, const N: usize>(
     let vy_change = scale * (a22 * vy_rate - a12 * yaw_accel);
     let yaw_rate_change = scale * (a11 * yaw_accel - a21 * vy_rate);
 
-    // The side force of the front tyres in the middle of the step, which turned wheels hold back.
+    // The side force of turned front wheels points partly backwards, and so decelerates the vehicle. It is taken in the
+    // middle of the step.
     let slip_change = 0.5 * (vy_change + vehicle.cg_front * yaw_rate_change);
     let front_force_mid = front_tyre.force - front_slope * slip_change;
     let force_lon =
@@ -435,7 +450,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         motion_step.vx = select(stops, zero, motion_step.vx);
         motion_step.vy = select(stops, zero, motion_step.vy);
         motion_step.yaw_rate = select(stops, zero, motion_step.yaw_rate);
-        // From the present yaw rate to 0.
+        // The yaw rate falls from its present value to 0 during the step.
         motion_step.mean_yaw_rate = select(
             stops,
             0.5 * state.motion.yaw_rate[slot],
@@ -446,8 +461,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Move the vehicle in `slot` by the mean of the old and the new velocity, and store the new motion.
 ///
-/// In a bend the road turns under the vehicle by its curvature times the driven distance. A wreck slides straight on
-/// with locked wheels, however it and the road turn, and comes to rest.
+/// Each vehicle measures `s` in its own direction of travel. In a bend the road turns under the vehicle by its
+/// curvature times the driven distance. A wreck with locked wheels keeps the direction of its velocity over ground
+/// until it rests, even if its body or the road turns.
 #[inline(always)]
 pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
@@ -474,9 +490,12 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     motion.heading[slot] += step_length.length * mean_yaw_rate;
     let mut sliding_velocity = (along, across);
     if VARIES {
+        // The new speed along the road depends on this turn, so the mean speed is extrapolated instead. The angle to
+        // the road is neglected in it.
         let road_turn = step_length.length
             * (state.road.curvature[slot] * (along + step_length.half * motion.accel_lon[slot]));
         motion.heading[slot] -= road_turn;
+        // The axes of the road turn by `road_turn`, so a constant velocity turns back against them.
         let (sine, cosine) = sincos(road_turn);
         sliding_velocity = (
             along * cosine + across * sine,
@@ -515,8 +534,10 @@ struct WreckSlide<S: Simd> {
     kept_share: F32<S>,
 }
 
-/// Slide a wreck in `slot`, and store its accelerations: friction takes a share of its speed, and turns against its
-/// spin.
+/// Slide a wreck in `slot`, and store its accelerations.
+///
+/// Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The moment is that of a body that
+/// only spins, with its weight at half the wheelbase from the centre.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<S, N>,

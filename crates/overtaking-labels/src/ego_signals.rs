@@ -12,20 +12,21 @@ use crate::recording::{
 };
 use crate::vectors::{F32, at_least, at_most, max, min, select, splat};
 
-/// Steps of Newton's method for the range of a lamp: five give a relative error below 1e-6
+/// Steps of Newton's method for the range of a lamp: five give a relative error below 1e-6, and three more are a reserve
 /// (`overtaking.world.visibility`).
 const MAX_NEWTON_STEPS: usize = 8;
 /// Keeps ranges finite in clear air [1/m].
 const MIN_EXTINCTION: f32 = 1e-7;
-/// Margin of optical depth. The range of a lamp is not computed if the lamp exceeds the threshold of the eye at the
-/// attention range by more than this. Newton's method ends within a thousandth of the range; the margin is ten times as
-/// large.
+/// Least reserve with which a lamp is visible at the attention range, so that its own range need not be computed.
+///
+/// The reserve is a logarithm of intensity over the threshold of the eye. The errors of Newton's method and of the
+/// logarithm are far smaller, so the range would exceed the attention range for certain.
 const LAMP_DEPTH_MARGIN: f32 = 0.01;
 
 /// Compute the signals of a batch.
 ///
-/// `zero_from` holds the frame from which on the rows of `out` are zero in each simulation, and is updated. Callers use
-/// `out` again for the next batch, and only rows before that frame have to be cleared.
+/// Callers use `out` again for the next batch. `zero_from` holds, for each simulation, the frame from which on its rows
+/// in `out` are zero, so that only the frames before have to be cleared; it is updated.
 pub fn ego_signals(
     recording: &PackedRecording<'_>,
     visibility: &VisibilityInputs<'_>,
@@ -51,7 +52,7 @@ pub fn ego_signals(
     });
 }
 
-/// Lateral speed of a vehicle that is recorded in every frame, positive to the left [m/s].
+/// Lateral speed of a vehicle that is recorded in every frame, positive to the left, the overtaking side [m/s].
 ///
 /// A central difference over `half_window` frames on either side, one-sided at both ends of the recording.
 pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
@@ -61,7 +62,8 @@ pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &m
     let near_an_end = |frame: usize| {
         let later = (frame + half).min(last);
         let earlier = frame.saturating_sub(half).min(last);
-        // Wraps as NumPy does, so that positions of any recording give the same bits in both languages.
+        // Wraps as NumPy does in the twin in Python, so that any recording gives the same bits in both. Millimetres in
+        // milliseconds are metres in seconds.
         let d_change = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
         recording.overtaking_sign * (d_change / elapsed)
@@ -88,7 +90,7 @@ pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &m
 struct LampRange<S: Simd> {
     /// Distance at which a lamp reaches the threshold of the eye [m].
     range: Option<F32<S>>,
-    /// Twice the logarithm of the attention range.
+    /// Twice the logarithm of the attention range [m], which Allard's law compares with `lamp_depth`.
     attention_depth: Option<F32<S>>,
 }
 
@@ -183,7 +185,7 @@ impl<S: Simd> EgoFrames<'_, S> {
         let (simd, visibility) = (self.block.simd, self.visibility);
         let simulation = self.block.simulation;
         let attention_range = visibility.attention_range;
-        // A driver that moves meets more drops than an observer at rest.
+        // A driver that moves meets more drops than an observer at rest: by the speed over that of the drops.
         let rain = visibility.rain[simulation] * (1.0 + speed / visibility.constants.rain_speed);
         let extinction = visibility.fog[simulation] + rain;
         let contrast_range =
@@ -196,8 +198,11 @@ impl<S: Simd> EgoFrames<'_, S> {
             };
         }
         // Extinction depends on the speed only in rain; without rain one range holds for all frames.
-        let lamp = if let (Some(lamp), 0.0) = (lamp_range.range, visibility.rain[simulation]) {
-            lamp
+        let earlier_range = lamp_range
+            .range
+            .filter(|_| visibility.rain[simulation] == 0.0);
+        let lamp = if let Some(range) = earlier_range {
+            range
         } else if self.exceeds_attention_range(extinction, lamp_range) {
             splat(simd, attention_range)
         } else {
@@ -219,9 +224,9 @@ impl<S: Simd> EgoFrames<'_, S> {
             None => 2.0 * log(splat(self.block.simd, visibility.attention_range)),
         };
         lamp_range.attention_depth = Some(attention_depth);
-        let excess = attention_depth + extinction * visibility.attention_range
+        let lacking_depth = attention_depth + extinction * visibility.attention_range
             - visibility.lamp_depth[self.block.simulation];
-        excess.simd_lt(-LAMP_DEPTH_MARGIN).all_true()
+        lacking_depth.simd_lt(-LAMP_DEPTH_MARGIN).all_true()
     }
 
     /// Distance at which a lamp reaches the threshold of the eye, by Allard's law [m].
@@ -231,8 +236,9 @@ impl<S: Simd> EgoFrames<'_, S> {
     fn lamp_range(&self, extinction: F32<S>) -> F32<S> {
         let depth = self.visibility.lamp_depth[self.block.simulation];
         let clear_range = self.visibility.lamp_clear[self.block.simulation];
-        // Start of the iteration: the range in clear air is an upper bound; in dense fog 4 / extinction is nearer to
-        // the solution. 1e-6 only keeps the quotient finite, as a larger one is not the minimum.
+        // The iteration starts at the range in clear air, or at an optical depth of 4 if that is nearer: in the
+        // thickest fog, lamps of 1 to 500 cd have ranges at optical depths of 2 to 10. The bound of 1e-6 avoids a
+        // division by 0. It gives 4000 km, so the range in clear air is then the smaller one.
         let mut range = min(
             splat(self.block.simd, clear_range),
             4.0 / at_least(extinction, 1e-6),
@@ -250,7 +256,7 @@ impl<S: Simd> EgoFrames<'_, S> {
         range
     }
 
-    /// Write the slot of the nearest vehicle in each role; of vehicles at one distance the first slot counts.
+    /// Write the slot of the nearest vehicle in each role; of vehicles at equal distances the first slot counts.
     #[inline(always)]
     fn nearest_vehicles(&self, out: &mut EgoSignals<'_>) {
         let (block, recording) = (&self.block, self.block.recording);
@@ -270,12 +276,14 @@ impl<S: Simd> EgoFrames<'_, S> {
             }
             let other_lead = block.load(recording.s[row]) - ego_s;
             let lane = block.load(recording.lane[row]);
+            // A valid vehicle may have no state in some frames.
             let counts = block.has_state(row) & ego_is_on_road & lane.simd_lt(num_lanes);
             let (lane_shift, is_ahead) = (lane - ego_lane, other_lead.simd_ge(0));
             let distance = is_ahead.select(other_lead, -other_lead);
             let slot = block.int(slot as i32);
             let lane_pairs = nearest.as_chunks_mut::<2>().0.iter_mut();
-            // The order of `NeighbourRole`: own lane, left, right; in each the leader, then the follower.
+            // The order of `NeighbourRole`: own lane, left, right; in each the leader, then the follower. Lanes count
+            // towards the overtaking side, which is called left.
             for (pair, shift) in lane_pairs.zip([0, 1, -1]) {
                 let is_in_lane = counts & lane_shift.simd_eq(shift);
                 if !is_in_lane.any_true() {

@@ -1,7 +1,7 @@
 //! Surrogate measures of safety between the ego and its neighbours: TTC, MTTC, DRAC, PICUD, RSS and the lawful gap.
 //!
-//! Formulas and their sources are in `overtaking.world.surrogate_safety` and `overtaking.labels.law.distances`; the
-//! operations here have the same order.
+//! `overtaking.world.surrogate_safety` has the same formulas and names their sources. The operations here have the same
+//! order as there, so that both give the same bits.
 
 use std::ops::Range;
 
@@ -18,10 +18,11 @@ use crate::vectors::{
     F32, Mask, SIMD_LANES, assign_where, at_least, at_most, max, min, select, splat,
 };
 
-/// Speed below which two vehicles do not approach each other; keeps divisions finite [m/s].
-const MIN_RELATIVE_SPEED: f32 = 1e-20;
+/// Divisors up to this count as 0, such as speeds [m/s]. Quotients then stay far below 3e38, where `f32` ends. Chosen:
+/// far below any speed that matters.
+const MIN_DIVISOR: f32 = 1e-20;
 
-/// Hand the fields of `LawNumbers` to a macro: meaning, name and type.
+/// Hand the fields of `LawNumbers` to a macro: meaning, name and type. The binding to Python reads the same fields.
 #[macro_export]
 macro_rules! with_law_numbers {
     ($then:ident!) => {
@@ -36,9 +37,9 @@ macro_rules! with_law_numbers {
             reaction_time: f32,
             /// Time before the ego brakes for an obstacle in sight [s].
             stop_reaction_time: f32,
-            /// Frames within which the ego may regain a gap that a cut-in has taken.
+            /// Frames after a cut-in ahead of the ego within which it may restore its gap.
             regain_frames: usize,
-            /// Time gap from the target to the ego ahead of it that suffices for a return [s].
+            /// Time gap of the target behind the ego that suffices for the ego's return [s].
             time_gap: f32,
             /// Time within which the ego must not reach the leader in the lane of its return [s].
             free_time: f32,
@@ -100,6 +101,7 @@ impl LawNumbers {
         let leader_speed = rear_speed - closing_speed;
         let twice_decel = 2.0 * decel;
         let rear_stop = rear_speed * (self.reaction_time + rear_speed / twice_decel);
+        // PICUD with a gap of 0, with the reversed sign; the order of operations is that of `picud`.
         let remaining = 0.0 - rear_stop + leader_speed * leader_speed / twice_decel;
         at_least(-remaining, 0.0)
     }
@@ -123,17 +125,17 @@ impl LawNumbers {
         at_least(reaction + stop - leader_stop, 0.0)
     }
 
-    /// Whether a TTC counts as exposure.
+    /// Whether a TTC counts as exposure. A TTC of 0 does not: the collision has happened.
     #[inline(always)]
     fn is_critical<S: Simd>(&self, ttc: F32<S>) -> Mask<S> {
         ttc.simd_gt(0.0) & ttc.simd_le(self.critical_ttc)
     }
 }
 
-/// Time to cover a gap at a speed, infinite at standstill [s]. At the closing speed it is the TTC.
+/// Time to cover a gap at a speed [s]: infinite at standstill, 0 without a gap. At the closing speed it is the TTC.
 #[inline(always)]
 fn time_gap<S: Simd>(gap: F32<S>, speed: F32<S>) -> F32<S> {
-    let is_moving = speed.simd_gt(MIN_RELATIVE_SPEED);
+    let is_moving = speed.simd_gt(MIN_DIVISOR);
     let time = at_least(gap, 0.0) / select(is_moving, speed, splat(gap.simd, 1.0));
     select(
         is_moving | gap.simd_le(0.0),
@@ -149,12 +151,13 @@ fn mttc<S: Simd>(gap: F32<S>, closing_speed: F32<S>, closing_accel: F32<S>) -> F
     let distance = at_least(gap, 0.0);
     let discriminant = closing_speed * closing_speed + 2.0 * closing_accel * distance;
     let root = at_least(discriminant, 0.0).sqrt();
-    // Of the two forms of the solution of a quadratic equation, each sign of the closing speed takes the one that does
-    // not subtract nearly equal numbers.
+    // The earlier root of accel t^2 / 2 + speed t = distance is 2 distance / (speed + root) = (root - speed) / accel. The
+    // first form subtracts numbers if the speed is negative, the second if it is positive: differences of nearly equal
+    // numbers would be inexact.
     let is_opening = closing_speed.simd_lt(0.0);
     let denominator = select(is_opening, closing_accel, closing_speed + root);
     let numerator = select(is_opening, root - closing_speed, 2.0 * distance);
-    let collides = discriminant.simd_ge(0.0) & denominator.simd_gt(MIN_RELATIVE_SPEED);
+    let collides = discriminant.simd_ge(0.0) & denominator.simd_gt(MIN_DIVISOR);
     let time = numerator / select(collides, denominator, splat(simd, 1.0));
     let time = select(collides, time, splat(simd, f32::INFINITY));
     select(gap.simd_le(0.0), splat(simd, 0.0), time)
@@ -199,7 +202,7 @@ pub(crate) const WORST_MEASURES: [&str; 21] = [
 ];
 
 impl TrackScan<'_> {
-    /// The worst value of each measure over a span, 0 without a vehicle.
+    /// The worst value of each measure over a span, 0 without a vehicle; margins and counts are those with the leader.
     pub(crate) fn worst_measures<S: Simd>(
         &self,
         simd: S,
@@ -254,6 +257,7 @@ impl TrackScan<'_> {
         let ego_accel: F32<S> = block.load_ints(track.accel[0]).to_float();
         let accel: F32<S> = neighbour.slots.gather(block, track.accel).to_float();
         let (ego_accel, accel) = (ego_accel * METRES_PER_MM, accel * METRES_PER_MM);
+        // The speed of a follower is the ego's plus the closing speed.
         let (rear_speed, closing_accel) = if role == LEADER {
             (ego_speed, ego_accel - accel)
         } else {
@@ -400,6 +404,7 @@ impl<S: Simd> FollowingMargins<S> {
             assign_where(smallest, exists, smaller);
         }
         let zero = splat(block.simd, 0.0);
+        // Lanes beyond the span repeat its last frame, so counts visit the frames of the span only.
         if (exists & lawful_margin.simd_lt(0.0)).any_true() {
             let margin = select(exists, lawful_margin, zero);
             block.for_each_frame(margin, |margin, _| {
@@ -412,6 +417,7 @@ impl<S: Simd> FollowingMargins<S> {
             block.for_each_frame(shortfall, |shortfall, _| {
                 self.shortfall += f64::from(shortfall);
             });
+            // Not by the shortfall, which is 0 for a TTC equal to the limit.
             let flag = select(is_critical, splat(block.simd, 1.0), zero);
             block.for_each_frame(flag, |flag, _| {
                 self.num_critical += usize::from(flag > 0.0);
@@ -471,7 +477,7 @@ pub fn encounter_measures(pairs: &[EncounterPair], level: Level, out: &mut [f32]
 }
 
 impl EncounterBlock {
-    /// Write one encounter; gap and closing speed are 0 without a neighbour.
+    /// Write one encounter. Without a neighbour the ego takes its place, with a gap of 0: all measures are then 0.
     fn set_lane(&mut self, lane: usize, pair: &EncounterPair) {
         let (ego, neighbour) = (pair.ego, pair.neighbour.unwrap_or(pair.ego));
         let half_length_sum = ego.half_length + neighbour.half_length;

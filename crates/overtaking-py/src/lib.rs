@@ -1,4 +1,4 @@
-//! Python binding of `overtaking-core`, of `overtaking-labels`, and of tiny-skia, which draws films.
+//! Python binding of `overtaking-core`, of `overtaking-labels`, and of tiny-skia, which draws the frames of videos.
 //!
 //! Arrays of Python are read and filled in place.
 
@@ -30,6 +30,8 @@ use crate::inputs::{borrow_output, expect_length};
 use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// Borrow every output array, and call `$body` with an `Output` over them.
+///
+/// `with_outputs!` supplies the second group, output arrays, and the states of vehicles after the groups.
 macro_rules! borrow_outputs {
     (
         {
@@ -63,8 +65,8 @@ pub(crate) fn with_borrowed_outputs<R>(
     with_outputs! { borrow_outputs! { outputs, batch, num_slots, frames, run } }
 }
 
-/// Parameters of vehicles and of simulations, scenario indices, judgement errors of the egos, and the step from which
-/// they hold.
+/// Parameters of vehicles and of simulations, scenario indices, errors of the egos in judging distance and speed, and the
+/// step from which they hold.
 type SwitchArrays<'a> = (
     PyReadonlyArray1<'a, f32>,
     PyReadonlyArray1<'a, f32>,
@@ -80,10 +82,10 @@ type SwitchArrays<'a> = (
 ///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
 ///     outputs: Flat arrays by name.
 ///     switches: For each step at which parameters change: vehicle and simulation parameters,
-///         indices of the scenarios, judgement errors of the egos (2, simulation) or None, and the
-///         step.
+///         indices of the scenarios, errors of the egos in judging distance and speed
+///         (2, simulation) or None, and the step.
 ///     action_log: Kind and numbers of the actions of an external driver of the ego, (simulation,
-///         action, part).
+///         decision, part).
 ///     level: SIMD level; None for the best of this CPU.
 ///
 /// Raises:
@@ -136,8 +138,9 @@ fn simulate(
             switch.scenario_index.len(),
             batch,
         )?;
-        let num_errors = switch.judgement_errors.map_or(2 * batch, <[f32]>::len);
-        expect_length("switches: judgement_errors", num_errors, 2 * batch)?;
+        if let Some(errors) = switch.judgement_errors {
+            expect_length("switches: judgement_errors", errors.len(), 2 * batch)?;
+        }
     }
     let action_log = action_log
         .as_ref()
@@ -155,8 +158,9 @@ fn simulate(
                 simulate_at(level, &inputs, &switches, out)
             })
         };
-        with_borrowed_outputs(outputs, (batch, num_slots, frames), run)??
-            .map_err(PyValueError::new_err)
+        // The errors of the output arrays, of the threads, and of the simulation.
+        let simulated = with_borrowed_outputs(outputs, (batch, num_slots, frames), run)??;
+        simulated.map_err(PyValueError::new_err)
     })
 }
 
@@ -190,7 +194,7 @@ fn read_action_log<'a>(
 fn simd_levels() -> Vec<(&'static str, bool)> {
     overtaking_core::simd_levels()
         .into_iter()
-        .map(|(name, is_known)| (name, is_known && is_compiled(name)))
+        .map(|(name, is_supported)| (name, is_supported && is_compiled(name)))
         .collect()
 }
 
