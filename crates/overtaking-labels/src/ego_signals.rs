@@ -185,7 +185,7 @@ impl<S: Simd> EgoFrames<'_, S> {
         let (simd, visibility) = (self.block.simd, self.visibility);
         let simulation = self.block.simulation;
         let attention_range = visibility.attention_range;
-        // A driver that moves meets more drops than an observer at rest: by the speed over that of the drops.
+        // A driver that moves meets more drops than an observer at rest; `rain_speed` is the speed of the drops.
         let rain = visibility.rain[simulation] * (1.0 + speed / visibility.constants.rain_speed);
         let extinction = visibility.fog[simulation] + rain;
         let contrast_range =

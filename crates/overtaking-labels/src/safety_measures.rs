@@ -101,7 +101,7 @@ impl LawNumbers {
         let leader_speed = rear_speed - closing_speed;
         let twice_decel = 2.0 * decel;
         let rear_stop = rear_speed * (self.reaction_time + rear_speed / twice_decel);
-        // PICUD with a gap of 0, with the reversed sign; the order of operations is that of `picud`.
+        // PICUD with a gap of 0 and the reversed sign; `picud` has the same order of operations.
         let remaining = 0.0 - rear_stop + leader_speed * leader_speed / twice_decel;
         at_least(-remaining, 0.0)
     }
