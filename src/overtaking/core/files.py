@@ -38,7 +38,8 @@ def unreadable_error(
 ) -> OvertakingError | None:
     """Translate an exception from reading a file if the system did not let this process read it.
 
-    Such a file may be intact, so the message advises to try again, and not to replace the file.
+    A file that cannot be read may be intact, so the message advises to try again, and not to
+    replace the file.
 
     Args:
         error: The exception.
@@ -175,9 +176,7 @@ def atomic_file(path: Path) -> Generator[Path]:
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    # Hidden by its dot, and unique, because several processes may write this file. Chosen: 8 digits
-    # keep the name short, because names of files have at most 255 bytes.
-    partial = path.with_name(f".{path.stem}.{uuid4().hex[:8]}.partial{path.suffix}")
+    partial = _unique_neighbour(path, path.stem, path.suffix)
     try:
         yield partial
         # First force the content to the disk: after a power failure, the new name must not belong
@@ -186,8 +185,8 @@ def atomic_file(path: Path) -> Generator[Path]:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
-        # Errors of `os.fsync` name no file. An error about another file, such as an input that the
-        # block reads, stays as it is.
+        # Errors of `os.fsync` name no file, so any error without a name counts as one of `path`. An
+        # error about another file, such as an input that the block reads, stays as it is.
         if error.filename in (None, str(partial)):
             raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise
@@ -214,18 +213,21 @@ def atomic_folder(out: Path) -> Generator[Path]:
     """Make a folder that appears under its name only if the block of `with` succeeds.
 
     Args:
-        out: The folder to make. It does not exist, or is empty.
+        out: The folder to make. It does not exist, or is an empty folder or a link to one; the
+            link then stays and leads to the new folder.
 
     Yields:
         A temporary folder beside `out`, which the block fills. It is deleted if the block fails.
 
     Raises:
         ConfigError: `out` is a file, a link to nothing, or a folder with files.
-        OSError: The folder cannot be made or renamed, or `out` is a link to an empty folder.
+        OSError: The folder cannot be made or renamed.
     """
     check_folder_is_free(out)
+    if out.is_symlink():  # `rmdir` below would refuse the link, after all the work of the block.
+        out = out.resolve()
     out.parent.mkdir(parents=True, exist_ok=True)
-    folder = out.with_name(f".{out.name}.{uuid4().hex}.partial")
+    folder = _unique_neighbour(out, out.name)
     folder.mkdir()
     try:
         yield folder
@@ -235,6 +237,15 @@ def atomic_folder(out: Path) -> Generator[Path]:
         fsync_folder(out.parent)
     finally:
         shutil.rmtree(folder, ignore_errors=True)  # After success the folder has its final name.
+
+
+def _unique_neighbour(path: Path, name: str, suffix: str = "") -> Path:
+    """A temporary path in the same folder, hidden by its dot.
+
+    It is unique, because several processes may write the same path. Chosen: 8 digits keep the name
+    short, because names have at most 255 bytes.
+    """
+    return path.with_name(f".{name}.{uuid4().hex[:8]}.partial{suffix}")
 
 
 def check_folder_is_free(out: Path) -> None:

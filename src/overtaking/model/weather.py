@@ -7,8 +7,8 @@ questions: the same scene without rain, fog, wind, night or glare.
 Percentages are the settings of the simulator CARLA, 0 to 100 without physical meaning; `world`
 converts them, such as 100 % of rain to a rate in mm/h. `FieldSpec` declares description, unit,
 smallest and largest value of a field; `missing` is a further value, which is null in tables.
-`AxisEnd` limits an index by the number that `axis_lengths` states. `with_field_docs` lists the
-fields in the docstring of the class.
+`AxisEnd` limits an index to less than the number that `axis_lengths` states. `with_field_docs`
+lists the fields in the docstring of the class.
 """
 
 import math
@@ -37,7 +37,7 @@ class LateralPushes(Batch):
     where the study (`pinto-2023` in docs/reference/sources.md) was made, weather does not act on
     vehicles. Every vehicle is pushed to the leeward side, the more often the more rain and wind
     there is; `docs/explanation/pushes.md` has the formula. Weather reduces sight only under the
-    conditions of `sight_distance`, which are the study's.
+    three conditions of the field `sight_distance`, each of which suffices; they are the study's.
     """
 
     accel: Annotated[float, FieldSpec("Lateral acceleration of a push", "m/s^2", 0.0, 50.0)]
@@ -68,7 +68,8 @@ class Weather(Batch):
 
     The direction of travel is the ego's, along the road. Where weather is drawn, `night` is true
     for a negative altitude of the sun, and `low_sun` follows from the position of the sun and the
-    clouds. Recordings may state these two flags themselves; readers then assume a position.
+    clouds. Recordings may state these two flags themselves; the modules that read them then assume
+    a position of the sun.
     """
 
     preset: Annotated[
@@ -85,6 +86,7 @@ class Weather(Batch):
     rain: Annotated[F32, FieldSpec("CARLA's precipitation", "%", 0.0, 100.0)]
     puddles: Annotated[F32, FieldSpec("CARLA's precipitation deposits", "%", 0.0, 100.0)]
     wind: Annotated[F32, FieldSpec("CARLA's wind intensity", "%", 0.0, 100.0)]
+    # Directions may count from -pi to pi, as drawn ones do, or from 0 to 2 pi.
     wind_direction: Annotated[
         F32,
         FieldSpec(
@@ -120,9 +122,9 @@ class Weather(Batch):
         """The same weather without some factors.
 
         Args:
-            factors: Names in `REMOVABLE_FACTORS`; their order has no effect. Without rain there are
-                no puddles, and where it rained no clouds either. Without night the sun stands high
-                where it was night, and without glare where it was day.
+            factors: Names in `REMOVABLE_FACTORS`; their order has no effect. "rain" also removes
+                all puddles, and the clouds of simulations with rain. "night" puts the sun high in
+                simulations at night, "glare" in simulations by day.
 
         Returns:
             The weather with preset `NO_PRESET`; without any factor, the weather itself.
@@ -165,17 +167,27 @@ def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
-        azimuth: Direction of the sun, anticlockwise from the direction of travel, -pi to pi, the
-            same shape [rad].
+        azimuth: Direction of the sun, anticlockwise from the direction of travel, the same shape
+            [rad].
         cloudiness: Clouds, the same shape [%].
     """
-    is_ahead = np.abs(azimuth) < constant("weather.glare.half_width")
+    is_ahead = sun_angle_ahead(azimuth) < constant("weather.glare.half_width")
     return can_sun_dazzle(altitude, cloudiness) & is_ahead
 
 
+def sun_angle_ahead(azimuth: F32) -> F32:
+    """Horizontal angle between the direction of travel and the sun, 0 to pi [rad].
+
+    Args:
+        azimuth: Direction of the sun from the direction of travel, -2 pi to 2 pi, any shape [rad].
+    """
+    angle = np.abs(azimuth)
+    return np.where(angle > np.float32(np.pi), np.float32(math.tau) - angle, angle)
+
+
 _HIGH_SUN = np.float32(np.pi / 4)
-"""Altitude of a sun that neither dazzles nor leaves twilight: 45 degrees, as in CARLA's presets of
-noon [rad]."""
+"""Altitude of the sun without night or without glare [rad]: 45 degrees, as in CARLA's presets of
+noon. Glare ends at 18 degrees."""
 
 
 def _without_wind(weather: Weather) -> Weather:
@@ -191,7 +203,8 @@ def _without_rain(weather: Weather) -> Weather:
     zero = np.zeros_like(weather.rain)
     is_rainy = weather.rain > 0
     clouds = np.where(is_rainy, zero, weather.cloudiness)
-    # Only where clouds vanish: recordings may state glare that their assumed sun does not explain.
+    # Elsewhere the flag stays as stated: a recording with a stated flag has an assumed position of
+    # the sun, from which the flag need not follow.
     dazzles = ~weather.night & is_dazzling(weather.sun_altitude, weather.sun_azimuth, clouds)
     low_sun = np.where(is_rainy, dazzles, weather.low_sun)
     return weather.replace(rain=zero, puddles=zero, cloudiness=clouds, low_sun=low_sun)

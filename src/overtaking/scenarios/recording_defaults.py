@@ -2,9 +2,10 @@
 
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
 its driver. Importers of recordings (`recordings`, `data.tables.restore`) fill the missing fields
-from here. They list the groups of such fields, for example "weather", in `Trajectories.unknown`, so
-that no result depends on them. The default values depend on recorded quantities only, so a
-recording has the same ones at its import and when its file is read again.
+from here. The importers list the groups of these fields, for example "weather", in
+`Trajectories.unknown`; results that need such a group are then null. The default values depend on
+recorded quantities only: a recording gets the same ones when it is imported and when its data set
+is read again.
 """
 
 from typing import Any
@@ -19,8 +20,8 @@ from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.vehicle_sampling import typical_vehicles
 
 DEFAULT_KIND = VehicleKind.MEDIUM_CAR
-"""Type of a vehicle without a type in a recording that states the types of other vehicles. Where a
-recording states no type at all, `kinds_by_length` guesses the types."""
+"""Type of a vehicle without a type in a recording that states types of other vehicles, whatever its
+length: a choice. Where a recording states no types, `kinds_by_length` guesses all of them."""
 
 _SUN_ALTITUDE = np.float32(0.8)
 """Height of the sun [rad], 46 degrees, a choice: by day, and too high to dazzle drivers, because
@@ -34,8 +35,9 @@ def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
     """Guess vehicle types from lengths where a source states at most "car" and "truck".
 
     Cars are small, medium or large, with limits half-way between the typical lengths of these
-    classes. A vehicle without a stated type is a truck from half-way between the lengths of van and
-    truck on, otherwise a car. Vans, motorcycles and bicycles are not distinguished.
+    classes. A vehicle without a stated type is a truck if it is at least as long as the mean of the
+    typical lengths of van and truck, otherwise a car. The result is never a van, a motorcycle or a
+    bicycle.
 
     Args:
         length: Length, bumper to bumper, shape (vehicle,) [m].
@@ -46,6 +48,7 @@ def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
     Returns:
         Codes of `VehicleKind`, the same shape.
     """
+    # In metres, because `number` is in SI units.
     small, medium, large, van, truck = (
         float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
     )

@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 
 SUN_AHEAD = number("sampling.weather.sun_ahead")
 """If the sun of a preset is low enough to dazzle, its direction is within this angle of the
-direction of travel [rad]. A choice: 10 degrees, because in the study the sun of the preset
-ClearSunset is at the driver's eye level."""
+direction of travel [rad], 10 degrees. The size is a choice, below the 25 degrees up to which the
+sun dazzles. So such a preset always dazzles: in the study the sun of ClearSunset is at the driver's
+eye level."""
 
 RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
 """Smallest cloudiness with rain [%], 60: the smallest among the study's presets with rain. Under so
@@ -52,7 +53,7 @@ many clouds the sun does not dazzle (`can_sun_dazzle`), so independent weather h
 """
 
 MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
-"""Smallest percentage of water on the road, over the percentage of rain [1], a choice."""
+"""Smallest percentage of water on the road, over the percentage of rain [1], 0.5, a choice."""
 
 _MIN_TAIL = np.float32(2.0**-24)
 """Smallest 1 - u of which a logarithm is taken, to keep it finite. Uniform numbers u stay 2^-24 or
@@ -82,11 +83,11 @@ def draw_weather(
     Args:
         section: Section `[weather]` of a specification.
         stream: The stream `Stream.WEATHER`, before its first draw.
-        transform: Called with the name and the random numbers of each quantity of independent
-            weather that importance sampling can replace; returns the numbers to use. By default
-            they stay. The direction of the wind cannot be replaced: it has no name in
-            `specification.PROPOSAL_UNIFORMS`.
+        transform: Takes the name of a quantity of independent weather and its random numbers, and
+            returns the numbers to use. By default they are the same. Importance sampling replaces
+            quantities in `specification.PROPOSAL_UNIFORMS`, so not the direction of the wind.
     """
+    # All numbers come from one stream: another order would change the weather of every seed.
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
     sun_u = stream.uniform()
     if isinstance(section, PresetWeather):
@@ -170,7 +171,7 @@ def _independent_weather(
         sun_u: Uniform numbers in (0, 1) that decide the direction of the sun, shape (simulation,).
         transform: Returns the numbers to use in place of the random numbers with a name.
     """
-    # All numbers come from one stream: another order would change the weather of every seed.
+    # The order of the draws is fixed, see `draw_weather`.
     is_rainy = transform("rains", stream.uniform()) < np.float32(section.rain_probability)
     u = transform("rain", stream.uniform())
     rain = _quantity_from_uniform(
@@ -215,7 +216,8 @@ def _independent_weather(
 def _is_night(altitude: F32) -> Mask:
     """Whether the sun is below the horizon, a choice: drawn weather has no dusk.
 
-    Recordings state the night themselves, and may have a dusk.
+    A recording states the flag `Weather.night` itself. If it is false with the sun below the
+    horizon, the model has dusk.
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].

@@ -108,7 +108,8 @@ def sight_at(road: Road, s: ArrayLike, direction: int = 1) -> F64:
     """
     visible = visible_distance(road, direction)
     if visible is None:
-        # An empty `RoadCourse` states no distances, so they are infinite.
+        # The map states the distances, or the road is straight and level. `RoadCourse` returns
+        # infinite distances where none are stated.
         return (road.course or RoadCourse()).sight_at(s, direction)
     distance = np.minimum(visible.past_bends, visible.over_crests)
     distance = np.interp(np.asarray(s, np.float64), _stations(road), distance)
@@ -124,8 +125,9 @@ def all_zones_for(road: Road, direction: int) -> tuple[RoadZone, ...]:
 
     - bends with less than 50 m of sight, "reduced visibility" in Article 19 of the Portuguese
       Highway Code;
-    - crests with less sight than the centre line requires to allow passing: this distance grows
-      with the speed limit (`sight_facts`).
+    - crests with less sight than a centre line that permits passing requires: this distance grows
+      with the speed limit (`sight_facts`). The eye of a car's driver counts, as in the source of
+      this distance.
 
     Args:
         road: The road.
@@ -155,9 +157,11 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
     course = road.course
     if course is None or not (course.segments or course.grade):
         return None
+    # A map that states one direction only leaves the other one unlimited.
     if course.sight or course.sight_against:
         return None
     facts = sight_facts()
+    # Without bends or without crests, three names of one array, which nobody changes.
     past_bends = over_crests = from_truck = np.full(len(_stations(road)), max_sight())
     # Only a road that bends has segments, the pieces of its reference line.
     if course.segments:
@@ -197,8 +201,8 @@ def _spans_where(road: Road, is_inside: Mask) -> Iterator[tuple[float, float]]:
         road: The road.
         is_inside: Whether each station belongs to a stretch, shape (station,).
     """
-    # Indices where the mask changes: in turns the first station of a stretch, and the first one
-    # behind its end.
+    # Indices where the mask changes. They alternate: the first station of a stretch, then the first
+    # station behind the stretch.
     edges = np.flatnonzero(np.diff(np.concatenate([[False], is_inside, [False]])))
     # The last station may lie up to one spacing beyond the end of the road.
     stations = np.minimum(_stations(road), road.length)
@@ -262,15 +266,18 @@ def _outer_centres(road: Road) -> tuple[float, float]:
     """Lateral positions of the leftmost and rightmost lane centre, of both directions [m]."""
     centres = list(road.lane_centres)
     if road.is_two_way and (opposing_lane := road.overtaking_side_neighbour):
-        centres.append(road.lane_boundaries[-1] + 0.5 * road.overtaking_sign * opposing_lane.width)
+        # Lanes count from the kerb, so the last boundary is the centre line. `overtaking_sign` is
+        # the sign of the lateral positions beyond it.
+        centre_line = road.lane_boundaries[-1]
+        centres.append(centre_line + 0.5 * road.overtaking_sign * opposing_lane.width)
     return float(max(centres)), float(min(centres))
 
 
 def _sight_past_wall(path: Path, wall: Points, side: float, num_ahead: int) -> F64:
     """How far a driver sees along a path past a wall beside it, shape (station,) [m].
 
-    Bearings are positive towards the wall. A point of the path is visible if no point of the wall
-    up to there has a smaller bearing; otherwise the line of sight crosses the wall.
+    Bearings are positive towards the wall. A point of the path is hidden if a point of the wall up
+    to there has a smaller bearing: the line of sight then crosses the wall.
 
     Args:
         path: The path, with `num_ahead` points beyond the last station.
@@ -365,8 +372,10 @@ def _distance_to_first_hidden(margin: F64) -> F64:
     # `argmax` gives the first hidden point, and 0 if there is no hidden point.
     first = np.argmax(is_hidden, axis=1)
     last_visible, first_hidden = margin[eye, np.maximum(first - 1, 0)], margin[eye, first]
-    # Share of the spacing between both points at which the margin is 0. If point 0 is hidden, or
-    # none, there is no such pair: the share is 0, and a divisor of 1 avoids a division by 0.
+    # Share of the spacing between both points at which the margin is 0. The margins that stand in
+    # for bearings, `_HIDES_NOTHING` and `_NOT_AHEAD_MARGIN`, make this share arbitrary; the error
+    # is below one spacing. Without such a pair (the first hidden point is point 0, or there is no
+    # hidden point) the share is 0; a divisor of 1 avoids a division by 0.
     fall = np.where(first > 0, last_visible - first_hidden, 1.0)
     share = np.where(first > 0, last_visible / fall, 0.0)
     # The last visible point is `first` spacings ahead.

@@ -43,8 +43,13 @@ rain is disabled and the extinction is therefore 0; the clearest air of the mode
 MIN_ILLUMINANCE = np.float32(1e-12)
 """Smallest threshold to pass to `lamp_range`, which divides by it [lx].
 
-Callers apply it where the limits of sight are disabled and the threshold is therefore 0.
+Callers apply it where the limits of sight are disabled and the threshold is therefore 0. The
+smallest real threshold, at night, is 8e-7 lx.
 """
+
+_MIN_START_EXTINCTION = np.float32(1e-6)
+"""Smallest extinction from which `lamp_range` starts [1/m], a choice. It avoids a division by 0
+where the effect of fog and rain is disabled, and lies below the clearest air of the model."""
 
 _NEWTON_STEPS = 8
 """Steps of Newton's method for the range of a lamp.
@@ -105,8 +110,8 @@ def extinction_of_range(optical_range: F32Like) -> F32:
 def rain_extinction(rain_rate: F32) -> F32:
     """Extinction coefficient of falling rain, to an observer at rest [1/m].
 
-    The step multiplies it by 1 + speed / `weather.rain_sight.speed_scale`, because a faster car
-    meets more rain.
+    The simulation step multiplies it by 1 + speed / `weather.rain_sight.speed_scale`, because a
+    faster car meets more rain: twice as much at the scale of 30 m/s, a choice.
 
     Args:
         rain_rate: Any shape [mm/h].
@@ -136,8 +141,9 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
         Veiling luminance of Stiles and Holladay.
     """
     sun_altitude = np.asarray(sun_altitude, np.float32)
-    # Where the sun dazzles, up to 18 degrees high and 25 degrees aside, the root of the squares is
-    # at most 1.2 % larger than the true angle. Elsewhere the result does not depend on it.
+    # The angle between two directions, as if they lay in a plane. Where the sun dazzles (up to 18
+    # degrees high and 25 degrees aside), it exceeds the true angle by at most 1.2 %. Elsewhere
+    # `is_dazzled` is false, and theta is not used.
     theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
     # The formula holds from 1 degree on.
     theta = maximum(theta, constant("weather.glare.min_angle_deg"))
@@ -232,11 +238,11 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
     """
     target = log(intensity / threshold)
     range_in_clear_air = np.sqrt(intensity / threshold)
-    # The iteration starts at the range in clear air, or at an optical depth of 4 if that is nearer:
-    # in the thickest fog, lamps of 1 to 500 cd have ranges at optical depths of 2 to 10. The lower
-    # limit of the extinction avoids a division by 0. It gives 4000 km, while 500 cd reach 25 km at
-    # night.
-    r = minimum(range_in_clear_air, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
+    # The iteration starts at the range without extinction, or at an optical depth of 4 if that is
+    # nearer: in the thickest fog, lamps of 1 to 500 cd have ranges at optical depths of 2 to 10. It
+    # converges from either side, because the logarithm is concave: a step from beyond the range
+    # ends before it, and later steps approach it from there.
+    r = minimum(range_in_clear_air, np.float32(4.0) / maximum(extinction, _MIN_START_EXTINCTION))
     for _ in range(_NEWTON_STEPS):
         # The derivative of the excess by r is (2 + extinction r) / r.
         excess = TWO * log(r) + extinction * r - target

@@ -26,7 +26,7 @@ from overtaking.core.random_numbers import PhiloxStream, Stream
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.scenario import Scenario
-from overtaking.model.weather import Weather
+from overtaking.model.weather import Weather, sun_angle_ahead
 from overtaking.world import road_surface, visibility
 from overtaking.world.constants import (
     DECISIONS_PER_SECOND,
@@ -473,7 +473,7 @@ def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict
     # Without the effect `range`, extinctions, lamp thresholds and inverse ranges are 0: unlimited
     # sight. Contrast needs no factor, as it does not fall with distance at an extinction of 0.
     range_factor = ONE if effects.range else ZERO
-    sun_angle = np.abs(weather.sun_azimuth)
+    sun_angle = sun_angle_ahead(weather.sun_azimuth)
     lamp_threshold = visibility.lamp_threshold(weather.night, _is_dusk(scenario))
     return {
         "fog_extinction": range_factor * visibility.fog_extinction(weather.fog),

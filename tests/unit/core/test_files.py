@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from overtaking.core.files import atomic_file, read_toml, write_atomically
+from overtaking.core.files import atomic_file, atomic_folder, read_toml, write_atomically
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
@@ -35,6 +35,17 @@ def test_a_file_replaces_a_symbolic_link_to_nothing(tmp_path):
     write_atomically(path, b"content")
     assert path.read_bytes() == b"content"
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_link_to_an_empty_folder_leads_to_the_new_folder(tmp_path):
+    link, target = tmp_path / "link", tmp_path / "target"
+    target.mkdir()
+    link.symlink_to(target)
+    with atomic_folder(link) as folder:
+        (folder / "file").write_bytes(b"content")
+    assert link.is_symlink()
+    assert (target / "file").read_bytes() == b"content"
+    assert sorted(tmp_path.iterdir()) == [link, target]
 
 
 def test_a_file_is_replaced_when_the_block_has_succeeded(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.weather import NO_PRESET, REMOVABLE_FACTORS
+from overtaking.model.weather import NO_PRESET, REMOVABLE_FACTORS, is_dazzling
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -98,6 +98,13 @@ def test_without_rain_glare_changes_only_where_it_rained(stated):
 def test_without_night_glare_changes_only_where_it_was_night(stated):
     day = stated.without("night")
     np.testing.assert_array_equal(day.low_sun, stated.low_sun & ~stated.night)
+
+
+def test_the_sun_dazzles_at_the_same_directions_in_both_counts():
+    azimuth = np.radians([-30.0, -10.0, 10.0, 30.0, 330.0, 350.0, -350.0]).astype(np.float32)
+    altitude, clouds = np.full(7, 0.1, np.float32), np.zeros(7, np.float32)
+    dazzles = is_dazzling(altitude, azimuth, clouds)
+    np.testing.assert_array_equal(dazzles, [False, True, True, False, False, True, True])
 
 
 def test_without_factors_the_weather_is_the_same(drawn):
