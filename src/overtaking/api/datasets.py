@@ -10,6 +10,7 @@ as `motorway`; *specification*: the same content as an object, or as a TOML file
 of rules of law that decides between legal and illegal: `paper`, `default` or `strict`.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
+Functions import the modules that few users need, so that importing the package is fast.
 """
 
 from collections.abc import Mapping
@@ -86,26 +87,28 @@ def generate_dataset(
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: A name in `SIMULATORS`: `engine` is this package's own model.
         driver: A driver of the user that controls every ego instead of the model's driver. It needs
-            a simulator of `MODEL_SIMULATORS`, and is called in this process only.
+            the simulator `engine` or `reference`, and is called in this process only.
         shard_size: Number of simulations in a shard, 1 or more; None for the simulator's own, 4096
-            for `engine`. After an interruption at most one shard per process is computed again.
+            for `engine`, a choice. After an interruption at most one shard per process is computed
+            again.
         balance: Classes that get equal numbers of simulations, and whether a class that is too rare
             is an error; None for the classes as they come.
         executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
-            `ray` for a Ray cluster; `auto`, the default, takes processes for a large data set in a
-            folder, else threads.
+            `ray` for a Ray cluster; `auto`, the first name and the default, takes processes for a
+            large data set in a folder, else threads.
         address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
             machine for the duration of the call.
         workers: Number of processes, not for `threads` or with `address`; None for one per core.
             `auto` with a number means `processes`.
-        allow_large: Whether the data set may exceed 10 GB or 1,000,000 simulations. Instead of True
-            or False a function may decide: before anything is written, it gets the `Estimate` of
-            size and time, and returns whether to go on. It is called for 4,096 simulations or more,
-            with slow simulators for fewer.
+        allow_large: Whether the data set may exceed 10 GB or 1,000,000 simulations; the limits are
+            choices. Instead of True or False a function may decide: before anything is written, it
+            gets the `Estimate` of size and time, and returns whether to go on. The estimate
+            simulates 64 of them, with slow simulators fewer. It is made only for data sets that are
+            64 times as large or larger.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Only with `balance`. Called with the number of candidates that were simulated
-            to find the rare classes, and the expected number of all; this search precedes the
-            simulations that `progress` counts.
+            to find the rare classes, and the expected number of candidates; this search precedes
+            the simulations that `progress` counts.
 
     Returns:
         The complete data set.
@@ -132,7 +135,8 @@ def generate_dataset(
         keep=_parse_keep(keep),
         shard_size=used_simulator.shard_size if shard_size is None else shard_size,
         balance=balance,
-        # In recipes and manifests, `policy` is the driver of the egos, not a set of rules.
+        # The field is stored in manifests: there `policy` means the driver of the egos, as in
+        # reinforcement learning, not a set of rules.
         policy=None if driver is None else driver_record(driver),
     )
     location = location_of(out)
@@ -214,7 +218,7 @@ def resume_dataset(
         out=out,
         keep=identity.keep,
         resume=True,
-        road=identity.road,
+        road=identity.road,  # It is long enough, so `generate_dataset` extends it by nothing.
         simulator=identity.simulator,
         shard_size=identity.shard_size,
         balance=identity.balance,
@@ -243,12 +247,13 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
     if isinstance(path, Dataset):
         return path
     location = location_of(path)
-    # A data set needs a simulator to compute again the tables that it did not keep. For the data
-    # sets of `reference` the engine can do so, because both give the same bits. Imported recordings
-    # have the name `recording` here and keep all tables, so the engine is passed but never used.
+    # A data set needs a simulator to compute again the tables that it did not keep: the simulator
+    # that made them, or the engine for `reference`, because both give the same bits. A driver of
+    # the user is not asked again: its actions were kept. Imported recordings (`recording`) keep all
+    # tables, so the engine is passed but never used.
     name = read_manifest(location).identity.simulator
-    is_other_model = name in SIMULATORS and name not in MODEL_SIMULATORS
-    return open_dataset(location, get_simulator(name if is_other_model else "engine"))
+    is_other_simulator = name in SIMULATORS and name not in MODEL_SIMULATORS
+    return open_dataset(location, get_simulator(name if is_other_simulator else "engine"))
 
 
 @check_arguments
@@ -266,9 +271,9 @@ def relabel_dataset(
     Args:
         dataset: Folder of the data set; one in a store cannot be relabelled.
         errors: Standard deviations of the positions [m] and speeds [m/s] that the recording states;
-            None for exact ones. The column `rule_set` records them. A rule is undecidable where its
-            margin (the distance to its limit, negative in a breach) is nearer to 0 than two
-            standard errors of the margin, which the rule computes from these deviations.
+            None for exact ones. The column `rule_set` records them. Each rule computes from them
+            the standard error of its margin, the distance to its limit. Where the margin is smaller
+            than two standard errors (95 % confidence), the rule is undecidable.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:

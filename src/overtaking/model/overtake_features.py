@@ -6,23 +6,29 @@
 why drivers overtake; its parts are the classes before it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
-overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. In a
-simulation without an attempt another frame stands for it. `labels.paper_features` draws this frame
-so that waiting times have the distribution of the waiting times of attempts. Otherwise a model
-could tell the two kinds of simulation apart by the time of the measurement.
+overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. A simulation
+without an attempt is measured at a frame that `labels.paper_features` draws. With and without an
+attempt, the ego has then waited for equally long on average; otherwise a model could tell the two
+kinds of simulation apart by the waiting time alone.
 
 Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
-column is null. `null_unless` is the path of the flag that decides this: ".has_oncoming" is a field
-of the same class, "left.leader.valid" begins at `AttemptFeatures`. `needs` names properties that a
-recording of real traffic may leave unknown, such as "bodies" (mass and engine of vehicles) and
-"percepts" (beliefs of drivers); the column is then null. A margin of the law needs the weather,
-because the safe distance depends on the grip of the road. `ColumnName(prefix="ego_")` puts a prefix
-before the name of the field; a column whose name says enough has no prefix. Every partial function
-below, such as `_leader_column`, is a `FieldSpec` with the entries that a group of columns shares.
+column is null. `null_unless` is the path of a flag or a count: the column is null where it is false
+or 0. ".has_oncoming" is a field of the same class; a path without a leading dot, such as
+"left.leader.valid", begins at the class of the table. `needs` names properties that a recording of
+real traffic may leave unknown, such as "bodies" (mass and engine of vehicles) and "percepts"
+(beliefs of drivers); the column is then null. `trajectories.UNKNOWNS` lists the properties. A
+margin of the law needs the weather, because the safe distance depends on the grip of the road.
+`ColumnName(prefix="ego_")` puts a prefix before the name of the field; a column whose name says
+enough has no prefix. Every partial function below, such as `_leader_column`, is a `FieldSpec` with
+the entries that a group of columns shares.
 
 An `Encounter` holds gap, closing speed and times to collision of a follower and its leader, one of
-which is the ego; `valid` is false without the other vehicle, and its columns begin with the column
-name of its field.
+which is the ego; its `valid` is false without the other vehicle. Its fields become several columns,
+such as `left_leader_gap` for the field `leader` with the prefix "left_". The description of the
+field is a phrase about the two vehicles, which the descriptions of these columns contain.
+
+The time gap of 3 s below which the ego waits (`knowledge/data/event_detection.toml`) and the 200 m
+of the lane to the left (`labels.snapshots`) are choices.
 """
 
 from dataclasses import dataclass
@@ -72,8 +78,8 @@ class PaperFeatures(Batch):
     readings also differ in
 
     - `waiting_time`: since the first frame (paper), or since the ego closed up to the target;
-    - `overtaking_time`: from the attempt to the return, a collision or the end of the recording
-      (paper), or also to the end of an abort;
+    - `overtaking_time`: from the attempt to the first of the return, a collision and the end of
+      the recording (paper); in the other reading the end of an abort is a fourth end;
     - `speed_difference`: absolute (paper), or ego minus target;
     - `distance`: between the centres (paper), or between the bumpers of ego and target;
     - `left_occupancy`: number of vehicles in the lane to the left over the number of all vehicles
@@ -438,11 +444,11 @@ _belief_column = partial(FieldSpec, null_unless=".is_detected", needs=["percepts
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefsAtPullOut(Batch):
-    """Beliefs of the simulated driver when it last decided to pull out, up to the described frame.
+    """Beliefs of the simulated driver at its last decision to pull out, in or before the frame.
 
     `exists` and `age` have shape (simulation,). The other arrays have shape (simulation, 3): the
-    leader, then the leader and the follower in the lane on the left. In the table each of the three
-    has its own column, with the prefixes "believed_leader_", "believed_new_leader_" and
+    leader, then the leader and the follower in the lane on the left. `data.tables.schemas` makes a
+    column for each of the three, with the prefixes "believed_leader_", "believed_new_leader_" and
     "believed_new_follower_". Where `exists` is false, all other fields are undefined; `gap` and
     `closing_speed` also where `is_detected` is false.
     """

@@ -66,7 +66,7 @@ PROPOSAL_UNIFORMS = (
     "puddles",
     "clouds",  # Cloudiness.
     "sun",  # Height of the sun.
-    "sun_direction",  # 0.5: the sun stands ahead.
+    "sun_direction",  # 0 and 1: the sun stands behind the ego, 0.5: ahead.
     "density",  # Density of the traffic on a motorway.
     "flow",  # Flow of the traffic on a two-way road.
     "start",  # Station of the ego on a two-way road.
@@ -75,8 +75,8 @@ PROPOSAL_UNIFORMS = (
     "ego_heeds_solid_lines",  # Large: the ego ignores solid lines, on a two-way road.
     "others_driving_style",  # Small: careful. Each of the other drivers has a number of its own.
 )
-"""Names of the uniform numbers u that a component may change. Where no comment says otherwise, a
-large number gives a large quantity."""
+"""Names of the uniform numbers u that a component may change, a choice. Where no comment says
+otherwise, a large number gives a large quantity."""
 
 PROPOSAL_NORMALS = tuple(
     f"ego_{trait}"
@@ -95,13 +95,13 @@ PROPOSAL_NORMALS = tuple(
     )
 )
 """Names of the standard normal numbers z that a component may change. Each decides a trait of the
-ego; a large number gives a large trait. The list is a choice: `accel`, `speed_limit_compliance` and
-`speed_over_leader` are normal or lognormal in some population, too. A component has no effect on a
-trait that is constant in the population."""
+ego; a large number gives a large trait. The list is a choice: other traits with a normal or
+lognormal distribution, such as `accel`, could be added. A component has no effect on a trait that
+is constant in the population."""
 
 _MIN_PART = 0.001
-"""Smallest width of a *part*: the limits within (0, 1) between which a component draws a u (a
-choice). Weights contain 1 / width, which a width of zero would make infinite."""
+"""Smallest width of a *part*, the limits within (0, 1) between which a component draws a u. Weights
+contain 1 / width, which a width of zero would make infinite. The value is a choice."""
 
 
 def _check_part(part: tuple[float, float]) -> tuple[float, float]:
@@ -151,10 +151,11 @@ class Component(Section):
         powers: Power by name of the number, one of `PROPOSAL_UNIFORMS`.
         parts: Lower and upper limit by name of the number, one of `PROPOSAL_UNIFORMS`.
         shifts: Shift by name of the number, one of `PROPOSAL_NORMALS` [standard deviations].
-        tempers: For each temper t, above 0 and up to 1, the component has a copy, whose powers are
-            raised to t and whose shifts are multiplied by t; parts stay. So a copy with a small t
-            changes little. The copies divide the share equally. With several of them, weights
-            change gradually from unchanged to strongly changed simulations.
+        tempers: Degrees t to which the component is applied, above 0 and up to 1. Each t makes a
+            copy of the component with powers^t, t * shifts and the same parts, so that a copy with
+            a small t changes little. The copies divide the share equally. Strong changes of many
+            numbers draw mostly simulations of nearly no weight; copies with a small t draw
+            those between, which have larger weights.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
@@ -195,9 +196,9 @@ class Component(Section):
     def without_ego_quantities(self) -> Self:
         """The component without its changes of the ego's driver.
 
-        `analysis.evaluation` compares drivers in the same scenes. Each takes the place of the ego's
-        driver, so the weights must leave its numbers out. These weights are exact: a component
-        draws each number independently, so the other numbers keep their distribution.
+        `analysis.evaluation` compares drivers of the ego in the same scenes. The model's driver of
+        the ego then does not drive, so its numbers must not affect the weight of a scene. The
+        remaining weights are exact: a component draws each number independently of the others.
         """
         changes = {
             field: {
@@ -223,7 +224,7 @@ class Component(Section):
 def _check_total_share(components: tuple[Component, ...]) -> tuple[Component, ...]:
     """Refuse shares that leave no simulations to the profile: weights would have no bound."""
     total = sum(component.share for component in components)
-    if not total < 1.0:
+    if total >= 1.0:
         raise specification_error(
             "shares that leave some simulations to the profile, a sum below 1",
             "lower a share",
@@ -302,8 +303,9 @@ class PushesSection(Section):
 
     The study is Pinto, Dutra and Fonseca (2023). The road is dry and the air clear and still. Rain
     and wind push all vehicles sideways, to the side to which the wind blows; less rain or wind
-    makes the pushes rarer. By night, above 60 % of clouds (the study's limit) and towards a low
-    sun, drivers see as far as `sight_m`.
+    makes the pushes rarer. In each of three conditions drivers see as far as `sight_m`: by night,
+    above 60 % of clouds (the study's limit), or towards a low sun. The limits of the keys are
+    choices.
 
     Attributes:
         accel_mps2: Lateral acceleration of a push; 0 without pushes.
@@ -353,8 +355,9 @@ class IndependentWeather(Section):
     - with `..._weibull`, low + a Weibull number with this scale and shape, limited to high, for
       quantities that are seldom extreme.
 
-    Rain never falls without clouds and water on the road: `weather_sampling` raises puddles and
-    cloudiness to a minimum for the rain.
+    Fog has no Weibull distribution and clouds have only the uniform one, because no profile of the
+    package needs another. The defaults are choices. Rain never falls without clouds and water on
+    the road: `weather_sampling` raises puddles and cloudiness to a minimum for the rain.
 
     Attributes:
         mode: Distinguishes the two models of section `[weather]`.
@@ -416,11 +419,11 @@ class IndependentWeather(Section):
 def _fixed_trait_fields() -> dict[str, Any]:
     """Fields of `FixedTraits`: (type, default) by key, for each trait that is a number.
 
-    Flags, such as `uses_indicator`, cannot be fixed. They are the traits without a range.
+    Flags, such as `uses_indicator`, cannot be fixed.
     """
     fields: dict[str, Any] = {}
     for name, field in RECORDED_TRAITS.items():
-        if field.spec.is_bounded:
+        if not field.is_flag:
             low, high = field.spec.limits
             limits = Field(ge=low, le=high)
             fields[name + NAME_SUFFIXES[field.spec.unit]] = (Annotated[float | None, limits], None)
@@ -430,8 +433,9 @@ def _fixed_trait_fields() -> dict[str, Any]:
 class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixed_trait_fields())):
     """Section `[drivers.fixed]`: traits that are the same for every driver.
 
-    Its keys are names of traits with their unit, such as `reaction_time_s`. A trait without a value
-    (None) is drawn from the population.
+    Its keys are names of traits with their unit, such as `reaction_time_s`. They are made from
+    `DriverTraits`, which declares units and limits of all traits. A trait without a value (None) is
+    drawn from the population.
     """
 
     def value_by_trait(self) -> dict[str, float]:
@@ -451,7 +455,7 @@ def _check_scaled_traits(factors: dict[str, float]) -> dict[str, float]:
     for name in factors:
         if name not in _SCALABLE_TRAITS:
             next_step = suggestion(name, _SCALABLE_TRAITS)
-            raise specification_error("a known parameter", next_step, got=name)
+            raise specification_error("a known trait", next_step, got=name)
     return factors
 
 
@@ -502,7 +506,8 @@ class StartsSection(Section):
     Attributes:
         allow_doomed: Whether a vehicle may start so fast and near behind another one that braking
             cannot avoid a collision.
-        min_gap_m: Smallest gap between two vehicles of a lane, bumper to bumper.
+        min_gap_m: Smallest gap between two vehicles of a lane, bumper to bumper; the default is a
+            choice.
     """
 
     allow_doomed: bool = False

@@ -3,7 +3,8 @@
 `step_parameters` converts a `Scenario`, many simulations on one road, to `StepParameters`, which
 the reference simulator in Python and the compiled engine read. They hold values that stay constant
 during a simulation. To change a value, go to the module that computes it: `vehicle_parameters`,
-`driver_parameters`, `weather_parameters` or `road_parameters`.
+`driver_parameters`, `weather_parameters` or `road_parameters`. To add a field, add it to the named
+tuple and run `crates/engine_names.py`, which writes the order of the fields for the engine.
 
 A *step* is 10 ms, a *decision* is one of 20 instants per second at which drivers decide, a *frame*
 is a recorded instant. A *slot* is the number of a vehicle in its simulation. The *ego*, the vehicle
@@ -76,21 +77,23 @@ class VehicleParameters(NamedTuple):
         front_drive: Share of the drive force at the front axle [1].
         half_track: Half the distance of the left and right wheels [m].
         understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
-        moment_angle: Wheel angle per yaw moment, such as the moment of side wind, to hold a
-            straight course [rad/(N m)].
-        side_lag: Time constant with which the body's side slip follows the wheels, per speed: mass
-            over the sum of the axles' cornering stiffnesses in N/rad [s^2/m].
+        moment_angle: Wheel angle that keeps a straight course against a yaw moment, such as that of
+            side wind, per moment [rad/(N m)].
+        side_lag: Delay of the body's side slip behind the wheels, a time constant per speed: mass
+            over the sum of both axles' cornering stiffnesses, here not per load but in N/rad
+            [s^2/m].
         two_wheeler: Flag of a vehicle that leans instead of steering.
         side_wind: Largest side force of the wind per squared air speed [N s^2/m^2].
-        wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles
-            if the wind comes from the front; for another direction the step multiplies it by the
-            cosine of the wind's angle to the vehicle [m].
-        wind_arm: Distance of that middle ahead of the centre of gravity [m].
+        wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles,
+            in wind from the front. The step multiplies it by the cosine of the angle between wind
+            and vehicle [m].
+        wind_arm: Distance of the middle between the axles ahead of the centre of gravity [m].
         tyre_wear: Tread wear, 0 new to 1 worn [1].
         has_truck_tyres: Flag of a truck: its tyres and the height of its driver's eye differ.
         shelters_wind: Flag of a body that shelters vehicles to its lee from side wind.
         spray: Spray behind the vehicle, relative to a car [1].
-        looming_width: Width that other drivers see grow as they approach [m].
+        looming_width: Width of the body, at night the distance between its lamps. By its growth in
+            their field of view other drivers judge the closing speed [m].
         log_contrast: Logarithm of the contrast of the body against its background [1].
         inverse_tail_lamp: One over the luminous intensity to the rear [1/cd].
         inverse_head_lamp: One over the luminous intensity to the front [1/cd].
@@ -103,8 +106,8 @@ class VehicleParameters(NamedTuple):
         accel: Largest acceleration that the driver uses on a free road [m/s^2].
         decel: Comfortable deceleration, positive [m/s^2].
         idm_interaction: Factor of speed times closing speed in the desired gap of the intelligent
-            driver model [s^2/m].
-        overspeed_exponent: Exponent of its deceleration above the desired speed [1].
+            driver model (IDM) [s^2/m].
+        overspeed_exponent: Exponent of the deceleration of the IDM above the desired speed [1].
         max_assumed_decel: Strongest braking that the driver counts on, positive [m/s^2].
         reaction_delay: Usual reaction time, in decisions [1].
         urgent_reaction_delay: Reaction time in danger, in decisions [1].
@@ -134,14 +137,14 @@ class VehicleParameters(NamedTuple):
         edge_shift_when_passed: Lateral shift to the edge of the lane while being passed [m].
         speed_factor_when_passed: Factor on the desired speed while being passed [1].
         passing_time_factor: Believed over true time of passing against oncoming traffic [1].
-        assumed_sight_factor: The driver assumes that an oncoming vehicle out of sight is this many
-            sight distances away [1].
+        assumed_sight_factor: Distance at which the driver assumes an oncoming vehicle out of sight,
+            over the sight distance [1].
         time_reserve_share: Time reserve demanded for a pass, over the time that it takes [1].
         heeds_solid_lines: Flag of a driver that heeds solid lines when passing.
         speed_limit: Highest limit of the road [m/s].
         free_speed: Desired speed on a free road in good weather, without a limit [m/s].
         speed_limit_compliance: Share of the excess over a limit that the driver gives up [1].
-        caution: Share of the slowing for weather and light that the driver applies [1].
+        caution: Share of the reduction of speed for weather and light that the driver applies [1].
     """
 
     valid: F32
@@ -259,15 +262,15 @@ class StepParameters:
         scenario_index: Number of each scenario, shape (simulation,). The random numbers of a
             simulation depend on it and on the seed.
         steps_per_frame: Steps from one recorded frame to the next.
-        judgement_errors: In a `ParameterSwitch`, new errors of the ego's judgement of distances and
-            of closing speeds, in standard deviations, shape (2, simulation); None keeps the present
-            errors. Elsewhere None.
-        local_vehicles: Parameters of the vehicles with the speeds that drivers want where they are
-            now; None for `vehicle_table`. Only the reference uses it: the engine computes these
-            speeds itself.
-        local_simulations: Parameters of the simulations with a wind of its own for each vehicle;
-            None for `simulation_table`. Only the reference uses it, for vehicles that head
-            anywhere.
+        judgement_errors: Only for a `ParameterSwitch`: new errors of the ego in judging distances
+            and closing speeds, in standard deviations, shape (2, simulation); None keeps the
+            present errors.
+        local_vehicles: A copy of `vehicle_table` in which desired speeds follow the speed limit at
+            the present station of each vehicle; None for `vehicle_table`. The reference makes it at
+            every decision; the engine computes these speeds itself.
+        local_simulations: A copy of `simulation_table` in which the wind has an axis for vehicles,
+            because it depends on their heading; None for `simulation_table`. Only the reference
+            uses it, for vehicles on pedals, which need not head along the road.
     """
 
     vehicle_table: F32
@@ -344,10 +347,12 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
         | context.conditions.step_fields()
         | weather_slowing(scenario, context.conditions)
     )
-    if road_parameters(scenario.road).has_oncoming_traffic:
+    road = road_parameters(scenario.road)
+    if road.has_oncoming_traffic:
         vehicle |= reaction_to_oncoming(context)
         simulation |= oncoming_judgement(context)
     else:
+        # The phrase names the kind of road in the message.
         check_one_direction(
             scenario, "a road that is not two equally wide lanes, one in each direction"
         )
@@ -357,7 +362,7 @@ def step_parameters(scenario: Scenario, effects: EnabledEffects | None = None) -
     return StepParameters(
         vehicle_table=_stack(vehicle, VEHICLE_FIELDS),
         simulation_table=_stack(simulation, SIMULATION_FIELDS),
-        road=road_parameters(scenario.road),
+        road=road,
         constants=context.constants,
         seed=scenario.seed,
         scenario_index=np.ascontiguousarray(scenario.scenario_index),
@@ -369,9 +374,9 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
     Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
-    length, so each vehicle reacts to the nearest one of all laps. Two computations lack this:
-    contacts of bodies, and the target of an overtake. So the ego must not overtake
-    (`ForcedDecision.STAY`).
+    length, so each vehicle reacts to the nearest one of all laps. Two computations lack this. The
+    target of an overtake would be wrong, so the ego must not overtake (`ForcedDecision.STAY`).
+    Contacts of vehicles in different laps are not found.
 
     Args:
         params: Parameters of a road with ends.
@@ -443,7 +448,7 @@ def _stack(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
         KeyError: A field is missing.
     """
     shape = (len(names), *rows[names[0]].shape[::-1])
-    # `empty_array` reuses the memory of earlier large tables.
+    # `empty_array` reuses the memory of earlier large tables that nobody refers to any more.
     stacked = empty_array(math.prod(shape), np.float32).reshape(shape)
     for row, name in zip(stacked, names, strict=True):
         row[...] = rows[name].T
