@@ -19,10 +19,15 @@ use crate::safety_measures::{LawNumbers, WORST_MEASURES};
 use crate::track::Track;
 use crate::vectors::{SIMD_LANES, at_least, min, splat};
 
-/// Simulations that a thread takes at a time; one takes some microseconds.
+/// Smallest number of simulations that a thread takes at a time, a choice: one takes some microseconds.
 pub(crate) const SIMULATIONS_PER_TASK: usize = 32;
 
 /// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.case.scans` defines them.
+///
+/// `manoeuvre` is the overtake with some seconds before and after it. `judged` is the manoeuvre, or the whole recording
+/// without an attempt. `after_gap_recovery` is `judged` without the first seconds of the recording, in which the ego may
+/// restore its gap. `after_passing` is the manoeuvre from the frame in which the target was passed. `summed` has the frames
+/// of the paper's means.
 pub const SPAN_NAMES: [&str; 5] = [
     "judged",
     "after_gap_recovery",
@@ -58,8 +63,9 @@ pub fn measure_names() -> Vec<&'static str> {
 /// Names of the rows of `SpanOutputs::frames`.
 ///
 /// Each margin has its first and last negative frame, -1 without one, and the length of the longest run of negative
-/// frames. `return_opportunity` is the longest run of frames in which the ego could return. An arrival is the frame in which another
-/// vehicle reaches the position of the ego's rear, -1 if it never does.
+/// frames. `return_opportunity` is the longest run of frames in which the ego could return to its lane. An arrival is the
+/// first frame in which another vehicle reaches the position that the ego's rear had at an instant, -1 if it never does:
+/// for `entry` the follower on the left as the ego crosses the line, for `return` the target as the return ends.
 pub const FRAME_NAMES: [&str; 16] = [
     "stop_lit.first",
     "stop_lit.last",
@@ -81,8 +87,10 @@ pub const FRAME_NAMES: [&str; 16] = [
 
 /// Names of the rows of `SpanOutputs::sums`.
 ///
-/// `frames`, `ego_speed` and `left_count` are sums over all frames of a span, the others over those with a leader,
-/// which `frames_with_leader` counts.
+/// `frames` counts the frames of a span, and `frames_with_leader` those of them with a leader. `ego_speed` [mm/s] and
+/// `left_count` (vehicles in the lane to the left) are summed over all frames. The others are summed over the frames with
+/// a leader: its speed (`target_speed`) and the absolute difference of the speeds [mm/s], and the absolute distance of
+/// the centres [mm].
 pub const SUM_NAMES: [&str; 7] = [
     "frames",
     "frames_with_leader",
@@ -150,9 +158,9 @@ fn transpose<T: Copy>(
     out: &mut [T],
     values_of: impl Fn(&SpanResult) -> &[T],
 ) {
-    for (name, row) in out.chunks_mut(results.len().max(1)).enumerate() {
+    for (index, row) in out.chunks_mut(results.len().max(1)).enumerate() {
         for (value, result) in row.iter_mut().zip(results) {
-            *value = values_of(result)[name];
+            *value = values_of(result)[index];
         }
     }
 }
@@ -183,6 +191,7 @@ impl TrackScan<'_> {
             });
         let [line_crossed, return_end, target_slot, original_lane] =
             [0, 1, 2, 3].map(|moment| query.moments[moment * num_simulations + simulation]);
+        // Slots and lanes are bytes; 255 stands for no vehicle and for a place beyond the lanes.
         let target_slot = target_slot as u8;
         let [stop_lit, stop_unlit] = self.stopping_margins(simd, judged.clone());
         let margins = [
@@ -234,8 +243,10 @@ impl TrackScan<'_> {
                         speed * law.stop_reaction_time + speed * speed / (2.0 * decel);
                     let results = smallest.iter_mut().zip(&mut minima);
                     for (sight, (smallest, minimum)) in sights.iter().zip(results) {
+                        // Lanes beyond the span repeat its last frame, so they do not change the minimum.
                         let margin = block.load(sight) - stopping_distance;
                         *smallest = min(margin, *smallest);
+                        // Only blocks with a negative margin count frames one by one, which is slow.
                         if margin.simd_lt(0.0).any_true() {
                             block.for_each_frame(margin, |margin, frame| {
                                 minimum.take(margin, frame);
@@ -243,6 +254,7 @@ impl TrackScan<'_> {
                         }
                     }
                 }
+                // Replaces what `take` found, which is the minimum of the blocks with a negative margin.
                 for (minimum, smallest) in minima.iter_mut().zip(smallest) {
                     minimum.min_margin = min_of_lanes(smallest);
                 }
@@ -254,6 +266,9 @@ impl TrackScan<'_> {
 
 impl Track<'_> {
     /// Sums of recorded integers over a span, in the order of `SUM_NAMES`.
+    ///
+    /// Row 0 of each array is the ego's. Differences wrap as NumPy's do, so that any recording gives the same sums in the
+    /// readable twin.
     fn recorded_sums(&self, span: Range<usize>) -> [i64; SUM_NAMES.len()] {
         let leaders = self.signals.neighbour(LEADER);
         let (mut ego_speeds, mut sums_with_leader) = (0, [0; 4]);
@@ -277,12 +292,12 @@ impl Track<'_> {
                 *sum += i64::from(value);
             }
         }
-        let [led, leader_speeds, speed_differences, distances] = sums_with_leader;
+        let [num_with_leader, leader_speeds, speed_differences, distances] = sums_with_leader;
         let left_counts =
             (1..self.s.len()).map(|slot| self.num_frames_in_left_lane(slot, span.clone()));
         [
             span.len() as i64,
-            led,
+            num_with_leader,
             ego_speeds,
             leader_speeds,
             speed_differences,
@@ -299,7 +314,8 @@ impl Track<'_> {
         let lanes = self.lane[0][span.clone()]
             .iter()
             .zip(&self.lane[slot][span.clone()]);
-        // An ego beyond the kerb-side edge has no left lane; its 255 plus 1 would wrap to lane 0.
+        // Lanes count towards the overtaking side, which is called left. An ego beyond the kerb-side edge has no left
+        // lane; its 255 plus 1 would wrap to lane 0.
         let is_in_left_lane = lanes.map(|(&ego_lane, &lane)| {
             (lane == ego_lane.wrapping_add(1))
                 & (ego_lane != BEYOND_KERB_EDGE)
@@ -317,7 +333,8 @@ impl Track<'_> {
     }
 }
 
-/// Larger than any margin; the smallest margin of a span in which none counts.
+/// Larger than any margin; the smallest margin of a span in which none counts. It has the value of `UNCONSTRAINED` in
+/// `overtaking.labels.law.margins`.
 pub(crate) const UNCONSTRAINED: f32 = 3.0e38;
 
 /// A margin over a span: its smallest value, and the frames in which it is negative.
@@ -366,6 +383,7 @@ impl MarginMinimum {
     /// `min_margin`.
     pub(crate) fn take_negative_frames(&mut self, frames: Range<usize>) {
         let (begin, end) = (frames.start as i32, frames.end as i32);
+        // Without a frame so far, `last_frame` is -1: a run from frame 0 then adds `current_run`, which is 0.
         let run_before = if self.last_frame + 1 == begin {
             self.current_run
         } else {
