@@ -259,7 +259,7 @@ class ExternallyMovedSimulation:
     def is_ego_wrecked(self, /) -> bool:
         """Whether the ego has collided or left the road."""
 
-    def note_contacts(
+    def record_contacts(
         self, /, contacts: Sequence[tuple[int, int, float, float, float]], step: int
     ) -> None:
         """Record the first contact of each vehicle, which becomes a wreck.

@@ -59,7 +59,7 @@ class ReferenceSimulation:
         self.recorder = Recorder(batch, params)
         self.lights = np.zeros(batch.num_slots, np.uint8)
 
-    def note_contacts(
+    def record_contacts(
         self, contacts: list[VehicleContact], step: int, time_scale: float = 1.0
     ) -> None:
         state, vehicles, constants = self.state, self.params.vehicles, self.params.constants
@@ -214,7 +214,9 @@ def test_contacts_of_engine_and_reference_are_alike_and_end_the_simulation(time_
     step = 0
     while step <= engine.end_step:
         for simulation in (engine, reference):
-            simulation.note_contacts(contacts.get(step - SUBSTEPS, []), step - SUBSTEPS, time_scale)
+            simulation.record_contacts(
+                contacts.get(step - SUBSTEPS, []), step - SUBSTEPS, time_scale
+            )
         motion = wanderers.move(np.zeros(batch.num_slots, np.float32))
         output, expected = engine.decide(motion, step), reference.decide(motion, step)
         assert (output.is_wreck[:3] == expected.is_wreck[:3]).all()
@@ -276,4 +278,4 @@ def test_the_engine_refuses_motion_and_contacts_of_slots_that_do_not_exist():
     with pytest.raises(ValueError, match="wind_trim"):
         engine.steer(np.zeros(2, np.float32))
     with pytest.raises(ValueError, match="slot"):
-        engine._simulation.note_contacts([(99, 0, 0.0, 1.0, 1.0)], 0)
+        engine._simulation.record_contacts([(99, 0, 0.0, 1.0, 1.0)], 0)

@@ -80,7 +80,7 @@ pub struct VehicleContact {
 /// is the memory of the recording, the same in every call.
 pub trait ExternallyMoved: Send + Sync {
     /// Record the first contact of each vehicle, which becomes a wreck. `step` may be before the first decision.
-    fn note_contacts(&mut self, contacts: &[VehicleContact], step: i32);
+    fn record_contacts(&mut self, contacts: &[VehicleContact], step: i32);
 
     /// Let all drivers perceive this motion and decide, and record a frame if one is due at this step.
     fn decide(&mut self, motion: &[f32], step: u32, output: Output<'_>) -> DriverOutput;
@@ -234,7 +234,7 @@ impl<S: Simd, const N: usize> ExternalMotion<S, N> {
 }
 
 impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
-    fn note_contacts(&mut self, contacts: &[VehicleContact], step: i32) {
+    fn record_contacts(&mut self, contacts: &[VehicleContact], step: i32) {
         let Block { params, state, .. } = &mut *self.block;
         let simd = params.simd;
         let was_sound = state.motion.is_wreck[EGO_SLOT].simd_eq(0.0);

@@ -94,7 +94,7 @@ impl ExternallyMovedSimulation {
         contacts: "Sequence[tuple[int, int, float, float, float]]",
         step: "int",
     ) -> "None")]
-    fn note_contacts(
+    fn record_contacts(
         &mut self,
         contacts: Vec<(usize, usize, f32, f32, f32)>,
         step: i32,
@@ -117,7 +117,7 @@ impl ExternallyMovedSimulation {
         {
             return Err(PyValueError::new_err("contacts: no such slot"));
         }
-        self.simulation.note_contacts(&contacts, step);
+        self.simulation.record_contacts(&contacts, step);
         Ok(())
     }
 

@@ -121,7 +121,7 @@ class ExternallyMovedSimulation:
         """Whether the ego has collided or left the road."""
         return self._simulation.is_ego_wrecked()
 
-    def note_contacts(
+    def record_contacts(
         self, contacts: Sequence[VehicleContact], step: int, time_scale: float = 1.0
     ) -> None:
         """Record the first contact of each vehicle with another vehicle, and make it a wreck.
@@ -152,7 +152,7 @@ class ExternallyMovedSimulation:
             impulse = time_scale * math.hypot(*contact.impulse)
             closing_speed = impulse * sum_of_inverse_masses / restitution_factor
             contact_rows.append((slot, other_slot, time, impulse, closing_speed))
-        self._simulation.note_contacts(contact_rows, step)
+        self._simulation.record_contacts(contact_rows, step)
 
     def decide(self, motion: VehicleMotion, step: int) -> DriverOutput:
         """Let all drivers decide on the motion of this tick, and record a frame if one is due.

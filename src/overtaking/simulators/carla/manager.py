@@ -112,7 +112,7 @@ class StudyRun:
             reading = scene.tick()
             motion = motion_from_reading(reading, scene.scenario, time_scale=TIME_SCALE)
             step = ticks // TIME_SCALE * SUBSTEPS
-            simulation.note_contacts(scene.contacts(reading.tick), step, time_scale=TIME_SCALE)
+            simulation.record_contacts(scene.contacts(reading.tick), step, time_scale=TIME_SCALE)
             if simulation.is_ego_wrecked:
                 self._stage_tracker.crash()
             if ticks % TIME_SCALE == 0 and step % self._params.steps_per_frame == 0:

@@ -93,7 +93,7 @@ class ModelDriversRun:
             reading = scene.tick()
             motion = motion_from_reading(reading, scene.scenario)
             # The sensors may not have reported all contacts of this tick yet.
-            simulation.note_contacts(scene.contacts(reading.tick), step - SUBSTEPS)
+            simulation.record_contacts(scene.contacts(reading.tick), step - SUBSTEPS)
             self._act(motion, simulation.decide(motion, step))
             if float(motion.s[EGO_SLOT]) > scene.road_end - _ROAD_END_MARGIN:
                 simulation.end_at(step)
