@@ -255,8 +255,8 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
 /// The contact of a pair during the step; `None` if it touches in no simulation.
 ///
 /// The boxes keep their heading while they are swept: first the heading at the end of the step, then the heading at the
-/// time of contact that this gives. One correction is enough: times of contact differ by at most 10 ms from those of
-/// steps of 1 ms (`tests/reference/test_contact_times.py`).
+/// time of contact that this gives. One correction is enough: with steps of 1 ms, times of contact differ by at most
+/// 10 ms (`tests/reference/test_contact_times.py`).
 #[inline(always)]
 fn find_impact<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -368,7 +368,7 @@ fn record_contact<S: Simd, const N: usize>(
     *is_wreck = select(impact.exists, splat(params.simd, 1.0), *is_wreck);
 }
 
-/// The turn from the frame of the second vehicle to that of the first.
+/// The turn from the axes of the second vehicle to the axes of the first.
 #[inline(always)]
 fn pair_frame<S: Simd, const N: usize>(
     params: &Params<S, N>,

@@ -260,7 +260,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.is_in_stage(stage::PASS) & s[self.slot].simd_gt(target_s)
     }
 
-    /// Whether the driver is past its target and lacks the time to pass the next vehicle as well.
+    /// Whether the driver is past its target and has no time to pass the next vehicle as well.
     ///
     /// A driver that can no longer brake behind the next vehicle goes on.
     #[inline(always)]

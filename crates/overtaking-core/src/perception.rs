@@ -126,7 +126,7 @@ pub fn record_history<S: Simd, const N: usize>(
     let row = decision_index as usize % HISTORY_LENGTH;
     for slot in 0..params.num_slots_in_use {
         let (along, _) = state.vehicle(params, slot).road_velocity();
-        // Pairs of station and speed: those of the first eight simulations, then those of the others.
+        // Pairs of station and speed, first of eight simulations, then of the others.
         let (low, high) = state.motion.s[slot].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);

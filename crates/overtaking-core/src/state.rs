@@ -19,7 +19,7 @@ pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
 /// Number of roles of neighbours.
 pub const NUM_ROLES: usize = 6;
 
-/// Whether a role is that of a vehicle ahead. Each leader role has an even number, and the follower role of the same
+/// Whether the vehicle of a role is ahead of the driver. Each leader role has an even number, and the follower role of the same
 /// lane the next one.
 #[inline(always)]
 pub const fn is_leader_role(role: usize) -> bool {

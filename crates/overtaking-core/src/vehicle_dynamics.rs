@@ -536,7 +536,7 @@ struct WreckSlide<S: Simd> {
 
 /// Slide a wreck in `slot`, and store its accelerations.
 ///
-/// Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The moment is that of a body that
+/// Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The formula assumes a body that
 /// only spins, with its weight at half the wheelbase from the centre.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(

@@ -33,7 +33,7 @@ from overtaking.world.step_parameters import ParameterSwitch, StepParameters, st
 _BELIEF_TYPES = {
     name: np.uint8 if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
-    # Fields about the manoeuvre lack the last axis, the perceived vehicles.
+    # Fields about the manoeuvre are left out: they have no axis of perceived vehicles.
     if field.dtype and field.axes == Percepts.AXES
 }
 """Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""

@@ -339,7 +339,7 @@ L14 = Rule(
     criterion=StoppingSightDistance(safe_distance_rule="L3"),
     # Article 145(1)(e), a speed that does not fit the conditions; 146(h) does not raise it.
     grade=Grade.SERIOUS,
-    # Not `paper`, whose columns lack the friction, nor `strict`, which requires L14s.
+    # Not `paper`, whose columns contain no friction, nor `strict`, which requires L14s.
     required_by=DEFAULT_AND_STRICTER & ALL_BUT_STRICT,
     limit_phrase="the stopping distance that the sight of lit vehicles allows",
     text_source=TextSource.READ,

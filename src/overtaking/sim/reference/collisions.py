@@ -43,7 +43,7 @@ class OrientedBox:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairFrame:
-    """Transformation from the frame of the second vehicle of a pair to that of the first.
+    """Transformation from the axes of the second vehicle of a pair to the axes of the first.
 
     The axes of a frame follow the direction of travel of its vehicle.
 

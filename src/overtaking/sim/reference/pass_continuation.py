@@ -287,7 +287,7 @@ def _distance_gained_while_braking(
 def _must_return_before_next(
     state: State, params: StepParameters, context: DecisionContext
 ) -> Mask:
-    """Whether drivers are past their target and lack the time to pass the next vehicle as well.
+    """Whether drivers are past their target and have no time to pass the next vehicle as well.
 
     A driver that can no longer brake behind the next vehicle goes on.
 
@@ -343,7 +343,7 @@ def accel_limit_while_passing(
 ) -> F32:
     """Largest acceleration of drivers in the opposing lane [m/s^2].
 
-    An aborting driver brakes below its target's speed. A driver past its target that lacks the time
+    An aborting driver brakes below its target's speed. A driver past its target without the time
     to pass the next vehicle as well must fit in between the two. It follows the next vehicle with a
     share of its time gap, or in the middle of the space if that is nearer.
 

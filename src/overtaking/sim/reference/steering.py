@@ -138,7 +138,7 @@ def steer(
 ) -> F32:
     """Turn the front wheels, or lean, towards the path for one step.
 
-    Wheels and lean follow the driver's request with a lag. The request is that of the middle of the
+    Wheels and lean follow the driver's request with a lag. The request refers to the middle of the
     step, predicted by the accelerations of the last step, as in the linearly implicit step of
     `vehicle_dynamics`.
 

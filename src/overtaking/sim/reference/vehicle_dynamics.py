@@ -424,8 +424,8 @@ def _update_position(
     along = motion.vx * cosine - motion.vy * sine
     across = motion.vx * sine + motion.vy * cosine
 
-    # Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The moment
-    # is that of a body that only spins, with its weight at half the wheelbase from the centre.
+    # Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The
+    # formula assumes a body that only spins, with its weight at half the wheelbase from the centre.
     sliding_decel = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
     lost_share = minimum(sliding_decel * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)

@@ -135,19 +135,19 @@ class PassingSide(Criterion):
             signed_lane(signals.lane)[0, frames].astype(int)
             for signals in (breach.case.signals, breach.case.target)
         )
-        # Right of the target's lane or in it, the ego lacks lanes to the left of that lane.
+        # Right of the target's lane or in it, the ego must be farther to the left.
         lanes_left = ego_lane - target_lane
         needed = np.ones_like(lanes_left)
         lacking = needed - lanes_left
         if self.max_lanes_left is not None:
-            # Too far left, it lacks lanes to the right, and counts from the reference of `check`.
+            # Too far left, it must be farther to the right, counted from the reference of `check`.
             original_lane = signed_lane(breach.case.events.original_lane)[0]
             lanes_from_reference = ego_lane - np.maximum(target_lane, original_lane)
             is_too_far = lanes_from_reference > self.max_lanes_left
             lanes_left = np.where(is_too_far, lanes_from_reference, lanes_left)
             needed = np.where(is_too_far, self.max_lanes_left, needed)
             lacking = np.where(is_too_far, lanes_left - needed, lacking)
-        # A frame in queues lacks nothing, however the lanes lie.
+        # A frame in queues needs no change, however the lanes lie.
         is_exempt = self._is_in_queue(breach.case, np.zeros_like(frames), frames)
         worst = int(np.where(is_exempt, 0, lacking).argmax())
         return single_change(
@@ -317,7 +317,7 @@ class BicycleDistance(Criterion):
         return np.where(gap_decides, gap_error, speed_error)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """More distance, and a speed no higher than at the attempt, as far as they lack."""
+        """More distance, and a speed no higher than at the attempt, whichever the breach needs."""
         frames, speed = _frames_alongside(breach), breach.case.signals.speed[0]
         # Both functions return one remedy with one change.
         ((more_gap,),) = _more_lateral_gap(breach, self.min_gap.f32)

@@ -430,7 +430,7 @@ class NoOtherOvertaking(Criterion):
         A follower that has begun to pull out is an arrival in 0 s.
         """
         has_attempt = case.events.has_attempt
-        # Only attempts are looked up: in a batch, most simulations may lack one.
+        # Only attempts are looked up: in a batch, most simulations may have no attempt.
         others = _others_at_attempt(case)
         is_follower, is_left_follower = self._followers(case, others)
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
@@ -617,7 +617,7 @@ def denoised_lateral_speed_at(
         limit: The speed with which it is compared [m/s].
     """
     # `unknown` names the inputs that are not recorded: none in simulations. Recordings of real
-    # traffic lack at least the stage of the ego (following, pulling out, ...).
+    # traffic never have the stage of the ego (following, pulling out, ...).
     if not trajectories.unknown:
         return lateral_speed_at(trajectories, vehicles)
     interval = trajectories.scenario.frame_interval_ms
