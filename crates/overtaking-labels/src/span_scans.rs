@@ -87,7 +87,7 @@ pub const FRAME_NAMES: [&str; 16] = [
 
 /// Names of the rows of `SpanOutputs::sums`.
 ///
-/// `frames` counts the frames of a span, and `frames_with_leader` those of them with a leader. `ego_speed` [mm/s] and
+/// `frames` counts the frames of a span, and `frames_with_leader` the frames with a leader. `ego_speed` [mm/s] and
 /// `left_count` (vehicles in the lane to the left) are summed over all frames. The others are summed over the frames with
 /// a leader: its speed (`target_speed`) and the absolute difference of the speeds [mm/s], and the absolute distance of
 /// the centres [mm].

@@ -140,7 +140,7 @@ def encounters_at(
 ) -> Encounter:
     """The ego and a neighbour at single frames, with the fields of `Encounter`.
 
-    Times to collision and required decelerations are those of the rear one of the two vehicles.
+    Times to collision and required decelerations refer to the rear one of the two vehicles.
 
     Args:
         case: The batch.

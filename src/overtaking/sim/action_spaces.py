@@ -136,7 +136,7 @@ def _least_squares_accel(distances: F64, speed: F64, times: F64) -> F64:
 
 # The limits are chosen wide enough for any vehicle: a vehicle at the largest speed of `speed_lane`,
 # 100 m/s, moves by 200 m within the 2 s of a trajectory. 20 m aside are more than five lanes of
-# 3.5 m. The resolution of 1 mm is that of recorded positions.
+# 3.5 m. Recorded positions have the same resolution, 1 mm.
 _POINT_PARTS = tuple(
     part
     for k in range(1, len(_POINT_TIMES) + 1)

@@ -77,7 +77,7 @@ class VehicleParameters(NamedTuple):
         front_drive: Share of the drive force at the front axle [1].
         half_track: Half the distance of the left and right wheels [m].
         understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
-        moment_angle: Wheel angle that keeps a straight course against a yaw moment, such as that of
+        moment_angle: Wheel angle that keeps a straight course against a yaw moment, for example of
             side wind, per moment [rad/(N m)].
         side_lag: Delay of the body's side slip behind the wheels, a time constant per speed: mass
             over the sum of both axles' cornering stiffnesses, here not per load but in N/rad
@@ -374,9 +374,9 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
     Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
-    length, so each vehicle reacts to the nearest one of all laps. Two computations lack this. The
-    target of an overtake would be wrong, so the ego must not overtake (`ForcedDecision.STAY`).
-    Contacts of vehicles in different laps are not found.
+    length, so each vehicle reacts to the nearest one of all laps. The target of an overtake and
+    contacts of bodies count no laps. The target would be wrong, so the ego must not overtake
+    (`ForcedDecision.STAY`), and contacts of vehicles in different laps are not found.
 
     Args:
         params: Parameters of a road with ends.
