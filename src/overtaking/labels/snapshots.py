@@ -1,7 +1,11 @@
 """Single frames of a recording: positions, speeds, lanes and lamps of the ego and the others.
 
-Distances are subtracted as recorded integers and become metres afterwards: no digit is lost far
-along the road. A `FrameSpan` holds the first and last frame of a span in each simulation.
+Recorded positions are integers in millimetres. A distance is their difference, converted to metres
+afterwards: float32 positions beyond 16 km are coarser than 1 mm.
+
+Left means the overtaking side, also in left-hand traffic: lateral values in metres are mirrored by
+`overtaking_sign`. Arrays called `rows` or `simulation` hold indices of simulations in the batch. The
+frame of an event that does not occur is `NEVER`, -1.
 """
 
 from dataclasses import dataclass
@@ -24,15 +28,19 @@ T = TypeVar("T", bound=np.generic)
 METRES_PER_MM = np.float32(1e-3)
 
 ANGLE_RESOLUTION_F32 = np.float32(1e-4)
+"""Step of a recorded heading [rad]."""
 
 OCCUPANCY_REACH_MM = 100_000
-"""Distance ahead of and behind the ego within which the occupancy of a lane is measured [mm]."""
+"""Distance ahead of and behind the ego within which the occupancy of a lane is measured [mm].
+
+A choice of this model.
+"""
 
 _LATERAL_SPEED_HALF_WINDOW_MS = 100
-"""Half of the time over which a lateral speed is measured [ms].
+"""Half of the time over which a lateral speed is measured [ms], a choice of this model.
 
-A time, not a number of frames: recordings of the same drive at 20 Hz and at 25 Hz must have the
-same events.
+It is a time and no number of frames, so that recordings of the same drive at 20 Hz and at 25 Hz
+have the same events.
 """
 
 
@@ -63,19 +71,22 @@ class VehicleInstants(NamedTuple):
 
 
 def at_frame(values: NDArray[T], frames: Frames) -> NDArray[T]:
-    """Values of shape (simulation, time) at one frame each; at the first frame for `NEVER`."""
+    """Values of shape (simulation, time) at one frame of each simulation.
+
+    At `NEVER` the result is the value of frame 0, and callers ignore it.
+    """
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
 def scatter(values: NDArray[T], simulations: IndexArray | Mask, num_simulations: int) -> NDArray[T]:
-    """An array for all simulations with the values of some, and 0 for the others."""
+    """An array of all simulations: `values` in the rows `simulations`, 0 in the others."""
     scattered = np.zeros(num_simulations, values.dtype)
     scattered[simulations] = values
     return scattered
 
 
 def overtaking_sign(road: Road) -> np.float32:
-    """+1 where `d` grows to the overtaking side, which is right-hand traffic; else -1."""
+    """+1 in right-hand traffic, where `d` grows to the overtaking side; -1 in left-hand traffic."""
     return np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
 
 
@@ -92,7 +103,7 @@ def lane_borders(road: Road) -> F32:
 
 
 def slot_or_ego(vehicle: U8) -> IndexArray:
-    """Slot of each vehicle; the slot of the ego in place of `NO_VEHICLE`."""
+    """Slot of each vehicle; the slot of the ego in place of `NO_VEHICLE`, which is no index."""
     return np.where(vehicle == NO_VEHICLE, EGO_SLOT, vehicle).astype(np.intp)
 
 
@@ -103,15 +114,19 @@ def half_length_sum(trajectories: Trajectories, rows: IndexArray, slot: IndexArr
 
 
 def lateral_footprint(
-    road: Road, d: Frames, heading: tuple[Frames, float], length: F32, width: F32
+    road: Road,
+    d: NDArray[np.integer],
+    heading: tuple[NDArray[np.integer], float],
+    length: F32,
+    width: F32,
 ) -> tuple[F32, F32]:
     """Extent of vehicles across the road; all arrays have one shape.
 
     Args:
         road: The road.
         d: Recorded lateral position [mm].
-        heading: Recorded heading [0.1 mrad], and the direction from which it is measured [rad], as
-            in `Trajectories.headings_and_origin`.
+        heading: Recorded heading [0.1 mrad], and the direction of the road to subtract from it
+            [rad], as in `Trajectories.headings_and_origin`.
         length: Length of each vehicle [m].
         width: Width of each vehicle [m].
 
@@ -126,7 +141,7 @@ def lateral_footprint(
 
 
 def is_oncoming(trajectories: Trajectories) -> Mask:
-    """Which vehicles drive against the road, shape (simulation, vehicle); none on one-way roads.
+    """Whether each vehicle drives against the road, (simulation, vehicle); false on one-way roads.
 
     The heading in the first recorded frame decides: a vehicle that spins later does not become
     oncoming.
@@ -134,36 +149,38 @@ def is_oncoming(trajectories: Trajectories) -> Mask:
     valid = trajectories.scenario.vehicles.valid
     if not trajectories.road.is_two_way:
         return np.zeros_like(valid)
-    first = (
+    first_frame = (
         np.zeros(valid.shape, np.intp)
-        if trajectories.is_recorded is None
+        if trajectories.is_recorded is None  # Every vehicle is recorded in every frame.
         else trajectories.is_recorded.argmax(axis=2)
     )
     headings, direction = trajectories.headings_and_origin
-    heading = np.take_along_axis(headings, first[:, :, None], axis=2)[:, :, 0]
-    drives_against = sincos(as_f32(heading) * ANGLE_RESOLUTION_F32 - np.float32(direction))[1] < 0
+    heading = np.take_along_axis(headings, first_frame[:, :, None], axis=2)[:, :, 0]
+    _, cosine = sincos(as_f32(heading) * ANGLE_RESOLUTION_F32 - np.float32(direction))
+    drives_against = cosine < 0
     drives_against[:, EGO_SLOT] = False
     return valid & drives_against
 
 
 def lateral_speed_half_window(interval_ms: int) -> int:
-    """Number of frames on either side over which a lateral speed is measured, at least 1."""
+    """Number of frames before and after a frame over which to measure its lateral speed."""
     return max(1, round(_LATERAL_SPEED_HALF_WINDOW_MS / interval_ms))
 
 
 def lateral_speed_at(
     trajectories: Trajectories, vehicles: VehicleInstants, half_window: I32 | int | None = None
 ) -> F32:
-    """Speed of vehicles to the left at single frames, shape (instant,) [m/s].
+    """Lateral speed of vehicles at single frames, positive to the left, shape (instant,) [m/s].
 
     Args:
         trajectories: The batch.
         vehicles: The vehicles and frames.
-        half_window: Largest number of frames on either side over which to measure, a number or one
-            for each instant; None for about 0.1 s.
+        half_window: Largest number of frames before and after, for all instants or for each of
+            them; None for about 0.1 s.
 
     Returns:
-        A central difference, one-sided beside frames in which the vehicle is not recorded.
+        A central difference; one-sided beside frames in which the vehicle is not recorded, and 0
+        if it is not recorded in any other frame of the window.
     """
     interval_ms, d = trajectories.scenario.frame_interval_ms, trajectories.states.d
     if half_window is None:
@@ -179,10 +196,10 @@ def lateral_speed_at(
 def _recorded_window(
     trajectories: Trajectories, vehicles: VehicleInstants, half_window: I32 | int
 ) -> tuple[I32, I32]:
-    """First and last frame of the unbroken track around each instant, within the half window.
+    """First and last frame of the window around each instant; it ends at a break in the track.
 
     A vehicle that leaves the recording and comes back has a break in its track. A difference across
-    the break would be the speed between two unrelated places, so the window ends at it.
+    the break would be the speed between two unrelated places.
     """
     simulation, slot, frame = vehicles
     last_frame = np.maximum(trajectories.num_frames[simulation] - 1, np.int32(0))
@@ -193,7 +210,7 @@ def _recorded_window(
         return earliest, latest
 
     def extend(limit: I32, direction: int) -> I32:
-        """The farthest frame towards a limit that the unbroken track reaches."""
+        """The farthest frame towards a limit that the track reaches without a break."""
         end = frame.astype(np.int32)
         for distance in range(1, int(np.max(half_window, initial=0)) + 1):
             candidate = end + np.int32(direction)
@@ -209,9 +226,13 @@ def _recorded_window(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSnapshot:
-    """One vehicle along the road at single frames, as in `TargetSignals`; shape (instant,).
+    """One vehicle along the road at single frames; every array has shape (instant,).
 
-    The values are undefined where `valid` is false: without a vehicle, or where it is not recorded.
+    Attributes:
+        valid: Whether there is a vehicle and it is recorded; otherwise the values are undefined.
+        ego_lead: Station of the ego minus the vehicle's, from centre to centre [m].
+        gap: Gap between the bumpers, whichever is ahead; negative where they overlap [m].
+        speed: Speed of the vehicle [m/s].
     """
 
     valid: Mask
@@ -229,7 +250,7 @@ def vehicle_snapshot(
         trajectories: The batch.
         vehicle: Slot of the vehicle at each instant, `NO_VEHICLE` without one, shape (instant,).
         rows: Row of the simulation, same shape.
-        frames: The frame, same shape; a negative one counts as the first frame.
+        frames: The frame, same shape; `NEVER` counts as frame 0.
     """
     frame, slot = np.maximum(frames, 0), slot_or_ego(vehicle)
     ego_lead = ego_lead_over(trajectories, rows, slot, frame)
@@ -247,7 +268,7 @@ def vehicle_snapshot(
 def ego_lead_over(
     trajectories: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames
 ) -> F32:
-    """Station of the ego minus station of another vehicle at single frames, (instant,) [m]."""
+    """Station of the ego minus another vehicle's, between centres, shape (instant,) [m]."""
     s = trajectories.states.s
     return as_f32(s[rows, EGO_SLOT, frames] - s[rows, slot, frames]) * METRES_PER_MM
 
@@ -255,15 +276,16 @@ def ego_lead_over(
 def lateral_position_and_gap(
     trajectories: Trajectories, signals: EgoSignals, vehicles: VehicleInstants
 ) -> tuple[F32, F32]:
-    """Vehicles across the road at single frames.
+    """Position of vehicles across the road, and their gap to the ego, at single frames.
 
     Args:
         trajectories: The batch.
-        signals: Its signals.
+        signals: Signals of the batch.
         vehicles: The vehicles and frames.
 
     Returns:
-        `lateral_position` and `lateral_gap` as in `TargetSignals`, shape (instant,) [m].
+        Lateral position of the centre, growing to the left, and gap between the sides of ego and
+        vehicle, negative where they overlap across the road; shape (instant,) [m].
     """
     simulation, slot, frame = vehicles
     bodies = trajectories.scenario.vehicles
@@ -275,19 +297,20 @@ def lateral_position_and_gap(
         bodies.length[simulation, slot],
         bodies.width[simulation, slot],
     )
-    ego = simulation, frame
-    ego_reach = (signals.left_edge[ego] - signals.right_edge[ego]) * np.float32(0.5)
-    distance = np.abs(lateral_position - signals.lateral_position[ego])
-    return lateral_position, distance - (ego_reach + reach)
+    instants = simulation, frame
+    ego_reach = (signals.left_edge[instants] - signals.right_edge[instants]) * np.float32(0.5)
+    lateral_distance = np.abs(lateral_position - signals.lateral_position[instants])
+    return lateral_position, lateral_distance - (ego_reach + reach)
 
 
 def is_in_lane(trajectories: Trajectories, lane: I32, frames: Frames) -> Mask:
-    """Which vehicles are in a driving lane at one frame of each simulation, (simulation, vehicle).
+    """Whether each vehicle is in a lane at one frame of each simulation, (simulation, vehicle).
 
     Args:
         trajectories: The batch.
-        lane: A lane index for each simulation, shape (simulation,).
-        frames: A frame of each, same shape.
+        lane: A lane index for each simulation, shape (simulation,). Indices from the number of
+            driving lanes on are beyond the road or in the opposing lane, and hold no vehicle.
+        frames: A frame of each simulation, same shape.
     """
     rows = np.arange(len(frames))
     is_inside = trajectories.states.lane[rows, :, frames] == lane[:, None]
@@ -303,7 +326,8 @@ class LeftLaneOccupancy:
     """The lane to the left of the ego at one frame of each simulation; shape (simulation,).
 
     Attributes:
-        occupancy: Share of the lane within `OCCUPANCY_REACH_MM` that vehicles cover.
+        occupancy: Share of the lane within `OCCUPANCY_REACH_MM` of the ego that vehicles cover, by
+            their lengths [1].
         count: Number of vehicles in the lane, at any distance.
     """
 
@@ -317,11 +341,12 @@ def left_lane_occupancy(trajectories: Trajectories, frames: Frames) -> LeftLaneO
     ego_lane = trajectories.states.lane[rows, EGO_SLOT, frames].astype(np.int32)
     s = trajectories.states.s[rows, :, frames]
     is_on_left = is_in_lane(trajectories, ego_lane + 1, frames)
-    # In half-millimetres: half a length is then an integer, and the sum of integers is the same in
-    # any order of the vehicles.
+    # `limit`, `length`, `centre`, `front` and `rear` are in half-millimetres: half a length is then
+    # an integer, and a sum of integers is the same in any order of the vehicles.
     limit = np.int32(2 * OCCUPANCY_REACH_MM)
     length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
-    # Distances are limited first, because twice the distance of a far vehicle could overflow.
+    # Twice the distance of a far vehicle could overflow, so distances are limited first: to 200 m,
+    # where no vehicle reaches into the 100 m that count.
     centre = np.clip(s - s[:, [EGO_SLOT]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
     length_within_reach = np.where(is_on_left, np.maximum(front - rear, np.int32(0)), np.int32(0))
@@ -350,7 +375,7 @@ class FrameSpan:
 
     @property
     def packed_ends(self) -> I32:
-        """First frames and then last frames in one array, the input of compiled functions."""
+        """All first frames, then all last frames, in one array for compiled functions."""
         return np.concatenate([self.first, self.last], dtype=np.int32)
 
     def select(self, rows: IndexArray) -> "FrameSpan":
@@ -363,10 +388,10 @@ class FrameSpan:
         return (frame >= self.first[rows, None]) & (frame <= self.last[rows, None])
 
     def instants(self) -> Instants:
-        """The frames of all spans, in the order of the simulations."""
+        """The frames of all spans, in the order of simulations and frames."""
         length = np.maximum(self.last - self.first + 1, 0)
         simulation = np.repeat(np.arange(len(length)), length)
-        num_before = np.cumsum(length) - length
+        num_before = np.cumsum(length) - length  # Instants of all earlier simulations.
         frame = np.arange(simulation.size) + np.repeat(self.first - num_before, length)
         return Instants(simulation, frame)
 
@@ -377,12 +402,12 @@ class OtherVehicles:
 
     Attributes:
         valid: Whether the slot has a vehicle other than the ego that is recorded in that frame.
-        ego_lead: Station of the ego minus its own: positive for vehicles behind the ego [m].
-        gap: Gap between its bumper and the ego's, negative where they overlap [m].
-        speed: Speed along its own direction [m/s].
+        ego_lead: Station of the ego minus the vehicle's: positive for vehicles behind the ego [m].
+        gap: Gap between the bumpers of vehicle and ego, negative where they overlap [m].
+        speed: Speed in the vehicle's own direction, never negative [m/s].
         lane: Lane index.
-        lights: `Lights`.
-        is_oncoming: Whether it drives against the road.
+        lights: Bits of `Lights`.
+        is_oncoming: Whether the vehicle points against the road in that frame.
     """
 
     valid: Mask
@@ -406,7 +431,7 @@ def other_vehicles_at(
 
     Args:
         trajectories: The batch.
-        frame: A frame of each simulation, shape (simulation,); a negative one counts as frame 0.
+        frame: A frame of each simulation, shape (simulation,); `NEVER` counts as frame 0.
         simulation: Rows of the simulations in the batch, same shape; None for all of them.
     """
     states = trajectories.states
@@ -418,7 +443,7 @@ def other_vehicles_at(
     s = states.s[instants]
     ego_lead = as_f32(s[:, [EGO_SLOT]] - s) * METRES_PER_MM
     headings, direction = trajectories.headings_and_origin
-    heading = as_f32(headings[instants]) * ANGLE_RESOLUTION_F32 - np.float32(direction)
+    _, cosine = sincos(as_f32(headings[instants]) * ANGLE_RESOLUTION_F32 - np.float32(direction))
     return OtherVehicles(
         valid=_is_recorded_other(trajectories, simulation, frame),
         ego_lead=ego_lead,
@@ -426,7 +451,7 @@ def other_vehicles_at(
         speed=as_f32(states.speed[instants]) * METRES_PER_MM,
         lane=states.lane[instants],
         lights=states.lights[instants],
-        is_oncoming=sincos(heading)[1] < 0,
+        is_oncoming=cosine < 0,
     )
 
 
@@ -448,6 +473,7 @@ def num_slow_vehicles(
         reach: A vehicle is near within this distance along the road, from centre to centre [m].
     """
     states, s = trajectories.states, trajectories.states.s[simulation, :, frame]
+    # Stations are in mm, speeds in mm/s.
     is_near = np.abs(s - s[:, [EGO_SLOT]]) <= reach * 1000.0
     is_slow = is_near & (states.speed[simulation, :, frame] < below * 1000.0)
     is_slow &= _is_recorded_other(trajectories, simulation, frame)
@@ -456,7 +482,7 @@ def num_slow_vehicles(
 
 def _is_recorded_other(trajectories: Trajectories, simulation: IndexArray, frame: Frames) -> Mask:
     """Whether a vehicle is recorded at an instant and is not the ego, shape (instant, vehicle)."""
-    valid = trajectories.scenario.vehicles.valid[simulation]
+    valid = trajectories.scenario.vehicles.valid[simulation]  # An index array makes a copy.
     valid[:, EGO_SLOT] = False
     is_recorded = trajectories.is_recorded
     return valid if is_recorded is None else valid & is_recorded[simulation, :, frame]
