@@ -1,4 +1,4 @@
-"""Signals, events, findings, labels and features of a recording, one after the other."""
+"""Label recordings: events of the overtake, findings of each rule, classes and features."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,13 +48,15 @@ class LabelledTrajectories(IdentityBatch):
         events: Frames of the events of the overtake.
         findings: Result of each rule for each simulation.
         labels: Outcome of each simulation, and its class under each policy.
-        paper_features: The paper's features as it measures them.
-        matched_features: The same features, measured in the same way in every class.
+        paper_features: Features of the reproduced paper, measured as in the paper: by means over
+            all frames where the ego does not overtake.
+        matched_features: The same features, measured at one frame in every class.
         attempt_features: State of the ego and its surroundings when the overtake began, or could
             have begun.
-        safety: Surrogate measures of safety.
+        safety: Surrogate measures of safety, such as the smallest time to collision.
     """
 
+    # Only this package creates the class, from checked parts: its values need no check.
     IS_INTERNAL: ClassVar = True
 
     trajectories: Trajectories
@@ -78,11 +80,12 @@ class LabelledTrajectories(IdentityBatch):
             One row per simulation and policy, with the columns of the table `labels` of a data set,
             less `balance_weight`. The column `simulation` holds positions in the batch, from 0.
         """
-        # By name, because this package loads no table library.
+        # The import waits for the call, because labels must load without a library for tables.
         return import_module("overtaking.data.tables.data_frames").labels_frame(self)
 
     def case(self) -> Case:
-        """The batch as the rules see it."""
+        """The input of the rules: recording, signals, events and target."""
+        # Signals of the target are computed again, because they are not stored with the labels.
         target = target_signals(self.trajectories, self.signals, self.events.target_slot)
         return Case(
             trajectories=self.trajectories,
@@ -94,11 +97,11 @@ class LabelledTrajectories(IdentityBatch):
 
 @dataclass(frozen=True, eq=False)
 class JudgedBatch:
-    """Some simulations of a data set with their labels by one law or several.
+    """Some simulations of a data set with their labels by one or more laws.
 
     Attributes:
-        simulation_ids: Their numbers in the data set, shape (simulation,).
-        labelled: Their labels by each law; `labels.classes` has a column for each policy.
+        simulation_ids: Numbers of the simulations in the data set, shape (simulation,).
+        labelled: Labels of the simulations by each law.
     """
 
     simulation_ids: I64
@@ -106,7 +109,7 @@ class JudgedBatch:
 
     @cached_property
     def case(self) -> Case:
-        """The simulations as the rules see them; the labels of any law give the same case."""
+        """The input of the rules, which is the same for all laws."""
         return self.labelled[0].case()
 
 
@@ -122,8 +125,8 @@ def label(
     Args:
         trajectories: The recording.
         pack: The rules of a law.
-        policies: The policies for which classes are assigned, in the order of the columns.
-        errors: Errors of measured positions and speeds; None for exact values.
+        policies: Policies under which to classify, in the order of the columns of `labels.classes`.
+        errors: Standard errors of measured positions and speeds; None for exact values.
 
     Raises:
         ConfigError: A policy requires a rule that the pack does not have.
@@ -152,7 +155,7 @@ def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Polic
         _overtake_classes(outcome, detail, legality, policy)
         for legality, policy in zip(legality_by_policy, policies, strict=True)
     ]
-    columns_by_policy = {
+    legality_columns = {
         name: np.stack([getattr(legality, name) for legality in legality_by_policy], axis=1)
         for name in ("is_legal", "num_broken", "num_undecidable")
     }
@@ -161,19 +164,26 @@ def _labels(case: Case, findings: Findings, pack: Pack, policies: Sequence[Polic
         outcome=outcome,
         detail=detail,
         classes=np.stack(classes, axis=1),
-        **columns_by_policy,
+        **legality_columns,
     )
 
 
 def _overtake_classes(outcome: U8, detail: U8, legality: Legality, policy: Policy) -> U8:
-    """The class of each simulation under one policy."""
+    """`OvertakeClass` of each simulation under one policy.
+
+    Suffixes of the classes: I illegal, L legal, U undecided, COL collision, NCOL no collision, DEP
+    departure from the road.
+    """
     is_undecided = (legality.num_undecidable > 0) & (not policy.allows_undecided)
     is_completed = outcome == Outcome.COMPLETED
     is_censored = (detail == OutcomeDetail.OPEN_AT_HORIZON) & policy.censors_open
     has_departed = (
         np.isin(detail, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures
     )
-    cases = [
+    # The first condition that holds decides. A departure comes before `NO_ATTEMPT`: an ego that has
+    # begun no overtake can leave the road, too. A broken rule comes before undecided ones: the
+    # overtake is illegal whatever those would give.
+    classes_by_condition = [
         (outcome == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
         (has_departed, OvertakeClass.UNSUCCESS_DEP),
         (outcome == Outcome.NO_ATTEMPT, OvertakeClass.NO_ATTEMPT),
@@ -182,4 +192,4 @@ def _overtake_classes(outcome: U8, detail: U8, legality: Legality, policy: Polic
         (is_completed, OvertakeClass.SUCCESS_L),
         (is_censored, OvertakeClass.CENSORED),
     ]
-    return first_that_holds(cases, OvertakeClass.UNSUCCESS_NCOL)
+    return first_that_holds(classes_by_condition, OvertakeClass.UNSUCCESS_NCOL)

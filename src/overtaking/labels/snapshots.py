@@ -4,7 +4,7 @@ Recorded positions are integers in millimetres. A distance is their difference, 
 afterwards: float32 positions beyond 16 km are coarser than 1 mm.
 
 Left means the overtaking side, also in left-hand traffic: lateral values in metres are mirrored by
-`overtaking_sign`. Arrays called `rows` or `simulation` hold indices of simulations in the batch. The
+`overtaking_sign`. Arrays named `rows` or `simulation` are indices of simulations in the batch. The
 frame of an event that does not occur is `NEVER`, -1.
 """
 
