@@ -1,8 +1,11 @@
-"""Events of the overtake, its outcome, and the detail of the outcome.
+"""Events of the overtake, its outcome, and the reason of the outcome.
 
-The compiled engine finds the events in recorded positions and bodies, never in the intentions of
-the ego. `tests/reference/labels/readable_events.py` finds the same events in Python, and follows
-the definitions of `docs/explanation/events.md`.
+The compiled engine finds the events in recorded positions and bodies, never in the intention of the
+ego's driver. `docs/explanation/events.md` defines the events, and
+`tests/reference/labels/readable_events.py` finds them in Python.
+
+An event is a frame number, `NEVER` if it does not occur. Left is the overtaking side, also in
+left-hand traffic.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +34,14 @@ from overtaking.model.verdicts import Case
 _BYTE_FIELDS = frozenset(
     ["target_slot", "original_lane", "num_attempts", "num_passed", "collision_slot", "num_drifts"]
 )
-"""Fields of `OvertakeEvents` that are bytes; the other numbers are frames."""
+"""Fields of `OvertakeEvents` that are bytes. The engine returns all fields as int32."""
 
 HEADING_UNITS_PER_RADIAN = 1.0 / ANGLE_RESOLUTION
-"""Number of steps of a recorded heading in a radian."""
+"""Number of steps of a recorded heading, 0.1 mrad, in a radian."""
 
 
 def case_from_trajectories(trajectories: Trajectories) -> Case:
-    """A recording of any origin with its signals, events and targets.
+    """The input of rules and features: a recording of any origin, its signals, events and targets.
 
     Raises:
         ConfigError: `OVERTAKING_SIMD` is no SIMD level of this CPU.
@@ -50,8 +53,8 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
         name: frames.astype(np.uint8) if name in _BYTE_FIELDS else frames
         for name, frames in frames_by_event.items()
     }
-    # A movement in the first frame of an excerpt began before it. Simulations are no excerpts: a
-    # movement in their first frame begins there.
+    # A movement in the first frame of an excerpt began earlier. A simulation is no excerpt: a
+    # movement in its first frame begins there.
     attempt = columns["attempt"]
     began_before_recording = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
     was_struck = _was_struck(trajectories, signals, columns["collision_slot"], columns["collision"])
@@ -69,7 +72,11 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
 
 
 def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
-    """Thresholds of `event_detection.toml` in metres and frames, and the lanes of the road."""
+    """Thresholds of `event_detection.toml` and the lanes of the road, as the engine reads them.
+
+    Lengths are in metres, times in frames, angles in steps of 0.1 mrad. The keys are the names of
+    `EventThresholds` in the engine, which explains each; the file states the reasons of the values.
+    """
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
     def num_frames(name: str) -> int:
@@ -78,6 +85,7 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
 
     advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
     neighbour = road.overtaking_side_neighbour
+    # On a two-way road the ego overtakes in the opposing lane, which is left of its last lane.
     has_left_neighbour = neighbour is not None and neighbour.kind == "driving"
     return {
         "min_advance": np.array(advances)[kind],
@@ -100,38 +108,41 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
 
 
 def _was_struck(
-    trajectories: Trajectories, signals: EgoSignals, partner: U8, collision: I32
+    trajectories: Trajectories, signals: EgoSignals, collision_slot: U8, collision: I32
 ) -> Mask:
     """Whether another vehicle ran into the ego, shape (simulation,); false without a collision.
 
-    The last frame before the contact decides. If the two are apart along the road, the one behind
-    runs into the one ahead. If they are side by side, the one that moves towards the other faster
-    does.
+    The last frame before the contact decides. Vehicles are side by side if they overlap along the
+    road, and less or not at all across it; then the vehicle with the higher speed towards the other
+    ran into it. Otherwise the vehicle behind ran into the vehicle ahead.
     """
     simulation = np.flatnonzero(collision != NEVER)
     last_frame_apart = np.maximum(collision[simulation] - 1, 0)
-    slot = slot_or_ego(partner[simulation])
-    neighbour = vehicle_snapshot(trajectories, partner[simulation], simulation, last_frame_apart)
+    other_vehicle = collision_slot[simulation]
+    slot = slot_or_ego(other_vehicle)
+    other = vehicle_snapshot(trajectories, other_vehicle, simulation, last_frame_apart)
     vehicles = VehicleInstants(simulation, slot, last_frame_apart)
-    position, lateral_gap = lateral_position_and_gap(trajectories, signals, vehicles)
-    is_ego_left = signals.lateral_position[simulation, last_frame_apart] > position
-    ego_speed = signals.lateral_speed[simulation, last_frame_apart]
-    other_speed = lateral_speed_at(trajectories, vehicles)
-    # The vehicle on the left approaches the other one by moving to the right.
-    closing_by_ego = np.where(is_ego_left, -ego_speed, ego_speed)
-    closing_by_other = np.where(is_ego_left, other_speed, -other_speed)
-    are_alongside = (neighbour.gap < 0) & (lateral_gap > neighbour.gap)
+    other_position, lateral_gap = lateral_position_and_gap(trajectories, signals, vehicles)
+    is_ego_left = signals.lateral_position[simulation, last_frame_apart] > other_position
+    # Lateral speeds are positive to the left: the vehicle on the left approaches by a negative one.
+    ego_lateral_speed = signals.lateral_speed[simulation, last_frame_apart]
+    other_lateral_speed = lateral_speed_at(trajectories, vehicles)
+    closing_by_ego = np.where(is_ego_left, -ego_lateral_speed, ego_lateral_speed)
+    closing_by_other = np.where(is_ego_left, other_lateral_speed, -other_lateral_speed)
+    # Gaps are negative where the bodies overlap.
+    are_alongside = (other.gap < 0) & (lateral_gap > other.gap)
     was_struck = np.zeros(len(collision), np.bool_)
     was_struck[simulation] = np.where(
-        are_alongside, closing_by_other > closing_by_ego, neighbour.ego_lead > 0
+        are_alongside, closing_by_other > closing_by_ego, other.ego_lead > 0
     )
     return was_struck
 
 
 def _was_intended(trajectories: Trajectories, frames_by_event: Mapping[str, I32]) -> Mask:
-    """Whether the driver was overtaking at any time from the attempt to the line or back.
+    """Whether the simulated driver meant to overtake during the attempt, shape (simulation,).
 
-    Shape (simulation,); false without an attempt.
+    The driver's stages count from the attempt to the line crossing or to the end of an abort,
+    whichever is first. Without an attempt the result is false.
     """
     attempt, last = frames_by_event["attempt"], frames_by_event["last"]
     crossing, abort_end = frames_by_event["line_crossed"], frames_by_event["abort_end"]
@@ -150,8 +161,8 @@ def _was_intended(trajectories: Trajectories, frames_by_event: Mapping[str, I32]
 def outcomes(events: OvertakeEvents) -> U8:
     """`Outcome` of each simulation.
 
-    A collision counts in any recorded frame, also before an attempt and after the return:
-    simulations end three seconds after the overtake, and a collision until then belongs to it.
+    A collision counts in any recorded frame. Before an attempt it prevents the overtake. After the
+    return it belongs to the overtake, because a simulation ends only 3 s later.
     """
     outcome_of_attempt = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
     outcome_without_collision = np.where(events.has_attempt, outcome_of_attempt, Outcome.NO_ATTEMPT)
@@ -161,7 +172,7 @@ def outcomes(events: OvertakeEvents) -> U8:
 
 
 def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
-    """`OutcomeDetail` of each simulation.
+    """`OutcomeDetail` of each simulation: the reason of its outcome.
 
     Args:
         events: Events of the batch.
@@ -171,12 +182,13 @@ def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
     has_abort_end = events.abort_end != NEVER
     departure, spin = events.road_departure, events.spin
     spun_first = (spin != NEVER) & ((departure == NEVER) | (spin < departure))
-    # An ego that stays in the other lane for this time after passing does not intend to return.
+    # A choice: an ego that is still in the other lane 10 s after passing does not intend to return.
     stay_time = float(constant("event_detection.phases.stay_time"))
-    num_frames = stay_time * 1000.0 / frame_interval_ms
+    num_frames_of_stay = stay_time * 1000.0 / frame_interval_ms
     has_passed = events.overlap_end != NEVER
-    has_not_returned = has_passed & (events.last - events.overlap_end >= num_frames)
-    cases = [
+    has_stayed = has_passed & (events.last - events.overlap_end >= num_frames_of_stay)
+    # The first condition that holds decides, so a later one need not exclude the earlier ones.
+    details_by_condition = [
         (has_collision & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
         (has_collision & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
         (has_collision, OutcomeDetail.RAN_INTO_OTHER),
@@ -186,17 +198,20 @@ def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
         (outcome == Outcome.NO_ATTEMPT, OutcomeDetail.NONE),
         (has_abort_end & (events.line_crossed == NEVER), OutcomeDetail.ABORTED_BEFORE_CROSSING),
         (has_abort_end, OutcomeDetail.ABORTED_AFTER_CROSSING),
-        (has_not_returned, OutcomeDetail.PASSED_NOT_RETURNED),
+        (has_stayed, OutcomeDetail.PASSED_NOT_RETURNED),
     ]
-    return first_that_holds(cases, OutcomeDetail.OPEN_AT_HORIZON)
+    return first_that_holds(details_by_condition, OutcomeDetail.OPEN_AT_HORIZON)
 
 
-def first_that_holds(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
-    """The code of the first case that holds in each simulation."""
-    conditions, codes = zip(*cases, strict=True)
+def first_that_holds(codes_by_condition: Sequence[tuple[Mask, int]], otherwise: int) -> U8:
+    """Code of the first condition that holds in each simulation, or `otherwise`."""
+    conditions, codes = zip(*codes_by_condition, strict=True)
     return np.select(conditions, codes, otherwise).astype(np.uint8)
 
 
 def nan_if_begun_before_recording(case: Case, values: F32) -> F32:
-    """Values that count from the attempt, (simulation,); NaN if it began before the recording."""
+    """Values that depend on the frame of the attempt; NaN if it began before the recording.
+
+    Such an attempt has an unknown frame. The values have shape (simulation,).
+    """
     return np.where(case.events.began_before_recording == NEVER, values, np.float32(np.nan))

@@ -24,13 +24,13 @@ class Breach:
     Attributes:
         rule: The rule.
         policies: Names of the policies that require it.
-        margin: Margin of the rule, negative, in its unit.
+        margin: Margin of the finding, negative, in the unit of the rule.
         first_frame: First frame of the breach.
         last_frame: Last frame of the breach.
         severity: Severity by the law to which the rule belongs.
-        belief: Whether the driver could know.
-        remedies: Alternative changes, each of which would have kept the rule; empty if no change
-            would.
+        belief: Whether the driver knew of the breach at its decision.
+        remedies: Alternative changes, each sufficient to keep the rule; empty if no change is
+            known.
     """
 
     rule: Rule
@@ -45,14 +45,15 @@ class Breach:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BelievedFinding:
-    """Margins to one neighbour at one decision by true and by believed values.
+    """Margin of a rule to one neighbour at one decision, by true and by believed values.
 
     Attributes:
-        percept: Row of the percepts.
-        perceived: The neighbour.
-        rule_code: Of the rule.
-        margin: By the true gap and closing speed [m].
-        believed_margin: By those believed; None for a vehicle that was not noticed [m].
+        percept: Index of the decision among the percepts of the simulation.
+        perceived: Role of the neighbour at the decision.
+        rule_code: Code of the rule, such as "L3".
+        margin: Margin by the true gap and closing speed, negative in a breach [m].
+        believed_margin: Margin by the gap and closing speed that the driver believed; None for a
+            vehicle that the driver had not noticed [m].
         belief: Result of the comparison.
     """
 
@@ -65,15 +66,16 @@ class BelievedFinding:
 
 
 def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
-    """Compare the law with what the driver believed of each vehicle at its decisions.
+    """Compare true and believed margins to the neighbours at the driver's decisions.
 
     Args:
-        case: One simulation.
-        pack: The pack of rules. Neighbours that no rule of it judges are left out.
+        case: A batch of one simulation.
+        pack: The pack of rules.
 
     Returns:
-        One item for each neighbour at each decision, in the order of decisions. Decisions to abort
-        have no item because no rule judges them; recordings without percepts have no items.
+        One item for each neighbour that a rule judges at each decision, in the order of decisions.
+        Decisions to abort have no items, because no rule judges them. A recording that does not
+        state the driver's percepts has no items.
     """
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:
@@ -93,7 +95,10 @@ def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
 def _believed_margins(
     pack: Pack,
 ) -> dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]:
-    """By the kind of decision and the neighbour: code and margin of the first rule of the pack."""
+    """Code and margin of the rule that judges each neighbour at each kind of decision.
+
+    If several rules do, the first one of the pack counts.
+    """
     margins = dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]()
     for rule in pack.deciding_rules:
         for key, margin in rule.criterion.believed_margins.items():
@@ -104,7 +109,9 @@ def _believed_margins(
 def _believed_finding(
     case: Case, percept_index: int, perceived: PerceivedVehicle, code: str, margin: GapMargin
 ) -> BelievedFinding:
-    percepts, entry = case.trajectories.percepts, (slice(0, 1), percept_index, perceived)
+    """Compare one margin to one neighbour at one decision of the only simulation of a case."""
+    percepts = case.trajectories.percepts
+    entry = (slice(0, 1), percept_index, perceived)  # The slice keeps the axis of simulations.
     percept = percept_at(
         case, np.array([percept_index]), np.array([True]), percepts.time[:1, percept_index]
     )
@@ -130,9 +137,10 @@ class UndecidedRule:
     Attributes:
         rule: The rule.
         policies: Names of the policies that require it.
-        missing_inputs: Names of inputs that the rule needs and the recording lacks.
-        is_text_unread: Whether the authors did not read the text of the rule, and the pack leaves
-            such rules undecidable.
+        missing_inputs: Names of inputs that the rule needs and the recording does not state, in
+            alphabetical order.
+        is_text_unread: Whether the rule is undecidable because the authors of its pack did not read
+            the text of the law.
     """
 
     rule: Rule
@@ -143,7 +151,7 @@ class UndecidedRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """Why one simulation is judged as it is.
+    """Reasons of the verdicts on one simulation.
 
     Attributes:
         breaches: The rules that are broken.
@@ -172,13 +180,13 @@ def explain(
     pack: Pack = PORTUGAL,
     policies: Sequence[Policy] = STORED_POLICIES,
 ) -> Explanation:
-    """Why one simulation is judged as it is, and what would have kept each broken rule.
+    """Give the reasons of the verdicts on one simulation, and remedies of each breach.
 
     Args:
         labelled: A batch with its findings.
-        simulation: Its index in the batch.
-        pack: The rules that the findings are of.
-        policies: Which of the rules count for which reading.
+        simulation: Index of the simulation in the batch.
+        pack: The pack by which the batch was judged.
+        policies: Policies to name beside each rule that they require.
     """
     labelled = labelled.select(np.array([simulation]))
     case, verdicts = labelled.case(), labelled.findings.verdict[0]
@@ -209,13 +217,13 @@ def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> d
 
     Args:
         labelled: A batch of one simulation with its findings.
-        pack: The pack of rules that the findings were made with.
+        pack: The pack by which the batch was judged.
 
     Returns:
-        By code of the rule, the margins of the rules that are legal or illegal in this simulation
-        and have a margin in every frame: speed limits, distances to the leader and to the side,
-        stopping within sight. Shape (time,), in the unit of the rule, negative in a breach, NaN in
-        frames that the rule does not judge. Other rules judge single instants or durations.
+        Margins by code of the rule, shape (time,), in the unit of the rule: negative in a breach,
+        NaN in frames that the rule does not judge. They cover rules that are kept or broken in this
+        simulation and that judge frame by frame: speed limits, distances to the leader and to the
+        side, stopping within sight. Other rules judge single instants or durations.
     """
     case, findings = labelled.case(), labelled.findings
     verdicts = dict(zip(findings.rule_codes, findings.verdict[0].tolist(), strict=True))
@@ -230,10 +238,11 @@ def margins_by_frame(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> d
 def _breach(
     labelled: LabelledTrajectories, case: Case, rule: Rule, policies: Sequence[Policy]
 ) -> Breach:
+    """The breach of a broken rule in the only simulation of a batch."""
     findings = labelled.findings
-    column = (0, findings.rule_codes.index(rule.code))
-    margin = float(findings.margin[column])
-    first, last = int(findings.first_frame[column]), int(findings.last_frame[column])
+    cell = (0, findings.rule_codes.index(rule.code))
+    margin = float(findings.margin[cell])
+    first, last = int(findings.first_frame[cell]), int(findings.last_frame[cell])
     context = BreachContext(case=case, margin=margin, first_frame=first, last_frame=last)
     return Breach(
         rule=rule,
@@ -241,8 +250,8 @@ def _breach(
         margin=margin,
         first_frame=first,
         last_frame=last,
-        severity=Severity(int(findings.severity[column])),
-        belief=Belief(int(findings.belief[column])),
+        severity=Severity(int(findings.severity[cell])),
+        belief=Belief(int(findings.belief[cell])),
         remedies=rule.criterion.remedies(context),
     )
 
@@ -250,11 +259,10 @@ def _breach(
 def _undecided_rule(
     labelled: LabelledTrajectories, rule: Rule, policies: Sequence[Policy], pack: Pack
 ) -> UndecidedRule:
-    unknown = labelled.trajectories.unknown
-    if (
-        labelled.trajectories.is_kind_known is not None
-        and not labelled.trajectories.is_kind_known.all()
-    ):
+    """The inputs without which a rule is undecidable in the only simulation of a batch."""
+    unknown, is_kind_known = labelled.trajectories.unknown, labelled.trajectories.is_kind_known
+    # `unknown` names the kinds of vehicles only if no kind is known.
+    if is_kind_known is not None and not is_kind_known.all():
         unknown = unknown | {"kinds"}
     missing_inputs = (rule.required_inputs | rule.conditional_inputs) & unknown
     is_text_unread = not pack.accepts_unread_articles and rule.text_source is not TextSource.READ
