@@ -1,8 +1,12 @@
 """The state of the ego and its surroundings when an overtake begins, or could have begun.
 
-The features are measured at the attempt, or at the pseudo attempt of the paper's matched features
-in a simulation without an attempt. Each number comes from that frame or from a decision before it,
-never from a later frame.
+The features are measured in the frame of the attempt. In a simulation without an attempt, they are
+measured in a frame that `paper_features` draws, the pseudo attempt. Each number comes from that
+frame or from a decision before it: a model of the decision must not see its consequences.
+
+Left is the overtaking side, also in left-hand traffic. `model.overtake_features` states meaning and
+unit of each feature. Where it declares a value undefined, such as the kind of a missing leader, the
+value is arbitrary.
 """
 
 import numpy as np
@@ -67,7 +71,11 @@ from overtaking.world.weather_parameters import weather_effects
 _INDICATOR_BITS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
 
 _MIN_SPEED_OF_POWER = np.float32(0.1)
-"""Smallest speed at which power limits the force: force is power over speed [m/s]."""
+"""Lower limit of the speed in power over speed, to avoid a division by 0 [m/s].
+
+It changes no result for the vehicle classes of this package: at 0.1 m/s even a cyclist's 2.5 W/kg
+give 25 m/s^2, and the acceleration from standstill, 1 to 7 m/s^2, is the smaller limit.
+"""
 
 _PERCENT = np.float32(0.01)
 
@@ -81,12 +89,14 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     """The features of a batch at one frame of each simulation, independent of later frames.
 
     Args:
-        case: The batch. Of its events only `following_begin` and `began_before_recording` are read.
+        case: The batch. Of its events, the features read only `following_begin` and
+            `began_before_recording`.
         frame: A recorded frame of each simulation, shape (simulation,).
     """
     instants = Instants(np.arange(len(frame)), frame.astype(np.intp))
     surroundings, left = _surroundings(case, instants), _left_lane_features(case, instants)
     ego = _ego_state(case, instants)
+    # By Portuguese law. The bounds differ only where inputs are unknown; the column is null then.
     _, highest_limit = speed_limit_bounds(case, GENERAL_LIMITS)
     leader = neighbour_at(case, NeighbourRole.LEADER, instants.frame)
     decel = decel_for_safe_distance(surroundings.friction)
@@ -115,64 +125,70 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
 def available_accel(case: Case, speed: F32) -> F32:
     """Largest acceleration of each ego on a level road without wind, (simulation,) [m/s^2].
 
-    It is min(launch, P / (m v)) - rho c A v^2 / (2 m) - c_r g, and negative above the top speed.
+    It is min(a_0, P / (m v)) - rho c A v^2 / (2 m) - c_r g, with the acceleration from standstill
+    a_0, power P, mass m, speed v, air density rho, drag area c A and rolling resistance c_r. Above
+    the top speed it is negative.
 
     Args:
         case: The batch.
         speed: Speed of each ego, shape (simulation,) [m/s].
     """
-    bodies = case.trajectories.scenario.vehicles
+    vehicles = case.trajectories.scenario.vehicles
     ego = {
-        name: getattr(bodies, name)[:, EGO_SLOT]
+        name: getattr(vehicles, name)[:, EGO_SLOT]
         for name in ("mass", "power", "launch_accel", "drag_area", "rolling_resistance")
     }
-    engine = ego["power"] / (ego["mass"] * np.maximum(speed, _MIN_SPEED_OF_POWER))
-    pressure = np.float32(0.5) * constant("model.nature.air_density") * speed * speed
-    drag = pressure * ego["drag_area"] / ego["mass"]
+    engine_accel = ego["power"] / (ego["mass"] * np.maximum(speed, _MIN_SPEED_OF_POWER))
+    dynamic_pressure = np.float32(0.5) * constant("model.nature.air_density") * speed * speed
+    drag = dynamic_pressure * ego["drag_area"] / ego["mass"]
     rolling = ego["rolling_resistance"] * constant("model.nature.gravity")
-    return np.minimum(engine, ego["launch_accel"]) - drag - rolling
+    return np.minimum(engine_accel, ego["launch_accel"]) - drag - rolling
 
 
 def _gap_state(encounter: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
-    """Gap, ego speed and closing speed: the first arguments of a `GapMargin`."""
+    """Gap [m], speed of the ego and closing speed [m/s]: the first arguments of a `GapMargin`."""
     return encounter.gap, ego.speed, encounter.closing_speed
 
 
 def _ego_state(case: Case, instants: Instants) -> EgoState:
+    """State of the ego at one frame of each simulation."""
     scenario, signals = case.trajectories.scenario, case.signals
     speed = signals.speed[instants]
-    num_frames = np.maximum(instants.frame - case.events.following_begin, 0).astype(np.int32)
+    waiting_frames = np.maximum(instants.frame - case.events.following_begin, 0).astype(np.int32)
     return EgoState(
         kind=scenario.vehicles.kind[:, EGO_SLOT],
         speed=speed,
         accel=signals.accel[instants],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, EGO_SLOT],
-        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, num_frames)),
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waiting_frames)),
         lateral_offset=signals.lateral_position[instants] - _lane_centre(case, instants),
     )
 
 
 def _leader_features(case: Case, instants: Instants, ego: EgoState) -> LeaderState:
+    """State of the leader in the ego's lane at one frame of each simulation."""
     trajectories, bodies = case.trajectories, case.trajectories.scenario.vehicles
     rows, frame = instants
     leader = neighbour_at(case, NeighbourRole.LEADER, frame)
     slot = slot_or_ego(case.signals.neighbour_slot[rows, NeighbourRole.LEADER, frame])
-    vehicle = VehicleInstants(rows, slot, frame)
+    leader_instants = VehicleInstants(rows, slot, frame)
     length = bodies.length[rows, slot]
     has_next, return_gap = _next_ahead(case, slot, frame)
     time, distance = _min_overtaking_time_and_distance(case, leader, ego, length, frame)
     lateral_position = (
-        overtaking_sign(trajectories.road) * as_f32(trajectories.states.d[vehicle]) * METRES_PER_MM
+        overtaking_sign(trajectories.road)
+        * as_f32(trajectories.states.d[leader_instants])
+        * METRES_PER_MM
     )
     return LeaderState(
         encounter=leader,
         kind=bodies.kind[rows, slot],
         length=length,
         speed=ego.speed - leader.closing_speed,
-        accel=as_f32(trajectories.states.accel_lon[vehicle]) * METRES_PER_MM,
+        accel=as_f32(trajectories.states.accel_lon[leader_instants]) * METRES_PER_MM,
         lateral_offset=lateral_position - _lane_centre(case, instants),
-        indicator=trajectories.states.lights[vehicle] & _INDICATOR_BITS,
+        indicator=trajectories.states.lights[leader_instants] & _INDICATOR_BITS,
         looming=looming(leader.gap, leader.closing_speed, bodies.width[rows, slot]),
         has_next_leader=has_next & leader.valid,
         return_gap=return_gap,
@@ -186,36 +202,41 @@ def _min_overtaking_time_and_distance(
 ) -> tuple[F32, F32]:
     """Lower bounds of the time [s] and the distance [m] until the ego has overtaken its leader.
 
-    The overtake ends when the lawful gap for equal speeds, the leader's reaction distance, lies
-    between the bumpers. The leader keeps its speed, and the ego its available acceleration. That
-    acceleration decreases at higher speed, so an overtake takes longer.
+    The overtake ends when the ego is ahead by the lawful gap for equal speeds, the distance that
+    the leader covers in its reaction time. The leader is assumed to keep its speed, and the ego its
+    available acceleration. These are lower bounds, because less acceleration is available at higher
+    speed. The time is infinite, and the distance 0, if the ego never gets ahead.
     """
     lengths = leader_length + case.trajectories.scenario.vehicles.length[:, EGO_SLOT]
     decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
     gap_behind = lawful_gap(ego.speed - leader.closing_speed, np.float32(0.0), decel)
-    distance = np.maximum(leader.gap, np.float32(0.0)) + lengths + gap_behind
-    time = mttc(distance, leader.closing_speed, ego.available_accel)
-    finite = np.where(np.isfinite(time), time, np.float32(0.0))
-    return time, finite * (ego.speed + np.float32(0.5) * ego.available_accel * finite)
+    distance_to_gain = np.maximum(leader.gap, np.float32(0.0)) + lengths + gap_behind
+    # MTTC solves the same equation: the time in which a follower gains a distance on its leader.
+    time = mttc(distance_to_gain, leader.closing_speed, ego.available_accel)
+    finite_time = np.where(np.isfinite(time), time, np.float32(0.0))
+    mean_speed = ego.speed + np.float32(0.5) * ego.available_accel * finite_time
+    return time, finite_time * mean_speed
 
 
 def _lane_centre(case: Case, instants: Instants) -> F32:
     """Lateral position of the centre of the ego's lane, growing to the left, (instant,) [m]."""
     road = case.trajectories.road
     centres = as_f32(road.lane_centres * float(overtaking_sign(road)))
+    # Off the road any lane will do: `on_road` is false there, and the columns are null.
     return centres[np.minimum(case.signals.lane[instants], road.num_lanes - 1)]
 
 
 def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
-    """Beliefs at the last decision to pull out, up to one frame of each simulation."""
+    """Beliefs at the last decision to pull out in or before one frame of each simulation."""
     percepts = case.trajectories.percepts
-    time = frame * np.int32(case.signals.frame_interval_ms)
+    time = frame * np.int32(case.signals.frame_interval_ms)  # [ms]
     is_earlier = percepts.time <= time[:, None]
     is_pull_out = percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT) & is_earlier
     num_simulations, num_percepts = is_pull_out.shape
     if "percepts" in case.trajectories.unknown or not num_percepts:
         return _no_beliefs(len(frame))
-    # Without a decision to pull out this is the last percept, and `exists` is false.
+    # Percepts are in the order of time. Without a decision to pull out, `last` is the last percept,
+    # and `exists` is false.
     last = num_percepts - 1 - is_pull_out[:, ::-1].argmax(axis=1)
     index = (np.arange(num_simulations), last)
     exists = is_pull_out[index]
@@ -229,7 +250,7 @@ def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
 
 
 def _no_beliefs(num_simulations: int) -> BeliefsAtPullOut:
-    """No decision to pull out in any simulation."""
+    """Beliefs of simulations without a decision to pull out."""
     zeros = np.zeros(num_simulations, np.float32)
     zeros_by_vehicle = np.zeros((num_simulations, len(PerceivedVehicle)), np.float32)
     return BeliefsAtPullOut(
@@ -273,36 +294,36 @@ def _left_lane_features(case: Case, instants: Instants) -> LeftLane:
     is_on_left = is_in_lane(trajectories, lane + 1, frame)
     is_on_left &= _is_within_occupancy_reach(case, frame)
     speed = as_f32(trajectories.states.speed[rows, :, frame]) * METRES_PER_MM
-    count, sum_of_speeds = is_on_left.sum(axis=1), _sum_over_vehicles(speed, is_on_left)
+    count, speed_sum = is_on_left.sum(axis=1), _sum_over_vehicles(speed, is_on_left)
     return LeftLane(
         exists=lane + 1 < trajectories.road.num_lanes,
         leader=neighbour_at(case, NeighbourRole.LEFT_LEADER, frame),
         follower=neighbour_at(case, NeighbourRole.LEFT_FOLLOWER, frame),
         occupancy=left_lane_occupancy(trajectories, frame).occupancy,
         count=count.astype(np.uint8),
-        space_mean_speed=sum_of_speeds / as_f32(np.maximum(count, 1)),
+        space_mean_speed=speed_sum / as_f32(np.maximum(count, 1)),
         # Fast vehicles pass a place more often, so each speed is weighted by itself (Wardrop 1952).
         time_mean_speed=_sum_over_vehicles(speed * speed, is_on_left)
-        / np.where(sum_of_speeds > 0, sum_of_speeds, np.float32(1.0)),
+        / np.where(speed_sum > 0, speed_sum, np.float32(1.0)),
         crossable=_is_crossable_by_lane(case)[np.minimum(lane, trajectories.road.num_lanes)],
     )
 
 
 def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
-    """The opposing lane at one frame of each simulation."""
+    """The opposing lane at one frame of each simulation; all false and 0 on one-way roads."""
     road, num_simulations = case.trajectories.road, len(frame)
     if not road.is_two_way:
         zeros = np.zeros(num_simulations, np.float32)
-        is_never = np.zeros(num_simulations, np.bool_)
+        all_false = np.zeros(num_simulations, np.bool_)
         return OncomingState(
-            exists=is_never,
-            has_oncoming=is_never,
+            exists=all_false,
+            has_oncoming=all_false,
             kind=np.zeros(num_simulations, np.uint8),
             gap=zeros,
             closing_speed=zeros,
             time=zeros,
             sight=zeros,
-            crossable=is_never,
+            crossable=all_false,
         )
     gap, closing_speed, slot = nearest_oncoming_at(case, frame)
     return OncomingState(
@@ -318,7 +339,7 @@ def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
 
 
 def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask, F32]:
-    """The gap from a vehicle to the next one ahead of it in the ego's lane.
+    """The gap from a vehicle to the nearest vehicle ahead of it in the ego's lane.
 
     Args:
         case: The batch.
@@ -326,8 +347,8 @@ def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask,
         frames: A frame of each simulation, same shape.
 
     Returns:
-        Whether a next vehicle exists, and the gap between the bumpers of the two, 0 without one,
-        same shape [m].
+        Whether there is a vehicle ahead, and the gap between the bumpers, 0 without a vehicle
+        ahead, same shape [m].
     """
     trajectories, rows = case.trajectories, np.arange(len(frames))
     s = trajectories.states.s[rows, :, frames]
@@ -342,13 +363,13 @@ def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask,
 
 
 def _is_within_occupancy_reach(case: Case, frames: IndexArray) -> Mask:
-    """Whether each vehicle is within `OCCUPANCY_REACH_MM` of the ego, (simulation, vehicle)."""
+    """Whether each centre is within `OCCUPANCY_REACH_MM` of the ego's, (simulation, vehicle)."""
     s = case.trajectories.states.s[np.arange(len(frames)), :, frames]
     return np.abs(s - s[:, [EGO_SLOT]]) <= OCCUPANCY_REACH_MM
 
 
 def _sum_over_vehicles(values: F32, is_counted: Mask) -> F32:
-    """Sum over the vehicles that count, shape (simulation,).
+    """Sum over the vehicles of a mask, shape (simulation,).
 
     The order of the additions is fixed: NumPy's own sum may add in an order that depends on the
     processor, and then rounds differently.
@@ -360,11 +381,12 @@ def _sum_over_vehicles(values: F32, is_counted: Mask) -> F32:
 
 
 def _is_crossable_by_lane(case: Case) -> Mask:
-    """Whether the line to the left of each lane may be crossed from the right, (lane + 1,).
+    """Whether the line to the left of each lane may be crossed to the left, shape (num_lanes + 1,).
 
-    The last entry is for an ego beyond the last lane, and false.
+    The last entry, false, is for an ego outside the lanes.
     """
     road = case.trajectories.road
-    borders = solid_borders(road)
-    lanes = [not borders.get(lane + 1, (False, False))[0] for lane in range(road.num_lanes)]
+    # Border i is to the right of lane i. The first flag of a pair is for crossing to the left.
+    solid_flags = solid_borders(road)
+    lanes = [not solid_flags.get(lane + 1, (False, False))[0] for lane in range(road.num_lanes)]
     return np.array([*lanes, False], np.bool_)
