@@ -1,4 +1,8 @@
-"""Beliefs of the ego at its decision, beside the true values."""
+"""Margins of the law at decisions of the ego's driver, by true and by believed values.
+
+A percept records a decision: gaps and closing speeds of the neighbours as they were, and as the
+driver believed them. For the belief, a vehicle that the driver had not noticed does not exist.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +20,11 @@ from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, PerceivedVe
 from overtaking.model.verdicts import Belief, Case
 
 _LATEST_PULL_OUT_S = 1.0
-"""A pull-out is decided before it can be seen, and gusts may be taken for its start [s]."""
+"""Time after `attempt` up to which the decision to pull out may follow [s], a choice.
+
+A driver decides before the vehicle moves. But `attempt` is the start of a movement to the left, and
+a gust may have started it before the driver decided.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,10 +32,10 @@ class ManoeuvrePercept:
     """The decision that led to the judged manoeuvre, one for each simulation.
 
     Attributes:
-        percept: Row of its percepts, shape (simulation,).
-        exists: Whether there is one, same shape.
-        speed: Of the ego [m/s], same shape.
-        decel: `decel_for_safe_distance` there [m/s^2], same shape.
+        percept: Index of the decision among the percepts of the simulation, shape (simulation,).
+        exists: Whether there is such a decision, same shape; otherwise the rest is undefined.
+        speed: Speed of the ego at the decision, same shape [m/s].
+        decel: `decel_for_safe_distance` at the decision, same shape [m/s^2].
     """
 
     percept: IndexArray
@@ -38,28 +46,34 @@ class ManoeuvrePercept:
 
 @cached_per_batch
 def pull_out_percept(case: Case) -> ManoeuvrePercept:
-    """The decision to pull out that led to the attempt."""
+    """The last decision to pull out before the ego crosses the line.
+
+    If it crosses no line, decisions until `_LATEST_PULL_OUT_S` after the attempt count.
+    """
     events = case.events
-    signals = events.attempt + num_frames_in(case, _LATEST_PULL_OUT_S)
-    until = np.where(events.line_crossed != NEVER, events.line_crossed, signals)
+    latest_without_crossing = events.attempt + num_frames_in(case, _LATEST_PULL_OUT_S)
+    until = np.where(events.line_crossed != NEVER, events.line_crossed, latest_without_crossing)
     return _last_percept(case, ManoeuvreKind.PULL_OUT, np.where(events.has_attempt, until, NEVER))
 
 
 @cached_per_batch
 def return_percept(case: Case) -> ManoeuvrePercept:
-    """The decision to return that ended in the original lane."""
+    """The last decision to return before the ego is back in the original lane."""
     return _last_percept(case, ManoeuvreKind.RETURN, case.events.return_end)
 
 
 def belief_at(
     case: Case, decision: ManoeuvrePercept, conditions: dict[PerceivedVehicle, GapMargin]
 ) -> U8:
-    """`Belief` of each simulation.
+    """`Belief` of each simulation, shape (simulation,): true verdict beside the believed one.
 
     Args:
         case: The batch.
-        decision: Where to look.
-        conditions: For each vehicle that the rule is about, the margin that must not be negative.
+        decision: The decision of each simulation.
+        conditions: For each neighbour that the rule is about, the margin that must not be negative.
+
+    Returns:
+        `Belief.NONE` without a decision or without any of these neighbours.
     """
     percepts = case.trajectories.percepts
     simulation = np.arange(len(decision.percept))
@@ -88,43 +102,52 @@ def belief_at(
 def true_and_believed_margin(
     percepts: Percepts, entry: tuple[Any, ...], decision: ManoeuvrePercept, margin: GapMargin
 ) -> tuple[F32, F32]:
-    """The margin to a vehicle at a decision: in truth, and as believed.
+    """Margin to a neighbour at a decision by the true values, then by the believed values.
 
     Args:
         percepts: Percepts of the batch.
-        entry: Simulations, rows of percepts and vehicle.
-        decision: Where to look.
-        margin: Of the rule.
+        entry: Index into the arrays of neighbours: simulations, percepts and role.
+        decision: The decision of each simulation.
+        margin: Margin of the rule as a function of gap, speed, closing speed and deceleration.
+
+    Returns:
+        Two arrays of shape (simulation,), in the unit of the rule.
     """
 
-    def by(gap_mm: I32, closing_mmps: I32) -> F32:
-        gap, closing = (
-            as_f32(gap_mm[entry]) * METRES_PER_MM,
-            as_f32(closing_mmps[entry]) * METRES_PER_MM,
-        )
-        return margin(gap, decision.speed, closing, decision.decel)
+    def margin_with(gap_mm: I32, closing_mmps: I32) -> F32:
+        gap = as_f32(gap_mm[entry]) * METRES_PER_MM
+        closing_speed = as_f32(closing_mmps[entry]) * METRES_PER_MM
+        return margin(gap, decision.speed, closing_speed, decision.decel)
 
-    true = by(percepts.true_gap, percepts.true_closing_speed)
-    return true, by(percepts.gap, percepts.closing_speed)
+    true_margin = margin_with(percepts.true_gap, percepts.true_closing_speed)
+    return true_margin, margin_with(percepts.gap, percepts.closing_speed)
 
 
-def percept_at(case: Case, row: IndexArray, exists: Mask, time_ms: I32) -> ManoeuvrePercept:
-    """A row of percepts with speed and friction of the frame in which it was decided."""
+def percept_at(case: Case, index: IndexArray, exists: Mask, time_ms: I32) -> ManoeuvrePercept:
+    """Decisions with the speed of the ego and the deceleration in their frames.
+
+    Args:
+        case: The batch.
+        index: Index of the decision among the percepts of each simulation, shape (simulation,).
+        exists: Whether there is such a decision, same shape.
+        time_ms: Instant of the decision, same shape [ms].
+    """
     frame = np.maximum(time_ms, 0) // case.signals.frame_interval_ms
     frame = np.minimum(frame, case.events.last)
     decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
     return ManoeuvrePercept(
-        percept=row, exists=exists, speed=at_frame(case.signals.speed, frame), decel=decel
+        percept=index, exists=exists, speed=at_frame(case.signals.speed, frame), decel=decel
     )
 
 
 def _last_percept(case: Case, kind: ManoeuvreKind, until: I32) -> ManoeuvrePercept:
-    """The last decision of a kind up to a frame; none where that is `NEVER`."""
+    """The last decision of a kind up to a frame of each simulation; none where it is `NEVER`."""
     percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
-    max_time = np.where(until != NEVER, until, -1)[:, None] * interval
+    max_time = until[:, None] * interval  # [ms]; negative for `NEVER`, before all decisions.
     is_candidate = percepts.valid & (percepts.kind == kind) & (percepts.time <= max_time)
     if "percepts" in case.trajectories.unknown or not is_candidate.shape[1]:
         is_candidate = np.zeros((len(until), 1), np.bool_)
-    row = is_candidate.shape[1] - 1 - is_candidate[:, ::-1].argmax(axis=1)
-    time = percepts.time[np.arange(len(row)), row] if percepts.time.shape[1] else until * 0
-    return percept_at(case, row, np.asarray(is_candidate.any(axis=1)), time)
+    # Percepts are in the order of time: the last candidate is the first from the end.
+    last = is_candidate.shape[1] - 1 - is_candidate[:, ::-1].argmax(axis=1)
+    time = percepts.time[np.arange(len(last)), last] if percepts.time.shape[1] else until * 0
+    return percept_at(case, last, np.asarray(is_candidate.any(axis=1)), time)
