@@ -1,6 +1,7 @@
-"""Judge a case by a rule or a pack of rules, and read the findings under a policy.
+"""Judge simulations by a rule or a pack of rules, and count breaches under a policy.
 
-A policy states how strictly findings are read; each rule names the policies that require it.
+A pack holds the rules of a law. A rule gives a finding for each simulation. A policy states which
+findings count and how strictly; each rule names the policies that require it.
 """
 
 import dataclasses
@@ -30,11 +31,11 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
     Args:
         rule: The rule.
         case: The batch.
-        errors: Standard errors of the measured positions and speeds; None for exact values. A
-            margin smaller than its expanded error is undecidable.
+        errors: Standard errors of the measured positions and speeds; None for exact values.
 
     Returns:
-        The finding with its severity, undecidable where an input of the rule is unknown.
+        The finding with its severity. It is undecidable where an unknown input of the rule decides,
+        and where the margin is smaller than its expanded error.
     """
     finding = _without_errors(rule, case)
     if errors is None:
@@ -45,10 +46,10 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
     standard_error = rule.criterion.standard_error(case, finding, errors)
     if standard_error is None:
         return finding
-    # Expanded error of about 95 % confidence (GUM). A verdict whose margin is just larger is wrong
-    # in one of forty cases; with one standard error it would be wrong in one of six.
-    error = COVERAGE_FACTOR.f32 * standard_error
-    return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < error))
+    # Two standard errors, about 95 % confidence (JCGM 100:2008, 6.3.3). A margin of just this size
+    # has the wrong sign in one of forty cases; a margin of one standard error in one of six.
+    expanded_error = COVERAGE_FACTOR.f32 * standard_error
+    return _with_undecidable(finding, is_decided & (np.abs(finding.margin) < expanded_error))
 
 
 def _with_undecidable(finding: Finding, is_undecidable: Mask) -> Finding:
@@ -64,10 +65,10 @@ def _with_undecidable(finding: Finding, is_undecidable: Mask) -> Finding:
 
 
 def _without_errors(rule: Rule, case: Case) -> Finding:
-    """Check a rule on a batch without errors of measurement.
+    """Judge by exact positions and speeds, also where kinds of vehicles are unknown.
 
-    If some kinds of vehicles are unknown and the rule depends on them, it is undecidable where the
-    possible kinds lead to different verdicts.
+    If some kinds are unknown and the rule depends on them, it is undecidable in simulations in
+    which the possible kinds lead to different verdicts.
     """
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.required_inputs | rule.conditional_inputs:
@@ -78,10 +79,11 @@ def _without_errors(rule: Rule, case: Case) -> Finding:
 
 
 def _possible_kinds(case: Case) -> Iterator[Case]:
-    """Yield the batch once for each kind, with the vehicles of unknown kind as that kind.
+    """Yield the batch once for each kind, with all vehicles of unknown kind as that kind.
 
-    A vehicle whose length does not fit the kind is a car instead. As trucks, all of them count
-    whatever their length: the length in a recording may be wrong.
+    Rules distinguish these five kinds only; a medium car stands for all cars. A vehicle whose
+    length does not fit the kind becomes a car, except in the batch of trucks: the length in a
+    recording may be wrong. Mixtures of kinds are not tried.
     """
     trajectories = case.trajectories
     vehicles = trajectories.scenario.vehicles
@@ -103,37 +105,42 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
 def _agreed_finding(findings: Sequence[Finding]) -> Finding:
     """Combine findings on the same batch: undecidable in simulations in which the verdicts differ.
 
-    Where they agree, the finding with the smallest absolute margin counts: it is the nearest to
-    another verdict.
+    Where the verdicts agree, the finding with the smallest absolute margin counts, because it is
+    the nearest to another verdict.
     """
     margins = np.stack([np.abs(finding.margin) for finding in findings])
-    choice = margins.argmin(axis=0)
+    nearest_index = margins.argmin(axis=0)
     names = [field.name for field in dataclasses.fields(Finding)]
     stacked = {name: np.stack([getattr(finding, name) for finding in findings]) for name in names}
-    simulation = np.arange(len(choice))
-    nearest = Finding(**{name: values[choice, simulation] for name, values in stacked.items()})
+    simulation = np.arange(len(nearest_index))
+    nearest = Finding(
+        **{name: values[nearest_index, simulation] for name, values in stacked.items()}
+    )
     return _with_undecidable(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
 def _judged_as_stated(rule: Rule, case: Case) -> Finding:
-    """Check a rule with every vehicle of the kind that the batch states."""
+    """Judge by exact values, with every vehicle of the kind that the batch states."""
     finding = rule.criterion.check(case)
     if rule.required_inputs & case.trajectories.unknown:
         return _as_undecidable(finding)
     if rule.grade is Grade.BY_BREACH:
         return finding
     is_broken = finding.verdict == Verdict.ILLEGAL
-    severity = is_broken.view(np.uint8) * np.uint8(severity_of(rule.grade, case))
+    severity = is_broken.view(np.uint8) * np.uint8(severity_of(rule.grade, case))  # Else NONE, 0.
     return finding.replace(severity=severity)
 
 
 def severity_of(grade: Grade, case: Case) -> Severity:
-    """Severity of any breach of a rule with this grade."""
+    """Severity of a breach of a rule with this grade on the road of the batch.
+
+    A road of unknown kind counts as no motorway, so the breach has the lower severity.
+    """
     if grade is Grade.LIGHT:
         return Severity.LIGHT
     trajectories = case.trajectories
-    motorway = trajectories.road.kind == "motorway" and "road_kind" not in trajectories.unknown
-    return Severity.VERY_SERIOUS if grade is Grade.BY_ROAD and motorway else Severity.SERIOUS
+    is_motorway = trajectories.road.kind == "motorway" and "road_kind" not in trajectories.unknown
+    return Severity.VERY_SERIOUS if grade is Grade.BY_ROAD and is_motorway else Severity.SERIOUS
 
 
 def _as_undecidable(finding: Finding) -> Finding:
@@ -142,6 +149,7 @@ def _as_undecidable(finding: Finding) -> Finding:
     num_simulations = len(applies)
     margin = np.zeros(num_simulations, np.float32)
     never = np.full(num_simulations, NEVER)
+    # A doubtful margin of 0 is undecidable; a negative one would be a breach.
     return finding_from_margins(
         applies, margin, never, never, doubtful=np.ones(num_simulations, np.bool_)
     )
@@ -152,20 +160,20 @@ def undecidable_rules(pack: Pack, unknown: Iterable[str]) -> dict[str, list[str]
 
     Args:
         pack: The rules.
-        unknown: Names of the unknown inputs of the recording, of `UNKNOWNS`.
+        unknown: Names of the unknown inputs of the recording (`trajectories.UNKNOWNS`).
 
     Returns:
-        Codes of the rules that are undecidable wherever they apply, under `always`, and of those
-        that are in some simulations, under `sometimes`.
+        Codes of rules: under `always` those that are undecidable wherever they apply, under
+        `sometimes` those that are undecidable in some simulations.
     """
     missing = frozenset(unknown)
     always = [rule.code for rule in pack.rules if rule.required_inputs & missing]
-    partly = [
+    sometimes = [
         rule.code
         for rule in pack.rules
         if rule.conditional_inputs & missing and not rule.required_inputs & missing
     ]
-    return {"always": always, "sometimes": partly}
+    return {"always": always, "sometimes": sometimes}
 
 
 def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) -> Findings:
@@ -179,10 +187,11 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     Returns:
         Arrays of shape (simulation, rule).
     """
-    deciding = frozenset(rule.code for rule in pack.deciding_rules)
+    # Some packs leave rules undecidable whose text of the law their authors did not read.
+    deciding_codes = frozenset(rule.code for rule in pack.deciding_rules)
     rule_findings = [
         judge_rule(rule, case, errors)
-        if rule.code in deciding
+        if rule.code in deciding_codes
         else _as_undecidable(rule.criterion.check(case))
         for rule in pack.rules
     ]
@@ -204,19 +213,21 @@ LAWS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """Which rules count, and how undecidable ones are treated.
+    """How to decide from the findings whether an overtake is legal, and how to classify it.
 
     Attributes:
         name: Short name, a value of the column `policy`.
         required: Codes of the rules that a legal overtake must not break.
-        allows_undecided: Whether an overtake counts as legal although a rule that applies is
-            undecidable; else it is `SUCCESS_U`.
-        censors_open: Whether an overtake that is open at the horizon is `CENSORED`; else it counts
-            as not completed.
+        allows_undecided: Whether a completed overtake counts as legal if no required rule is broken
+            and one is undecidable; otherwise it is `SUCCESS_U`.
+        censors_open: Whether an overtake that is under way when the recording ends is `CENSORED`;
+            otherwise it counts as not completed.
         names_departures: Whether an ego that leaves the road or spins without a contact is
-            `UNSUCCESS_DEP`; else it counts as not completed, or as no attempt if it began none.
-        min_severity: Severity from which a breach counts.
-        tolerances: By code of the rule; with one, a breach beyond it counts at any severity.
+            `UNSUCCESS_DEP`; otherwise it counts as not completed, or as no attempt if it had begun
+            no overtake.
+        min_severity: Lowest severity at which a breach counts.
+        tolerances: Tolerance by code of a rule. A breach of such a rule counts if it exceeds the
+            tolerance, at any severity.
     """
 
     name: str
@@ -230,12 +241,12 @@ class Policy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Legality(Batch):
-    """Findings read under a policy; every array has shape (simulation,).
+    """Counts of breaches under a policy; every array has shape (simulation,).
 
     Attributes:
-        num_broken: Number of required rules that are broken, as far as the policy counts it.
+        num_broken: Number of required rules with a breach that counts.
         num_undecidable: Number of required rules that apply and cannot be decided.
-        is_legal: Whether none is broken, as far as can be decided.
+        is_legal: Whether `num_broken` is 0; undecidable rules do not matter.
     """
 
     num_broken: U8
@@ -256,22 +267,28 @@ _POLICIES = (
     Policy(name="serious", required=(), min_severity=Severity.SERIOUS),
     Policy(name="enforced", required=(), min_severity=Severity.SERIOUS),
 )
-"""The policies of every law, without the rules and tolerances that the law adds."""
+"""The policies of every law, without the rules and tolerances that each law adds.
+
+`paper` has the rules and the five classes of the reproduced study. `default` adds rules that need
+weather and road, `strict` rules such as signalling and keeping right. `serious` and `enforced`
+require the rules of `default` but count fewer breaches: by the letter of the law nearly every
+overtake on a motorway is illegal, because the distance was too short for a moment.
+"""
 
 STORED_POLICY_NAMES = ("paper", "default", "strict")
-"""Names of the policies that data sets keep, in the order of every table; the others are computed
+"""Names of the policies that data sets store, in the order of every table. The others are computed
 on request."""
 
 DEFAULT_POLICY = "default"
-"""Name of the policy that decides the class unless the user names one."""
+"""Name of the policy that classifies unless the user names another one."""
 
 POLICY_OF_PROFILE = {"pinto2023": "paper", "pinto2023-physical": "paper"}
-"""Default policies of the profiles that reproduce the study, whose own rules decide about them."""
+"""Default policies of the profiles that reproduce the study: they are classified by its rules."""
 
 
 @cache
 def policies_of_law(pack: str) -> tuple[Policy, ...]:
-    """All policies of a pack of this package, by its name; empty for the name of another pack."""
+    """All policies of a pack of this package by the name of the pack; empty for other packs."""
     if pack not in LAWS:
         return ()
     rules = LAWS[pack].rules
@@ -290,13 +307,13 @@ def policies_of_law(pack: str) -> tuple[Policy, ...]:
 
 
 STORED_POLICIES = tuple(
-    stored for stored in policies_of_law("pt") if stored.name in STORED_POLICY_NAMES
+    policy for policy in policies_of_law("pt") if policy.name in STORED_POLICY_NAMES
 )
-"""The policies that data sets keep, of the Portuguese pack."""
+"""The policies that data sets store, with the rules of the Portuguese pack."""
 
 
 def default_policy(profile: str) -> str:
-    """Name of the policy that decides the class unless the user names one.
+    """Name of the policy that classifies a profile unless the user names another one.
 
     Args:
         profile: Name of the profile of simulations, or format of a recording.
@@ -320,7 +337,7 @@ def stored_policy(name: str) -> Policy:
     Raises:
         ConfigError: No stored policy has that name.
     """
-    policies_by_name = {known_policy.name: known_policy for known_policy in STORED_POLICIES}
+    policies_by_name = {policy.name: policy for policy in STORED_POLICIES}
     check_choice(name, policies_by_name, what="policy", where="rules")
     return policies_by_name[name]
 
@@ -332,9 +349,9 @@ def assess_legality(
 
     Args:
         findings: Findings of each rule for each simulation.
-        policy: Which of the rules count.
-        pack: The rules; read for a policy with tolerances.
-        case: The judged batch; read for a policy with tolerances.
+        policy: The policy.
+        pack: The rules by which the batch was judged; None ignores the tolerances of the policy.
+        case: The judged batch; None ignores the tolerances of the policy.
 
     Raises:
         ConfigError: The findings lack a rule that the policy requires.
@@ -364,8 +381,8 @@ def counted_breaches(
 ) -> Mask:
     """Whether a breach of each rule counts under a policy, shape (simulation, rule).
 
-    `assess_legality` describes the arguments. Breaches of rules that the policy does not require
-    count by the same severity and tolerances.
+    `assess_legality` describes the arguments. Rules that the policy does not require are treated
+    alike.
     """
     counted = findings.verdict == Verdict.ILLEGAL
     if policy.min_severity > Severity.LIGHT:
@@ -380,12 +397,13 @@ def counted_breaches(
 def exceeds_tolerance(
     findings: Findings, code: str, tolerance: Tolerance, pack: Pack, case: Case
 ) -> Mask:
-    """Where a breach of one rule exceeds a tolerance, shape (simulation,)."""
+    """Whether a breach of one rule exceeds all parts of a tolerance, shape (simulation,)."""
     column, rule = findings.rule_codes.index(code), pack.rule(code)
     excess = -findings.margin[:, column]
     is_exceeded = (findings.verdict[:, column] == Verdict.ILLEGAL) & (excess > tolerance.margin)
     limit = rule.criterion.limit(case) if tolerance.share else None
     if limit is not None:
+        # The share refers to the measured value, which is the limit plus the excess.
         is_exceeded &= excess > np.float32(tolerance.share) * (limit + excess)
     if tolerance.duration:
         is_exceeded &= breach_duration(findings, column, case) > tolerance.duration
@@ -393,7 +411,7 @@ def exceeds_tolerance(
 
 
 def breach_duration(findings: Findings, column: int, case: Case) -> F32:
-    """Time of the longest unbroken part of a breach of one rule, 0 without, (simulation,) [s]."""
+    """Time of the longest unbroken run of a breach of one rule, (simulation,) [s]; 0 if kept."""
     return findings.longest_run[:, column].astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
