@@ -26,23 +26,26 @@ from overtaking.model.safety_measures import Encounter
 from overtaking.model.verdicts import Case, Finding
 
 MAX_POSITION_STD = 100.0
-"""Largest standard deviation of a position [m]."""
+"""Largest standard deviation of a position that is accepted [m], a choice."""
 
 MAX_SPEED_STD = 100.0
-"""Largest standard deviation of a speed [m/s]."""
+"""Largest standard deviation of a speed that is accepted [m/s], a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementErrors:
     """Standard deviations of the positions and speeds of a recording.
 
-    A rule is undecidable where its margin is nearer to 0 than two standard errors. The errors of a
-    vehicle are the same in all frames of a simulation, and independent of the errors of others.
-    The errors along the road, across it and of the speed are independent, too.
+    A rule is undecidable where its margin is nearer to 0 than two standard errors.
+
+    The errors of a vehicle are assumed to be the same in all frames of a simulation: the error of a
+    track comes mostly from calibration and from the size of the detected box. They are assumed to
+    be independent of the errors of other vehicles, and so are the errors along the road, across it
+    and of the speed of each other.
 
     Args:
-        position_std: Of a position, along the road and across it, 0 to 100 [m].
-        speed_std: Of a speed, 0 to 100 [m/s].
+        position_std: Standard deviation of a position, along and across the road, 0 to 100 [m].
+        speed_std: Standard deviation of a speed, 0 to 100 [m/s].
 
     Raises:
         ConfigError: A standard deviation is out of its range.
@@ -56,28 +59,28 @@ class MeasurementErrors:
         check_batch(self, "MeasurementErrors")
 
     def __str__(self) -> str:
-        """A part of the version of findings; empty for measurements without errors."""
+        """Suffix for the version of findings, such as `+-0.5m+-0.2mps`; empty without errors."""
         if not (self.position_std or self.speed_std):
             return ""
         return f"+-{self.position_std:g}m+-{self.speed_std:g}mps"
 
 
-def propagated_error(margin: Callable[..., F32], *sizes: float) -> F32:
+def propagated_error(margin: Callable[..., F32], *stds: float) -> F32:
     """Standard deviation of a margin.
 
     Args:
         margin: The margin as a function of one error for each input.
-        sizes: Standard deviation of each input.
+        stds: Standard deviation of each input.
 
     Source:
         JCGM 100:2008, 5.1.2 and the note to 5.1.3.
     """
     variance = np.float32(0.0)
-    for k, size in enumerate(sizes):
-        errors = [np.float32(0.0)] * len(sizes)
-        errors[k] = np.float32(size)
+    for i, std in enumerate(stds):
+        errors = [np.float32(0.0)] * len(stds)
+        errors[i] = np.float32(std)
         margin_above = margin(*errors)
-        errors[k] = -errors[k]
+        errors[i] = -errors[i]
         half_change = (margin_above - margin(*errors)) * np.float32(0.5)
         variance = variance + half_change * half_change
     return np.sqrt(variance)
@@ -102,7 +105,7 @@ def error_from_vehicles(
     """Standard deviation of a margin that depends on positions and speeds of several vehicles.
 
     Args:
-        margin: The margin as a function of a `StateError` of each vehicle.
+        margin: The margin as a function of one `StateError` for each vehicle.
         num_vehicles: Number of vehicles.
         errors: Standard deviations of positions and speeds.
     """
@@ -113,28 +116,29 @@ def error_from_vehicles(
         return margin(*(StateError(position=position, speed=speed) for position, speed in pairs))
 
     # All positions before all speeds: another order could change the last bits of the sum.
-    sizes = [errors.position_std] * num_vehicles + [errors.speed_std] * num_vehicles
-    return propagated_error(margin_with, *sizes)
+    stds = [errors.position_std] * num_vehicles + [errors.speed_std] * num_vehicles
+    return propagated_error(margin_with, *stds)
 
 
 def deciding_frame(
-    span: FrameSpan, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding
+    span: FrameSpan, margin: Callable[[IndexArray, IndexArray], F32], finding: Finding
 ) -> I32:
     """First frame of a span in which a margin is nearest to the margin of a finding.
 
     Args:
         span: The frames that the rule judges.
         margin: Function from simulation and frame of each instant to its margin.
-        checked: The finding.
+        finding: The finding.
 
     Returns:
-        Shape (simulation,); the first frame, at least 0, of an empty span.
+        Shape (simulation,). For an empty span it is `span.first`, but at least 0.
     """
     simulation, frames = span.instants()
     deciding = np.maximum(span.first, 0).astype(np.int32)
     if not simulation.size:
         return deciding
-    deviation = np.abs(margin(simulation, frames) - checked.margin[simulation])
+    deviation = np.abs(margin(simulation, frames) - finding.margin[simulation])
+    # Sort by simulation, then by deviation, then by frame; `first` is the first of each simulation.
     order = np.lexsort((frames, deviation, simulation))
     first = order[np.append(True, np.diff(simulation[order]) != 0)]
     deciding[simulation[first]] = frames[first]
@@ -148,8 +152,8 @@ def gap_error(
 
     Args:
         case: The batch.
-        role: The neighbour.
-        frame: A frame of each simulation.
+        role: Role of the neighbour.
+        frame: A frame of each simulation, shape (simulation,).
         margin: The margin of the gap.
         errors: Standard deviations of positions and speeds.
 
@@ -157,10 +161,8 @@ def gap_error(
         Shape (simulation,), in the unit of the margin.
     """
     neighbour, signals = neighbour_at(case, role, frame), case.signals
-    speed, decel = (
-        at_frame(signals.speed, frame),
-        decel_for_safe_distance(at_frame(signals.friction, frame)),
-    )
+    speed = at_frame(signals.speed, frame)
+    decel = decel_for_safe_distance(at_frame(signals.friction, frame))
     is_ahead = role in (
         NeighbourRole.LEADER,
         NeighbourRole.LEFT_LEADER,
@@ -177,10 +179,10 @@ def gap_error(
 def encounter_with_error(
     encounter: Encounter, ego_error: StateError, neighbour_error: StateError, *, is_ahead: bool
 ) -> Encounter:
-    """A neighbour as it would have been measured with errors.
+    """A neighbour as measured with errors of gap and closing speed; its times stay as they were.
 
     Args:
-        encounter: The neighbour as it was measured.
+        encounter: The neighbour without these errors.
         ego_error: Errors of the ego.
         neighbour_error: Errors of the neighbour.
         is_ahead: Whether the neighbour is ahead of the ego.
@@ -193,33 +195,43 @@ def encounter_with_error(
 
 
 def lane_margin_error(distance: F32, errors: MeasurementErrors) -> F32:
-    """Error of a margin in lanes: half a lane where a centre is one error from a border [lanes].
+    """Standard error of a margin in lanes [lanes].
+
+    The smallest margins are plus and minus half a lane. The error is half a lane where the centre
+    of a vehicle is one standard deviation from a lane border. A margin of half a lane is tested
+    against two errors, so it is undecidable within two standard deviations of the border.
 
     Args:
         distance: Distance of the centre from the border that decides, of either sign [m].
         errors: Standard deviations of positions and speeds.
     """
+    # At least 1 mm, the resolution of recorded positions: the error stays finite.
     return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES_PER_MM)
 
 
 def zero_if_infinite(error: F32) -> F32:
-    """Replace errors that are infinite because no vehicle is near by 0."""
+    """Replace errors that are infinite or NaN by 0: a margin to a missing vehicle has no error."""
     return np.where(np.isfinite(error), error, np.float32(0.0))
 
 
 GAP_ERROR_FORMULA = "sqrt(2 sp^2 + sv^2 ((t + v/b)^2 + (u/b)^2)), v behind and u ahead"
-"""Error of a gap minus `lawful_gap`, in the notation of `Criterion.ERROR_FORMULA`."""
+"""Error of a gap minus `lawful_gap`, in the notation of `Criterion.ERROR_FORMULA`.
+
+sp and sv are the standard deviations of positions and speeds, t and b reaction time and
+deceleration of the safe distance, v and u the speeds of the vehicles behind and ahead.
+"""
 
 BRAKING_ERROR_FORMULA = (
     f"sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = {ABRUPT_BRAKING} decides"
 )
-"""Error of a gap minus the distance in which the vehicle behind loses its closing speed."""
+"""Error of a gap minus the distance in which the vehicle behind, braking at `ABRUPT_BRAKING`, slows
+down from its speed v to the speed u of the vehicle ahead."""
 
 
 def return_time_error(case: Case, errors: MeasurementErrors) -> F32:
     """Error of the time at which the ego is back on its side of the road, (simulation,) [s].
 
-    An error of the lateral position moves that time by the position error over the lateral speed.
+    An error of the lateral position moves that time by the error over the lateral speed.
     """
     lateral_speed = at_frame(case.signals.lateral_speed, opposing_lane_span(case).last)
     return np.float32(errors.position_std) / np.maximum(np.abs(lateral_speed), MIN_RATE_OF_CHANGE)
