@@ -1,4 +1,8 @@
-"""Lawful gaps with their numbers, decelerations, and the gap between two neighbours."""
+"""Gaps that the law demands ahead and behind, their margins, and stopping distances.
+
+A margin is a gap minus the gap that the law demands, negative in a breach. Gaps are measured
+between bumpers. All arrays of a call have the same shape.
+"""
 
 from collections.abc import Callable
 
@@ -25,18 +29,27 @@ from overtaking.world.road_surface import stopping_distance
 from overtaking.world.surrogate_safety import assumed_decel, safe_distance
 
 GapMargin = Callable[[F32, F32, F32, F32], F32]
-"""Margin from gap, speed of the ego, closing speed and sure deceleration."""
+"""Margin of a gap [m] as a function of four arrays.
+
+They are the gap to the other vehicle [m], the speed of the ego [m/s], the closing speed, positive
+while the gap shrinks [m/s], and `decel_for_safe_distance` [m/s^2].
+"""
 
 GRIP_DECEL = f"{load_quantity('friction.table.usable_share').bare()} mu g"
-"""`decel_with_all_grip` as a formula."""
+"""`decel_with_all_grip` as a formula, such as `0.9 mu g`, for the predicates of rules."""
 
 REACTION_AND_DECEL = f"t = {REACTION_TIME}, b = min({MAX_DECEL}, {GRIP_DECEL})"
-"""Reaction time and deceleration of the safe distance, with `decel_for_safe_distance`."""
+"""Reaction time and deceleration of the safe distance, for the predicates of rules."""
 
 
 def decel_for_safe_distance(friction: F32) -> F32:
-    """Deceleration that both vehicles are thought capable of on the ego's friction [m/s^2]."""
-    # Beyond the end of a recording there is no friction, and none of this counts.
+    """Deceleration that the safe distance assumes for both vehicles [m/s^2].
+
+    Args:
+        friction: Peak friction under the ego [1].
+    """
+    # Frames after the end of a recording have friction 0. The floor avoids a division by 0 there;
+    # the results are not used.
     return assumed_decel(
         np.maximum(friction, constant("friction.table.floor")),
         share=constant("friction.table.usable_share"),
@@ -46,24 +59,38 @@ def decel_for_safe_distance(friction: F32) -> F32:
 
 
 def decel_with_all_grip(friction: F32) -> F32:
-    """Deceleration with all the grip that a driver may count on, for rules about sight [m/s^2]."""
+    """Deceleration with all usable friction, for rules about sight [m/s^2].
+
+    Unlike `decel_for_safe_distance` it is not limited to `MAX_DECEL`.
+
+    Args:
+        friction: Peak friction under the ego [1].
+    """
     grip = np.maximum(friction, constant("friction.table.floor"))
     return constant("friction.table.usable_share") * constant("model.nature.gravity") * grip
 
 
 def stopping_distance_for_sight(speed: F32, friction: F32) -> F32:
-    """Distance in which the ego stops for an obstacle that comes into sight [m]."""
+    """Distance in which the ego stops for an obstacle that comes into sight [m].
+
+    Args:
+        speed: Speed of the ego [m/s].
+        friction: Peak friction under the ego [1].
+    """
     return stopping_distance(
         speed, as_f32(STOPPING_REACTION_TIME.f32), decel_with_all_grip(friction)
     )
 
 
 def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
-    """Gap that Article 18(1) asks of the vehicle behind [m].
+    """Safe distance of a vehicle to the vehicle ahead [m].
+
+    The Portuguese Article 18(1) demands enough distance and states no number; the numbers are
+    choices.
 
     Args:
-        rear_speed: Of the vehicle behind [m/s].
-        closing_speed: Its speed minus the speed of the vehicle ahead [m/s].
+        rear_speed: Speed of the vehicle behind [m/s].
+        closing_speed: Speed of the vehicle behind minus speed of the vehicle ahead [m/s].
         decel: `decel_for_safe_distance` [m/s^2].
     """
     return safe_distance(
@@ -76,93 +103,88 @@ def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
 
 
 def margin_to_leader(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
-    """Margin of the ego's gap to the vehicle ahead: lawful [m]."""
+    """Gap to the vehicle ahead minus the safe distance [m]; a `GapMargin`."""
     return gap - lawful_gap(speed, closing_speed, decel)
 
 
 def entry_margin_ahead(
     gap: F32, speed: F32, closing_speed: F32, decel: F32, min_ttc: np.float32 = ENTRY_TTC.f32
 ) -> F32:
-    """Margin of a gap to the vehicle ahead: lawful, and no collision for some time [m].
+    """Margin of a gap to the vehicle ahead in a lane that the ego enters [m]; a `GapMargin`.
 
-    The time to collision is at least `min_ttc` where the gap is at least `min_ttc` of closing
-    speed.
-
-    Args:
-        gap: [m].
-        speed: Of the ego [m/s].
-        closing_speed: Of the ego [m/s].
-        decel: `decel_for_safe_distance` [m/s^2].
-        min_ttc: Smallest lawful time to collision [s].
+    The gap must be at least the safe distance, and the time to collision at least `min_ttc` [s].
     """
-    distance_to_collision = min_ttc * closing_speed
-    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), distance_to_collision)
+    gap_for_ttc = min_ttc * closing_speed
+    return gap - np.maximum(lawful_gap(speed, closing_speed, decel), gap_for_ttc)
 
 
 def entry_margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
-    """Margin of a gap to the vehicle behind: lawful for it, and no abrupt braking [m].
+    """Margin of a gap to the vehicle behind in a lane that the ego enters [m]; a `GapMargin`.
 
-    Args:
-        gap: [m].
-        speed: Of the ego [m/s].
-        closing_speed: Of the vehicle behind [m/s].
-        decel: `decel_for_safe_distance` [m/s^2].
+    The gap must be at least the safe distance of the vehicle behind, which must not have to brake
+    harder than `ABRUPT_BRAKING`.
     """
-    approach = np.maximum(closing_speed, np.float32(0.0))
-    # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
-    braking_distance = approach * approach / (np.float32(2.0) * ABRUPT_BRAKING.f32)
+    positive_closing_speed = np.maximum(closing_speed, np.float32(0.0))
+    # The vehicle behind must brake by v^2 / (2 gap), with the closing speed v. It needs no abrupt
+    # braking if the gap is at least v^2 / (2 ABRUPT_BRAKING).
+    braking_distance = (
+        positive_closing_speed * positive_closing_speed / (np.float32(2.0) * ABRUPT_BRAKING.f32)
+    )
     return gap - np.maximum(
         lawful_gap(speed + closing_speed, closing_speed, decel), braking_distance
     )
 
 
 def gap_in_right_lane(case: Case, frame: Frames) -> F32:
-    """Room for the ego in the lane to its right, negative where it is taken, (simulation,) [m].
+    """Margin of the gap in the lane to the ego's right, negative where it is too small [m].
 
-    The smallest of three margins: to the safe distances ahead and behind, and to the gap at which
-    the vehicle ahead is reached in `RETURN_FREE_TIME`; at most `RETURN_RANGE` either way. A lane
-    that does not exist counts as empty.
+    It is the smallest of three margins: of the gap behind to the safe distance, of the gap ahead to
+    the safe distance, and of the gap ahead to the distance that closes in `RETURN_FREE_TIME`. It is
+    limited to `RETURN_RANGE` in size. A lane that does not exist counts as empty.
 
     Args:
         case: The batch.
-        frame: A frame of each simulation; at `NEVER` the lane counts as empty.
+        frame: A frame of each simulation, shape (simulation,); at `NEVER` (-1), no frame, the lane
+            counts as empty.
     """
-    speed, decel = (
-        at_frame(case.signals.speed, frame),
-        decel_for_safe_distance(at_frame(case.signals.friction, frame)),
-    )
+    speed = at_frame(case.signals.speed, frame)
+    decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
     ahead = neighbour_at(case, NeighbourRole.RIGHT_LEADER, frame)
     behind = neighbour_at(case, NeighbourRole.RIGHT_FOLLOWER, frame)
     return gap_between(speed, decel, ahead, behind)
 
 
 def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> F32:
-    """Room between two neighbours, as in `gap_in_right_lane` [m].
+    """Margin of the gap between two neighbours in a lane, as in `gap_in_right_lane` [m].
 
     Args:
-        speed: Of the ego [m/s].
+        speed: Speed of the ego [m/s].
         decel: `decel_for_safe_distance` [m/s^2].
-        ahead: The neighbour ahead.
-        behind: The neighbour behind.
+        ahead: The neighbour ahead; its gap counts where it is `valid`.
+        behind: The neighbour behind, likewise.
     """
     max_margin = RETURN_RANGE.f32
-    distance_in_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
-    gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), distance_in_free_time)
-    gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
+    gap_for_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
+    # `maximum` and `minimum` of this package have the engine's bits also for NaN and signed zeros.
+    min_gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), gap_for_free_time)
+    min_gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     margin = np.full(len(speed), max_margin, np.float32)
-    margin = np.where(ahead.valid, minimum(margin, ahead.gap - gap_ahead), margin)
-    margin = np.where(behind.valid, minimum(margin, behind.gap - gap_behind), margin)
+    margin = np.where(ahead.valid, minimum(margin, ahead.gap - min_gap_ahead), margin)
+    margin = np.where(behind.valid, minimum(margin, behind.gap - min_gap_behind), margin)
     return clamp(margin, -max_margin, max_margin)
 
 
 def stop_margins(speed: F32, friction: F32, lit: F32, unlit: F32) -> dict[str, F32]:
-    """Distance at which something is seen minus the stopping distance [m].
+    """Sight distances minus the stopping distance [m].
 
     Args:
-        speed: Of the ego [m/s].
-        friction: Peak friction under it, same shape [1].
-        lit: Distance at which a lit vehicle is seen, same shape [m].
-        unlit: Distance at which an unlit one is seen, same shape [m].
+        speed: Speed of the ego [m/s].
+        friction: Peak friction under the ego, same shape [1].
+        lit: Distance at which the driver sees a lit vehicle, same shape [m].
+        unlit: Distance at which the driver sees an unlit vehicle, same shape [m].
+
+    Returns:
+        Margins to a lit and to an unlit vehicle, `stop_margin_lit` and `stop_margin_unlit`.
     """
     stop = stopping_distance_for_sight(speed, friction)
     return {"stop_margin_lit": lit - stop, "stop_margin_unlit": unlit - stop}
