@@ -1,4 +1,10 @@
-"""Spans of frames, neighbours, zones of the road, sight and speed limits of a case."""
+"""Spans of frames, neighbours, zones of the road, sight and speed limits of a case.
+
+A `Case` is a batch of simulations with signals, events and targets, one ego in each simulation. An
+event is a frame of each simulation, `NEVER` (-1) where it does not occur. A `FrameSpan` holds the
+first and last frame of a span in each simulation; it is empty where `last` is before `first`.
+`cached_per_batch` computes a result once for each case.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
@@ -55,7 +61,10 @@ def seconds_of(case: Case, frames: Frames) -> F32:
 
 @cached_per_batch
 def last_driven_frame(case: Case) -> I32:
-    """Last frame before a collision, a departure from the road or a spin; else the last frame."""
+    """Last frame before a collision, a departure from the road or a spin, (simulation,).
+
+    Without any of these, it is the last frame of the recording.
+    """
     events = case.events
     end = events.last.copy()
     for stop in (events.collision, events.road_departure, events.spin):
@@ -110,17 +119,18 @@ def span_after_gap_recovery(case: Case) -> FrameSpan:
 
 @cached_per_batch
 def span_after_passing(case: Case) -> FrameSpan:
-    """From the frame in which the target was passed to the end of the manoeuvre."""
-    end, stop = case.events.overlap_end, manoeuvre(case).last
-    return FrameSpan(first=np.where(end != NEVER, end, stop + 1), last=stop)
+    """From the first frame with the ego wholly ahead of the target to the end of the manoeuvre."""
+    passing_frame, last = case.events.overlap_end, manoeuvre(case).last
+    # Without a passing frame the span is empty.
+    return FrameSpan(first=np.where(passing_frame != NEVER, passing_frame, last + 1), last=last)
 
 
 @cached_per_batch
 def is_regaining_gap(case: Case) -> Mask:
     """Whether the leader cut in so recently that it may be too near, shape (simulation, time).
 
-    A vehicle cuts in where it comes from another lane and becomes the leader of an ego that keeps
-    its own.
+    A vehicle cuts in if it comes from another lane and becomes the leader of an ego that keeps its
+    lane.
     """
     trajectories, lane = case.trajectories, case.signals.lane
     leader = case.signals.neighbour_slot[:, NeighbourRole.LEADER]
@@ -151,17 +161,17 @@ def is_regaining_gap(case: Case) -> Mask:
 def scans(case: Case) -> ScanResults:
     """Results of the compiled scan over the spans that rules and features read."""
     events = case.events
-    # The sums of `recorded_sums`: in simulations without an attempt, the features of the paper are
-    # means over the frames up to a collision.
-    until = np.where(events.collision == NEVER, events.last, events.collision)
-    until = np.where(events.has_attempt, NEVER, until).astype(np.int32)
+    # The engine sums over the span "summed", for means: in simulations without an attempt, features
+    # of the reproduced paper are means over the frames up to a collision.
+    last_summed = np.where(events.collision == NEVER, events.last, events.collision)
+    last_summed = np.where(events.has_attempt, NEVER, last_summed).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.
     spans = {
         "judged": judged_span(case),
         "after_gap_recovery": span_after_gap_recovery(case),
         "after_passing": span_after_passing(case),
         "manoeuvre": manoeuvre(case),
-        "summed": FrameSpan(first=np.zeros_like(until), last=until),
+        "summed": FrameSpan(first=np.zeros_like(last_summed), last=last_summed),
     }
     return scan_spans(case, spans)
 
@@ -176,7 +186,7 @@ def opposing_lane_span(case: Case) -> FrameSpan:
     span, road = manoeuvre(case), case.trajectories.road
     never = np.full(len(span.first), NEVER)
     if not road.is_two_way:
-        return FrameSpan(first=never + np.int32(1), last=never)
+        return FrameSpan(first=never + np.int32(1), last=never)  # Empty.
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
     # `breach_frames_in` finds the first and last frame of any condition; to be over the line is not
@@ -186,7 +196,7 @@ def opposing_lane_span(case: Case) -> FrameSpan:
 
 
 RoadInterval = tuple[float, float]
-"""Beginning and end of a stretch of road [m]."""
+"""Stations at which a stretch of road begins and ends [m]."""
 
 
 @cached_per_batch
@@ -204,7 +214,8 @@ def overtaking_span(case: Case) -> FrameSpan:
 def distance_to_intervals(case: Case, intervals: Iterable[RoadInterval]) -> F32:
     """Distance of the ego's front from the nearest interval, shape (simulation, time) [m].
 
-    Within an interval it is negative: the distance to the nearer end with a minus sign.
+    Within an interval it is negative: the distance to the nearer end with a minus sign. Without
+    intervals it is `UNCONSTRAINED`, which is larger than any margin.
     """
     trajectories = case.trajectories
     front = as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES_PER_MM
@@ -224,26 +235,26 @@ def zone_intervals(
     Args:
         case: The batch.
         kinds: Kinds of the zones.
-        approach_length: Function from a kind to the length of road before a zone that belongs to
-            its interval [m].
+        approach_length: Function from a kind to the length by which an interval begins before its
+            zone [m].
     """
-    kinds_of_zones, zones = frozenset(kinds), all_zones_for(case.trajectories.road, direction=1)
+    zone_kinds, zones = frozenset(kinds), all_zones_for(case.trajectories.road, direction=1)
     return [
         (zone.start - approach_length(zone.kind), zone.stop)
         for zone in zones
-        if zone.kind in kinds_of_zones
+        if zone.kind in zone_kinds
     ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alongside:
-    """The frames in which ego and target overlap, in order; arrays have shape (instant,).
+    """The frames in which ego and target overlap along the road; arrays have shape (instant,).
 
     Attributes:
-        simulation: Simulation of each instant.
-        frame: Frame of each instant.
-        lane: Lane of the target.
-        lateral_gap: Gap between the sides of ego and target [m].
+        simulation: Row of the simulation.
+        frame: Frame, in order within each simulation.
+        lane: Lane index of the target.
+        lateral_gap: Gap between the sides of ego and target, negative where they overlap [m].
         accel: Acceleration of the target [m/s^2].
     """
 
@@ -288,24 +299,27 @@ def overlaps_in(case: Case, span: FrameSpan) -> Alongside:
 
 
 def signed_lane(lane: U8) -> np.ndarray:
-    """Lane indices as signed numbers: -1 for a vehicle beyond the slow edge."""
+    """Lane indices as signed numbers: 255, a vehicle beyond the slow edge, becomes -1."""
     return lane.view(np.int8)
 
 
 def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
-    """Whether the ego is of a kind, or its kind is unknown, shape (simulation,)."""
+    """Whether the ego is of a kind, or no kind of the batch is known, shape (simulation,).
+
+    Where only some kinds are unknown, `judging` tries the possible kinds.
+    """
     is_kind = case.trajectories.scenario.vehicles.kind[:, EGO_SLOT] == kind
     return is_kind | ("kinds" in case.trajectories.unknown)
 
 
 def target_may_be(case: Case, *, bicycle: bool) -> Mask:
-    """Whether there is a target that may be a bicycle, or one that may be another vehicle.
+    """Whether the target may be a bicycle, or may be another vehicle; false without a target.
 
-    A target of unknown kind may be either.
+    A target of unknown kind may be both.
 
     Args:
         case: The batch.
-        bicycle: Whether to ask for a bicycle; otherwise for a vehicle that is no bicycle.
+        bicycle: Whether to test for a bicycle; otherwise for any other vehicle.
 
     Returns:
         Shape (simulation,).
@@ -329,10 +343,10 @@ def neighbour_at(case: Case, role: NeighbourRole, frame: Frames) -> Encounter:
 
 
 MIN_CLOSING_SPEED = np.float32(0.1)
-"""A slower approach counts as this fast, which keeps times finite [m/s].
+"""Smallest closing speed to an oncoming vehicle, which keeps times to meet finite [m/s].
 
-The value is a choice, far below walking pace: it changes only the times to vehicles that hardly
-approach, such as an ego and an oncoming vehicle that both stand.
+The value is a choice, far below walking pace: it matters only where ego and oncoming vehicle both
+stand or nearly stand.
 """
 
 
@@ -343,11 +357,12 @@ def nearest_oncoming_at(
 
     Args:
         case: The batch.
-        frame: A frame of each simulation, `NEVER` for no vehicle, shape (instant,).
+        frame: A frame of each simulation, shape (instant,); at `NEVER` there is no vehicle.
         simulation: Rows of the simulations, same shape; None for all of them.
 
     Returns:
-        Gap to it [m] and closing speed [m/s], both NaN without an oncoming vehicle, and its slot.
+        Gap to the vehicle [m], closing speed [m/s] and slot of the vehicle. Without an oncoming
+        vehicle, gap and closing speed are NaN, and the slot is arbitrary.
     """
     simulation = np.arange(len(frame)) if simulation is None else simulation
     # At `NEVER` this reads frame 0; `has_oncoming` drops the result.
@@ -367,14 +382,17 @@ def nearest_oncoming_at(
 
 @cached_per_batch
 def meteorological_range(case: Case) -> F32:
-    """Meteorological optical range in fog and falling rain, shape (simulation,) [m]."""
+    """Meteorological optical range in fog and falling rain, shape (simulation,) [m].
+
+    The distance over which air transmits 5 % of the light.
+    """
     sight = weather_effects(case.trajectories.scenario).sight
     air = sight["fog_extinction"] + sight["rain_extinction"]
     return constant("weather.fog.transmission_depth") / air
 
 
 def available_sight(case: Case, frame: I32) -> F32:
-    """Sight distance that air and road permit at one frame of each simulation [m]."""
+    """Sight distance at one frame of each simulation: the smaller of air and road [m]."""
     sight_of_road = as_f32(sight_at(case.trajectories.road, at_frame(case.signals.s, frame)))
     return np.minimum(meteorological_range(case), sight_of_road)
 
@@ -382,9 +400,9 @@ def available_sight(case: Case, frame: I32) -> F32:
 def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
     """Speed assumed for oncoming vehicles that the ego cannot see yet, (simulation,) [m/s].
 
-    The highest limit of their direction between the ego and the end of its sight: they may drive at
-    it somewhere on that way. The limit at the ego alone would be too low just before a section of
-    low speed ends, and the highest limit of the road too high within a long one.
+    It is the highest posted limit of their direction, -1, between the ego and the end of its sight.
+    The limit at the ego alone would be too low just before a section of low speed ends, and the
+    highest limit of the road too high within a long section.
     """
     road = case.trajectories.road
     near = at_frame(case.signals.s, frame)
@@ -402,8 +420,10 @@ def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
 
 
 ROAD_KINDS = ("motorway", "other", "town")
+"""Kinds of road with general speed limits of their own, in the order of rows of limits."""
 
 LIMIT_CLASSES = ("light", "van", "heavy")
+"""Classes of vehicles with general speed limits of their own, in the order of columns."""
 
 _LIMIT_CLASS_OF_KIND = {VehicleKind.VAN: 1, VehicleKind.TRUCK: 2}
 """Index into `LIMIT_CLASSES` of the kinds that are not in class 0, light vehicles."""
@@ -466,14 +486,14 @@ class GeneralSpeedLimits:
 def speed_limit_bounds(
     case: Case, general_limits: GeneralSpeedLimits, ahead: float = 0.0
 ) -> tuple[F32, F32]:
-    """The lowest and the highest limit that may hold where each ego is [m/s].
+    """The lowest and the highest speed limit that may hold for each ego in each frame [m/s].
 
     They are equal where kind of road, kind of ego and posted limit are known.
 
     Args:
         case: The batch.
         general_limits: Limits that hold without a sign.
-        ahead: How far ahead of each ego [m].
+        ahead: Distance ahead of the ego's centre at which posted limits are read [m].
 
     Returns:
         Both of shape (simulation, time), read-only.
@@ -489,7 +509,7 @@ def speed_limit_bounds(
     column = limit_class(case.trajectories.scenario.vehicles.kind[:, EGO_SLOT])
     low, high = low[column, None], high[column, None]
     if "speed_limit" in unknown:
-        # Any sign may stand there, but none that allows more than the general limit.
+        # An unknown sign may post any limit, but never more than the general limit.
         low = np.zeros_like(low)
     else:
         posted = _posted_limit(case.trajectories, ahead)
@@ -499,7 +519,7 @@ def speed_limit_bounds(
 
 
 def _posted_limit(trajectories: Trajectories, ahead: float) -> F32:
-    """The limit that is posted so far ahead of the ego's centre [m/s].
+    """The limit that is posted at a distance ahead of the ego's centre [m/s].
 
     Returns:
         Shape (simulation, time), or (1, 1) where it is the same everywhere.
@@ -514,14 +534,14 @@ def _posted_limit(trajectories: Trajectories, ahead: float) -> F32:
 
 
 def has_changing_limit(trajectories: Trajectories) -> bool:
-    """Whether the posted limit changes along the road."""
+    """Whether the posted limit of the ego's direction changes along the road."""
     return trajectories.road.course is not None and bool(
         trajectories.road.course.speed_limits_for(1)
     )
 
 
 def limit_class(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """Index into `LIMIT_CLASSES` of vehicle kinds."""
+    """Index into `LIMIT_CLASSES` of each vehicle kind, of the same shape."""
     classes = np.zeros(len(VehicleKind), np.intp)
     for vehicle_kind, index in _LIMIT_CLASS_OF_KIND.items():
         classes[vehicle_kind] = index
