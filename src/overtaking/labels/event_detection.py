@@ -118,9 +118,9 @@ def _was_struck(
     """
     simulation = np.flatnonzero(collision != NEVER)
     last_frame_apart = np.maximum(collision[simulation] - 1, 0)
-    other_vehicle = collision_slot[simulation]
-    slot = slot_or_ego(other_vehicle)
-    other = vehicle_snapshot(trajectories, other_vehicle, simulation, last_frame_apart)
+    other_slot = collision_slot[simulation]
+    slot = slot_or_ego(other_slot)
+    snapshot = vehicle_snapshot(trajectories, other_slot, simulation, last_frame_apart)
     vehicles = VehicleInstants(simulation, slot, last_frame_apart)
     other_position, lateral_gap = lateral_position_and_gap(trajectories, signals, vehicles)
     is_ego_left = signals.lateral_position[simulation, last_frame_apart] > other_position
@@ -130,10 +130,10 @@ def _was_struck(
     closing_by_ego = np.where(is_ego_left, -ego_lateral_speed, ego_lateral_speed)
     closing_by_other = np.where(is_ego_left, other_lateral_speed, -other_lateral_speed)
     # Gaps are negative where the bodies overlap.
-    are_alongside = (other.gap < 0) & (lateral_gap > other.gap)
+    are_alongside = (snapshot.gap < 0) & (lateral_gap > snapshot.gap)
     was_struck = np.zeros(len(collision), np.bool_)
     was_struck[simulation] = np.where(
-        are_alongside, closing_by_other > closing_by_ego, other.ego_lead > 0
+        are_alongside, closing_by_other > closing_by_ego, snapshot.ego_lead > 0
     )
     return was_struck
 

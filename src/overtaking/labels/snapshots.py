@@ -31,10 +31,7 @@ ANGLE_RESOLUTION_F32 = np.float32(1e-4)
 """Step of a recorded heading [rad]."""
 
 OCCUPANCY_REACH_MM = 100_000
-"""Distance ahead of and behind the ego within which the occupancy of a lane is measured [mm].
-
-A choice of this model.
-"""
+"""Reach ahead of and behind the ego within which a lane's occupancy is measured, a choice [mm]."""
 
 _LATERAL_SPEED_HALF_WINDOW_MS = 100
 """Half of the time over which a lateral speed is measured [ms], a choice of this model.
@@ -108,7 +105,7 @@ def slot_or_ego(vehicle: U8) -> IndexArray:
 
 
 def half_length_sum(trajectories: Trajectories, rows: IndexArray, slot: IndexArray) -> F32:
-    """Half of the lengths of the ego and a vehicle together, shape (instant,) [m]."""
+    """Half of the sum of the lengths of the ego and a vehicle, shape (instant,) [m]."""
     length = trajectories.scenario.vehicles.length
     return np.float32(0.5) * (length[rows, EGO_SLOT] + length[rows, slot])
 
@@ -141,7 +138,7 @@ def lateral_footprint(
 
 
 def is_oncoming(trajectories: Trajectories) -> Mask:
-    """Whether each vehicle drives against the road, (simulation, vehicle); false on one-way roads.
+    """Whether vehicles drive against the road, (simulation, vehicle); false on one-way roads.
 
     The heading in the first recorded frame decides: a vehicle that spins later does not become
     oncoming.
@@ -407,7 +404,7 @@ class OtherVehicles:
         speed: Speed in the vehicle's own direction, never negative [m/s].
         lane: Lane index.
         lights: Bits of `Lights`.
-        is_oncoming: Whether the vehicle points against the road in that frame.
+        is_oncoming: Whether the vehicle's heading in that frame points against the road.
     """
 
     valid: Mask

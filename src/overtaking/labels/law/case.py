@@ -66,10 +66,10 @@ def last_driven_frame(case: Case) -> I32:
     Without any of these, it is the last frame of the recording.
     """
     events = case.events
-    end = events.last.copy()
-    for stop in (events.collision, events.road_departure, events.spin):
-        end = np.where(stop != NEVER, np.minimum(end, stop - 1), end)
-    return end
+    last = events.last.copy()
+    for accident in (events.collision, events.road_departure, events.spin):
+        last = np.where(accident != NEVER, np.minimum(last, accident - 1), last)
+    return last
 
 
 @cached_per_batch
@@ -79,7 +79,8 @@ def manoeuvre(case: Case) -> FrameSpan:
     Both times are choices, `WINDOW_BEFORE` and `WINDOW_AFTER`: looking, signalling and following
     before the start belong to the overtake, and so does settling in front of the target.
 
-    Without a return the span ends when the ego is back behind the target, or with the recording.
+    Without a return the span ends when the ego is back behind the target, or with the recording. It
+    has no frame after `last_driven_frame`.
     """
     events = case.events
     num_frames_before = num_frames_in(case, WINDOW_BEFORE.f32)
@@ -201,7 +202,10 @@ RoadInterval = tuple[float, float]
 
 @cached_per_batch
 def overtaking_span(case: Case) -> FrameSpan:
-    """From the line crossing until the target is passed and the ego is back on its own side."""
+    """From the line crossing until the target is passed and the ego is back on its own side.
+
+    If the target is never passed, the span lasts to the end of the manoeuvre.
+    """
     events, span = case.events, manoeuvre(case)
     passing_frame = np.where(events.overlap_end != NEVER, events.overlap_end, span.last)
     last = np.minimum(np.maximum(passing_frame, opposing_lane_span(case).last), span.last)
@@ -392,7 +396,7 @@ def meteorological_range(case: Case) -> F32:
 
 
 def available_sight(case: Case, frame: I32) -> F32:
-    """Sight distance at one frame of each simulation: the smaller of air and road [m]."""
+    """Sight distance at one frame of each simulation, limited by air and road [m]."""
     sight_of_road = as_f32(sight_at(case.trajectories.road, at_frame(case.signals.s, frame)))
     return np.minimum(meteorological_range(case), sight_of_road)
 
