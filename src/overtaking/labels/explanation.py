@@ -28,7 +28,7 @@ class Breach:
         first_frame: First frame of the breach.
         last_frame: Last frame of the breach.
         severity: Severity by the law to which the rule belongs.
-        belief: Whether the driver knew of the breach at its decision.
+        belief: Whether the driver knew of the breach when it decided.
         remedies: Alternative changes, each sufficient to keep the rule; empty if no change is
             known.
     """
@@ -82,13 +82,13 @@ def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
         return ()
     margins = _believed_margins(pack)
     comparisons = list[BelievedFinding]()
-    for row in np.flatnonzero(percepts.valid[0]).tolist():
-        kind = ManoeuvreKind(int(percepts.kind[0, row]))
+    for index in np.flatnonzero(percepts.valid[0]).tolist():
+        kind = ManoeuvreKind(int(percepts.kind[0, index]))
         for perceived in PerceivedVehicle:
-            has_neighbour = percepts.slot[0, row, perceived] != NO_VEHICLE
+            has_neighbour = percepts.slot[0, index, perceived] != NO_VEHICLE
             if has_neighbour and (kind, perceived) in margins:
                 code, margin = margins[kind, perceived]
-                comparisons.append(_believed_finding(case, row, perceived, code, margin))
+                comparisons.append(_believed_finding(case, index, perceived, code, margin))
     return tuple(comparisons)
 
 
@@ -97,7 +97,7 @@ def _believed_margins(
 ) -> dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]:
     """Code and margin of the rule that judges each neighbour at each kind of decision.
 
-    If several rules do, the first one of the pack counts.
+    If several rules judge it, the first rule of the pack counts.
     """
     margins = dict[tuple[ManoeuvreKind, PerceivedVehicle], tuple[str, GapMargin]]()
     for rule in pack.deciding_rules:

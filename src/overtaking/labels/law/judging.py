@@ -34,10 +34,10 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
         errors: Standard errors of the measured positions and speeds; None for exact values.
 
     Returns:
-        The finding with its severity. It is undecidable where an unknown input of the rule decides,
-        and where the margin is smaller than its expanded error.
+        The finding with its severity. It is undecidable where the rule needs an unknown input, and
+        where the margin is smaller than its expanded error.
     """
-    finding = _without_errors(rule, case)
+    finding = _judge_without_errors(rule, case)
     if errors is None:
         return finding
     is_decided = (finding.verdict == Verdict.LEGAL) | (finding.verdict == Verdict.ILLEGAL)
@@ -64,7 +64,7 @@ def _with_undecidable(finding: Finding, is_undecidable: Mask) -> Finding:
     )
 
 
-def _without_errors(rule: Rule, case: Case) -> Finding:
+def _judge_without_errors(rule: Rule, case: Case) -> Finding:
     """Judge by exact positions and speeds, also where kinds of vehicles are unknown.
 
     If some kinds are unknown and the rule depends on them, it is undecidable in simulations in
@@ -72,13 +72,16 @@ def _without_errors(rule: Rule, case: Case) -> Finding:
     """
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.required_inputs | rule.conditional_inputs:
-        return _judged_as_stated(rule, case)
-    return _agreed_finding(
-        [_judged_as_stated(rule, possible_case) for possible_case in _possible_kinds(case)]
+        return _judge_with_stated_kinds(rule, case)
+    return _combine_findings(
+        [
+            _judge_with_stated_kinds(rule, possible_case)
+            for possible_case in _cases_with_possible_kinds(case)
+        ]
     )
 
 
-def _possible_kinds(case: Case) -> Iterator[Case]:
+def _cases_with_possible_kinds(case: Case) -> Iterator[Case]:
     """Yield the batch once for each kind, with all vehicles of unknown kind as that kind.
 
     Rules distinguish these five kinds only; a medium car stands for all cars. A vehicle whose
@@ -102,7 +105,7 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
         yield case.replace(trajectories=trajectories.replace(scenario=scenario))
 
 
-def _agreed_finding(findings: Sequence[Finding]) -> Finding:
+def _combine_findings(findings: Sequence[Finding]) -> Finding:
     """Combine findings on the same batch: undecidable in simulations in which the verdicts differ.
 
     Where the verdicts agree, the finding with the smallest absolute margin counts, because it is
@@ -119,7 +122,7 @@ def _agreed_finding(findings: Sequence[Finding]) -> Finding:
     return _with_undecidable(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
-def _judged_as_stated(rule: Rule, case: Case) -> Finding:
+def _judge_with_stated_kinds(rule: Rule, case: Case) -> Finding:
     """Judge by exact values, with every vehicle of the kind that the batch states."""
     finding = rule.criterion.check(case)
     if rule.required_inputs & case.trajectories.unknown:
@@ -203,7 +206,7 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     if case.trajectories.road.is_two_way:
         version += pack.two_way_version
     if errors is not None:
-        version += str(errors)
+        version += str(errors)  # So that findings with and without errors cannot be confused.
     return Findings(rule_codes=pack.codes, version=version, **columns)
 
 
@@ -288,7 +291,7 @@ POLICY_OF_PROFILE = {"pinto2023": "paper", "pinto2023-physical": "paper"}
 
 @cache
 def policies_of_law(pack: str) -> tuple[Policy, ...]:
-    """All policies of a pack of this package by the name of the pack; empty for other packs."""
+    """All policies with the rules of a pack of this package, by its name; empty for other packs."""
     if pack not in LAWS:
         return ()
     rules = LAWS[pack].rules
