@@ -1,7 +1,8 @@
 """Criteria about the distance to the vehicle ahead.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
-symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
+methods.
 """
 
 from collections.abc import Mapping
@@ -104,6 +105,7 @@ class SafeDistance(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest margin over all judged frames decides."""
         conditions = {PerceivedVehicle.LEADER: margin_to_leader}
+        # The engine's minimum of `margin_to_leader`, without frames just after a cut-in.
         return finding_of_minimum(
             scans(case).following,
             span_after_gap_recovery(case),
@@ -134,13 +136,14 @@ class SafeDistance(Criterion):
         """A larger gap in the worst frame, or a lower speed at the same gaps."""
         frames = _judged_frames(breach)
         margins = margins_to_neighbour(breach, _LEADER, frames, margin_to_leader)
-        worst, broken = int(margins.argmin()), frames[margins < 0]
+        worst, too_near_frames = int(margins.argmin()), frames[margins < 0]
         larger_gap = more_gap(breach, _LEADER, frames[worst], margins[worst])
-        gap, closing_speed = gap_and_closing_speed(breach, _LEADER, broken)
-        leader_speed = breach.case.signals.speed[0, broken] - closing_speed
-        decel = decel_for_safe_distance(breach.case.signals.friction[0, broken])
-        allowed = np.where(gap < 0, NO_SPEED, max_following_speed(gap, leader_speed, decel))
-        return *larger_gap, *breach.remedy_slower_ego(broken, allowed)
+        gap, closing_speed = gap_and_closing_speed(breach, _LEADER, too_near_frames)
+        leader_speed = breach.case.signals.speed[0, too_near_frames] - closing_speed
+        decel = decel_for_safe_distance(breach.case.signals.friction[0, too_near_frames])
+        # A negative gap is an overlap of the bodies, which is unlawful at any speed.
+        max_speed = np.where(gap < 0, NO_SPEED, max_following_speed(gap, leader_speed, decel))
+        return *larger_gap, *breach.remedy_slower_ego(too_near_frames, max_speed)
 
     def margins_by_frame(self, case: Case) -> F64:
         """Margins of the frames with a leader that did not cut in recently."""
@@ -157,10 +160,13 @@ class SafeDistance(Criterion):
 
 
 def _lane_leaving_error(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
-    """Error of a gap because the ego may have left the lane sooner or later, (simulation,) [m].
+    """Error of the smallest gap due to the error of the frame in which the ego leaves the lane.
 
     A gap that closes until the ego has left the lane is smallest in the last frame in the lane. An
-    error of the lateral position shifts that frame.
+    error of the lateral position shifts that frame by the position error over the lateral speed.
+
+    Returns:
+        Shape (simulation,) [m]; 0 where the ego is still in the lane after `frame`.
     """
     signals, next_frame = case.signals, np.minimum(frame + 1, case.events.last)
     leaves = at_frame(signals.lane, next_frame) != at_frame(signals.lane, frame)
@@ -172,10 +178,10 @@ def _lane_leaving_error(case: Case, frame: I32, errors: MeasurementErrors) -> F3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeDistance(Criterion):
-    """The gap to the leader is at least the distance that the ego drives in some time.
+    """The gap to the leader is at least the distance that the ego drives in `min_time`.
 
     Attributes:
-        min_time: That time, a multiple of 0.1 s for `_distance_in_whole_mm`.
+        min_time: Smallest lawful time gap, a multiple of 0.1 s for `_distance_in_whole_mm`.
     """
 
     min_time: Quantity
@@ -183,7 +189,7 @@ class TimeDistance(Criterion):
     applies_without_attempt: bool = True
 
     def predicate(self) -> str:
-        """The time, where it comes from, and the exceptions."""
+        """The time gap, its origin, and the exceptions."""
         return (
             f"At every frame: gap to the leader in the ego's lane >= {self.min_time} v, which is "
             f"what courts ask for; not in the {GAP_REGAIN_TIME} after the leader cut in or the "
@@ -219,17 +225,18 @@ class TimeDistance(Criterion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinedTimeDistance(Criterion):
-    """Above a speed, the gap to the leader is too small for a short time at most.
+    """Above `min_speed`, the gap to the leader is too small for a short time at most.
 
-    The margin is the time that was left: the shorter of `max_duration` and the time for
-    `max_distance`, less the time for which the gap has been too small. It is a duration, so there
-    are no margins by frame.
+    The margin is the remaining time: the shorter of `max_duration` and the time in which the ego
+    drives `max_distance`, minus the time for which the gap has been too small without a break. It
+    is a duration, so there are no margins by frame.
 
-    The German catalogue of fines states gaps in tenths of "half the speedometer", in metres half
-    the speed in km/h. Five tenths are the distance driven in 0.9 s.
+    The German catalogue of fines states gaps in tenths of "half the speedometer", the number of
+    metres that is half the speed in km/h. Five tenths are the distance driven in 0.9 s.
 
     Attributes:
-        min_time: The gap is too small below the distance driven in this time, a multiple of 0.1 s.
+        min_time: Time gap, a multiple of 0.1 s for `_distance_in_whole_mm`. A smaller gap is too
+            small.
         min_speed: Speed above which the duty holds.
         max_duration: Longest lawful time with a gap that is too small.
         max_distance: Longest lawful distance driven with such a gap.
@@ -245,7 +252,7 @@ class FinedTimeDistance(Criterion):
     applies_without_attempt: bool = True
 
     def predicate(self) -> str:
-        """The gap, the time and distance that are tolerated, and the margin."""
+        """The gap, the tolerated time and distance, and the margin."""
         return (
             f"At every frame above {self.min_speed}: the gap has not been under five tenths of "
             f"half the speedometer, {self.min_time} v, for more than {self.max_duration} on end, "
@@ -254,7 +261,7 @@ class FinedTimeDistance(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The smallest time that was left decides."""
+        """The smallest remaining time decides."""
         span = span_after_gap_recovery(case)
         margin = self._margins(case)
         minimum = minimum_over(margin, span)
@@ -272,7 +279,7 @@ class FinedTimeDistance(Criterion):
     )
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the time that was left, as both ends of a gap that is too small move [s]."""
+        """Error of the remaining time, by the errors of both positions and of the speed [s]."""
         del finding
         span = span_after_gap_recovery(case)
 
@@ -280,17 +287,18 @@ class FinedTimeDistance(Criterion):
             ego_position_error: F32, leader_position_error: F32, speed_error: F32
         ) -> F32:
             margin = self._margins(case, leader_position_error - ego_position_error, speed_error)
-            # Where an error ends the duty, all of the time is left.
+            # An error of the speed can end the duty in all frames: the margin is then
+            # `UNCONSTRAINED`, and all of the tolerated time remains.
             return reduce_span(np.minimum, np.minimum(margin, self.max_duration.f32), span)
 
-        sizes = errors.position_std, errors.position_std, errors.speed_std
-        return np.where(span.is_nonempty, propagated_error(margin_with, *sizes), np.float32(0.0))
+        std = errors.position_std, errors.position_std, errors.speed_std
+        return np.where(span.is_nonempty, propagated_error(margin_with, *std), np.float32(0.0))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """A gap that is large enough, in the frame in which most of it is missing."""
+        """A large enough gap, in the frame with the largest missing gap."""
         frames, signals = _judged_frames(breach), breach.case.signals
-        # Between two parts of a breach the ego may be too slow for the duty. The frame is chosen
-        # by the gap, as the margin is a time, so these frames must be dropped here.
+        # The frame is chosen by the gap, because the margin is a time. Between two parts of a
+        # breach the ego may be too slow for the duty, so these frames must be dropped here.
         frames = frames[signals.speed[0, frames] > self.min_speed.f32]
         gap, speed = signals.gap[0, _LEADER, frames], signals.speed[0, frames]
         missing_gap = self._min_gap(speed) - gap
@@ -303,7 +311,7 @@ class FinedTimeDistance(Criterion):
         error_of_gap: F32 | np.float32 = _NO_ERROR,
         error_of_speed: F32 | np.float32 = _NO_ERROR,
     ) -> F32:
-        """Time that was left in each frame, `UNCONSTRAINED` where the duty does not hold.
+        """Remaining time in each frame, `UNCONSTRAINED` where the duty does not hold.
 
         Args:
             case: The batch.
@@ -326,7 +334,7 @@ class FinedTimeDistance(Criterion):
         return np.where(is_judged, margin, UNCONSTRAINED)
 
     def _min_gap(self, speed: F32) -> F32:
-        """Gap at each speed below which the driver is fined [m]."""
+        """Gap below which the driver is fined, at each speed [m]."""
         return _distance_in_whole_mm(speed, self.min_time)
 
 
@@ -339,7 +347,7 @@ def _run_lengths(mask: Mask) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedDistance(Criterion):
-    """On motorways, above a speed, a truck keeps a fixed gap to its leader.
+    """On motorways, above `min_speed`, a truck keeps a fixed gap to its leader.
 
     Attributes:
         min_gap: Smallest lawful gap.
@@ -394,9 +402,9 @@ class GapForAnotherVehicle(Criterion):
 
     Attributes:
         vehicle_length: Length of the vehicle that moves in.
-        min_time: Time, a multiple of 0.1 s for `_distance_in_whole_mm`; the gap holds the distance
-            driven in it ahead of and behind the vehicle that moves in.
-        distance_rule: Code of the rule of the same law that asks for this distance and states the
+        min_time: Time gap ahead of and behind the vehicle that moves in, at the ego's speed; a
+            multiple of 0.1 s for `_distance_in_whole_mm`.
+        distance_rule: Code of the rule of the same law that requires this time gap and states the
             exceptions.
     """
 
@@ -427,8 +435,8 @@ class GapForAnotherVehicle(Criterion):
             return finding_not_applicable(case.signals.num_simulations)
         # A driver who is about to overtake may close up.
         has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
-        # The duty ends where overtaking is forbidden: sign 276, from the sign on, without an
-        # approach. The distance is negative within such a stretch.
+        # The duty does not hold where sign 276 forbids overtaking, from the sign on: the approach
+        # is 0 m. The distance of the ego is negative within such a stretch.
         bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], approach_length=lambda _: 0.0)
         is_judged = _has_settled_leader(case) & has_duty[:, None]
         is_judged &= distance_to_intervals(case, bans) >= 0.0
@@ -455,7 +463,7 @@ class GapForAnotherVehicle(Criterion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowVehicleDistance(Criterion):
-    """A slow truck that does not overtake keeps a gap into which others can return.
+    """A slow truck that does not overtake keeps a gap into which overtaking drivers can return.
 
     Attributes:
         max_speed: Largest speed at which the duty holds.
@@ -520,8 +528,8 @@ def _is_narrow_road_outside_towns(case: Case) -> bool:
     """Whether the road has one lane each way and may lie outside built-up areas."""
     trajectories = case.trajectories
     road = trajectories.road
-    in_town = road.kind == "town" and "road_kind" not in trajectories.unknown
-    return road.is_two_way and road.num_lanes == 1 and not in_town
+    is_in_town = road.kind == "town" and "road_kind" not in trajectories.unknown
+    return road.is_two_way and road.num_lanes == 1 and not is_in_town
 
 
 def _has_settled_leader(case: Case) -> Mask:
@@ -531,12 +539,12 @@ def _has_settled_leader(case: Case) -> Mask:
 
 
 def _finding_of_gap(case: Case, min_gap: F32 | np.float32, is_judged: Mask) -> Finding:
-    """The finding of a smallest lawful gap to the leader.
+    """Finding of the gap to the leader against a smallest lawful gap.
 
     Args:
         case: The batch.
         min_gap: Smallest lawful gap, a number or of shape (simulation, time) [m].
-        is_judged: Where the duty holds, shape (simulation, time).
+        is_judged: Whether the duty holds and the ego has a leader, shape (simulation, time).
     """
     margin = case.signals.gap[:, _LEADER] - min_gap
     return finding_over_span(
@@ -545,7 +553,13 @@ def _finding_of_gap(case: Case, min_gap: F32 | np.float32, is_judged: Mask) -> F
 
 
 def _gap_and_time_error(finding: Finding, time: float, errors: MeasurementErrors) -> F32:
-    """Error of a gap between two vehicles less the distance that the ego drives in a time [m]."""
+    """Error of a gap between two vehicles minus the distance that the ego drives in `time` [m].
+
+    Args:
+        finding: Result of `check`, for the shape of the error.
+        time: Factor of the ego's speed in the lawful gap, 0 for a fixed gap [s].
+        errors: Standard deviations of positions and speeds.
+    """
     error_of_gap, error_of_distance = np.sqrt(2.0) * errors.position_std, time * errors.speed_std
     return np.full_like(finding.margin, np.hypot(error_of_gap, error_of_distance))
 
@@ -562,7 +576,7 @@ def _larger_gap(
     """One remedy: a larger gap to the leader, in the frame that has the margin of the finding.
 
     The margin identifies the frame, so `frames` may contain frames in which the duty does not hold,
-    such as those at a low speed.
+    such as frames at a low speed.
 
     Args:
         breach: The breach.
@@ -575,17 +589,17 @@ def _larger_gap(
 
 
 def _margins_behind_leader(case: Case, margin: F32) -> F64:
-    """Margins (simulation, time) of the first simulation where they are judged, shape (time,)."""
+    """Margins (1, time) of one simulation, NaN in frames that are not judged, shape (time,)."""
     margins = margins_within_span(span_after_gap_recovery(case), margin)
     return np.where(_has_settled_leader(case)[0], margins, np.nan)
 
 
 def _distance_in_whole_mm(speed: F32, time: Quantity) -> F32:
-    """Distance driven in a multiple of 0.1 s, rounded down to whole millimetres [m].
+    """Distance driven in `time`, a multiple of 0.1 s, rounded down to whole millimetres [m].
 
-    A speed in whole mm/s times 1.5 s may end in half a millimetre, which the facts of the logic
-    programs of the laws (`analysis.logic`) cannot hold. Without the rounding, criterion and program
-    differ in 1 of 1,344 simulations.
+    A speed in whole mm/s times 1.5 s may end in half a millimetre, but the logic programs of the
+    laws compute in whole millimetres. Without the rounding, criterion and program differ in 1 of
+    1,344 simulations.
     """
     tenths = round(10.0 * float(time.f32))
     speed_mmps = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64)

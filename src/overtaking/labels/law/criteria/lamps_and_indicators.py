@@ -1,7 +1,7 @@
 """Criteria about the lamps and the indicators of the ego.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, errors and lanes.
-`rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, errors and lanes. `rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ _REAR_FOG_LAMP = int(Lights.REAR_FOG)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndicatorUse(Criterion):
-    """The indicator is on around the frame in which the ego crosses a line, out and back.
+    """The indicator is on around both line crossings: out of the lane, and back into it.
 
     Attributes:
         time_before: Time before the crossing for which the indicator must be on.
@@ -82,26 +82,29 @@ class IndicatorUse(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The time without an indicator, over both crossings, is the breach."""
+        """The time without the indicator, summed over both crossings, is the breach."""
         road = case.trajectories.road
         crossing, return_crossing = case.events.line_crossed, _first_frame_over_return_line(case)
-        instants_without = (
-            self._instants_without(case, crossing, indicator_to_overtaking_side(road)),
-            self._instants_without(case, return_crossing, indicator_to_kerb_side(road)),
+        unsignalled_instants = (
+            self._unsignalled_instants(case, crossing, indicator_to_overtaking_side(road)),
+            self._unsignalled_instants(case, return_crossing, indicator_to_kerb_side(road)),
         )
-        simulation, frame = (np.concatenate(parts) for parts in zip(*instants_without, strict=True))
-        num_frames = np.bincount(simulation, minlength=len(crossing)).astype(np.int32)
-        # A short overtake crosses the line back within `time_after`, so the two lists overlap. A
-        # pair of simulation and frame is sorted as one number: sorting pairs took half of the time
-        # of all rules.
-        width = case.trajectories.states.lights.shape[-1]
-        instants = np.sort(simulation * width + frame, kind="stable")
+        simulation, frame = (
+            np.concatenate(parts) for parts in zip(*unsignalled_instants, strict=True)
+        )
+        # A frame that lacks the indicators of both crossings counts twice in this sum.
+        num_unsignalled = np.bincount(simulation, minlength=len(crossing)).astype(np.int32)
+        # `breach_frames` takes each instant once, in order, but the frames of the two crossings
+        # overlap in a short overtake. A pair of simulation and frame is sorted as one number:
+        # sorting pairs took half of the time of all rules.
+        num_frames = case.trajectories.states.lights.shape[-1]
+        instants = np.sort(simulation * num_frames + frame, kind="stable")
         is_new = np.diff(instants, prepend=-1) > 0
-        simulation, frame = np.divmod(instants[is_new], width)
+        simulation, frame = np.divmod(instants[is_new], num_frames)
         first, last, longest = breach_frames(simulation, frame, len(crossing))
         return finding_from_margins(
             (crossing != NEVER) | (return_crossing != NEVER),
-            -seconds_of(case, num_frames),
+            -seconds_of(case, num_unsignalled),
             first,
             last,
             longest=longest,
@@ -111,10 +114,10 @@ class IndicatorUse(Criterion):
         """No time without the indicator."""
         return change_by_margin(breach, RemedyQuantity.UNSIGNALLED, 0.0)
 
-    def _instants_without(
+    def _unsignalled_instants(
         self, case: Case, crossing: I32, indicator: int
     ) -> tuple[IndexArray, IndexArray]:
-        """Simulation and frame of each instant around a crossing without the indicator.
+        """Simulation and frame of each instant, around one crossing, without the indicator.
 
         Args:
             case: The batch.
@@ -126,6 +129,7 @@ class IndicatorUse(Criterion):
         first = np.maximum(crossing - num_frames_before, case.events.first)
         last = np.minimum(crossing + num_frames_after, last_driven_frame(case))
         has_crossing = crossing != NEVER
+        # Without a crossing the span is 0 to `NEVER` (-1), so it is empty.
         span = FrameSpan(
             first=np.where(has_crossing, first, 0), last=np.where(has_crossing, last, NEVER)
         )
@@ -136,14 +140,19 @@ class IndicatorUse(Criterion):
 
 
 def _first_frame_over_return_line(case: Case) -> I32:
-    """First frame of the return with a corner over the line back, `NEVER` without one."""
+    """First frame of the return in which a corner crosses the line back, `NEVER` without one.
+
+    The line back is the right border of the lane in which the return begins.
+    """
     events, road = case.events, case.trajectories.road
     begin = events.return_begin
     end = np.where(events.return_end != NEVER, events.return_end, events.last)
     span = FrameSpan(first=np.where(begin != NEVER, begin, end + 1), last=end)
-    # The line back is the right border of the lane in which the return begins.
+    # Lane `num_lanes`, beyond the driving lanes, has the last border on its right. `minimum` maps
+    # the code 255, beyond the slow edge, to an index that exists.
     lane = np.minimum(at_frame(case.signals.lane, begin), road.num_lanes)
     border = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)[lane]
+    # The border is a lower limit of the right side: the first frame below it is the crossing.
     return minimum_to_limit(case.signals.right_edge, border, span, is_most=False).first_frame
 
 
@@ -153,8 +162,8 @@ class Lamps(Criterion):
 
     Attributes:
         low_beam_max_range: Meteorological range below which low beam is also due by day.
-        fog_lamp_max_range: Meteorological range below which rear fog lamps are lawful; None for
-            rear fog lamps that are due below `low_beam_max_range` and unlawful from there on.
+        fog_lamp_max_range: Meteorological range below which rear fog lamps are lawful, and never
+            due. None: they are due below `low_beam_max_range`, and unlawful from that range on.
         high_beam_min_gap: Gap to the leader below which high beam dazzles it.
         high_beam_min_oncoming_gap: Gap to an oncoming vehicle below which high beam dazzles it.
     """
@@ -172,7 +181,7 @@ class Lamps(Criterion):
         return frozenset(["lamps", "weather"])
 
     def predicate(self) -> str:
-        """The lamps that are due and unlawful, and the margin."""
+        """The due lamps, the unlawful lamps, and the margin."""
         if self.fog_lamp_max_range is None:
             fog_lamps = "rear fog lamps exactly there"
         else:
@@ -187,18 +196,18 @@ class Lamps(Criterion):
     def check(self, case: Case) -> Finding:
         """The time with wrong lamps is the breach."""
         span, lights = judged_span(case), case.trajectories.states.lights[:, EGO_SLOT]
-        due = self._due_lamps(case)
-        simulation = np.flatnonzero(span.is_nonempty & due.may_be_wrong(lights, span))
-        wrong = due.are_wrong(lights, simulation)
+        due_lamps = self._due_lamps(case)
+        simulation = np.flatnonzero(span.is_nonempty & due_lamps.may_be_wrong(lights, span))
+        is_wrong = due_lamps.are_wrong(lights, simulation)
         row, frame = np.nonzero((lights[simulation] & _HIGH_BEAM) != 0)
         if row.size:
-            wrong[row, frame] |= self._dazzles(case, simulation[row], frame)
-        first, last, longest = breach_frames_in(span, simulation, wrong)
-        num_frames = np.zeros(len(lights), np.int32)
-        is_breach = wrong & span.mask(simulation, lights.shape[1])
-        num_frames[simulation] = is_breach.sum(axis=1, dtype=np.int32)
+            is_wrong[row, frame] |= self._dazzles(case, simulation[row], frame)
+        first, last, longest = breach_frames_in(span, simulation, is_wrong)
+        num_wrong_frames = np.zeros(len(lights), np.int32)
+        is_breach = is_wrong & span.mask(simulation, lights.shape[1])
+        num_wrong_frames[simulation] = is_breach.sum(axis=1, dtype=np.int32)
         return finding_from_margins(
-            span.is_nonempty, -seconds_of(case, num_frames), first, last, longest=longest
+            span.is_nonempty, -seconds_of(case, num_wrong_frames), first, last, longest=longest
         )
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -206,7 +215,7 @@ class Lamps(Criterion):
         return change_by_margin(breach, RemedyQuantity.WRONG_LAMPS, 0.0)
 
     def _due_lamps(self, case: Case) -> "_DueLamps":
-        """The lamps that the weather makes due or unlawful."""
+        """The lamps that are due or unlawful at night or in this weather."""
         visible_range = meteorological_range(case)
         is_impaired = visible_range < self.low_beam_max_range.f32
         if self.fog_lamp_max_range is None:
@@ -231,7 +240,7 @@ class Lamps(Criterion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _DueLamps:
-    """Lamps that are due or unlawful whatever the traffic; arrays have shape (simulation,).
+    """Lamps that are due or unlawful in any traffic; arrays have shape (simulation,).
 
     Attributes:
         needs_beam: Whether low or high beam is due.
@@ -246,8 +255,8 @@ class _DueLamps:
     def may_be_wrong(self, lights: U8, span: FrameSpan) -> Mask:
         """Whether some frame of the span may have wrong lamps, shape (simulation,).
 
-        The engine quickly finds the lamps that are on in any frame and in all frames. They rule
-        out most simulations before the lamps are read frame by frame.
+        The compiled engine quickly finds the lamps that are on in any frame and in all frames. Both
+        together rule out most simulations before the lamps are read frame by frame.
         """
         ever_on, always_on = flags_any_and_all(lights, span)
         lacks_beam = self.needs_beam & ((always_on & _LOW_OR_HIGH_BEAM) == 0)

@@ -1,7 +1,8 @@
 """Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
-the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
+`rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ from overtaking.model.verdicts import Case, Finding, Severity, Verdict
 _SOLID_MARKS = frozenset(
     [RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.CURB, RoadMark.GRASS]
 )
-"""Marks that a vehicle must not cross from the lane; of a mixed line the nearer one counts."""
+"""Marks that a vehicle must not cross from the lane; of a double line the nearer line counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +44,9 @@ class SolidLines(Criterion):
     """No corner of the ego is beyond a line that is continuous for it.
 
     Attributes:
-        severity_between_directions: Severity of a breach of the line between the directions of
-            travel, where the law grades breaches by the line; others are then light. None where the
-            grade of the rule states the severity of all.
+        severity_between_directions: Severity of crossing the line between the directions of travel,
+            in a law that grades breaches by the line; crossing any other line is then light. None
+            in a law that grades all lines alike.
     """
 
     severity_between_directions: Severity | None = None
@@ -77,20 +78,24 @@ class SolidLines(Criterion):
         if not (solid := solid_borders(road)):
             return finding_not_applicable(case.signals.num_simulations)
         tolerance = LINE_TOLERANCE.f32
-        distances = [_min_distance_to_border(case, span, k, sides) for k, sides in solid.items()]
+        distances = [
+            _min_distance_to_border(case, span, border, sides) for border, sides in solid.items()
+        ]
         min_margin = np.minimum.reduce(distances) + tolerance
         rows = np.flatnonzero(span.is_nonempty & (min_margin < 0))
         is_over = [
-            _distances_to_border(case, rows, k, sides) + tolerance < 0 for k, sides in solid.items()
+            _distances_to_border(case, rows, border, sides) + tolerance < 0
+            for border, sides in solid.items()
         ]
         first, last, longest = breach_frames_in(span, rows, np.logical_or.reduce(is_over))
         applies = span.is_nonempty & (min_margin < UNCONSTRAINED)
         finding = finding_from_margins(applies, min_margin, first, last, longest=longest)
         if self.severity_between_directions is None:
             return finding
-        separates_directions = road.is_two_way and road.num_lanes in solid
-        is_beyond_directions = (distances[-1] + tolerance < 0) & separates_directions
-        severity = np.where(is_beyond_directions, self.severity_between_directions, Severity.LIGHT)
+        # The line between the directions is the last border, and `distances` are in order.
+        is_centre_line_solid = road.is_two_way and road.num_lanes in solid
+        is_over_centre_line = (distances[-1] + tolerance < 0) & is_centre_line_solid
+        severity = np.where(is_over_centre_line, self.severity_between_directions, Severity.LIGHT)
         is_illegal = finding.verdict == Verdict.ILLEGAL
         return finding.replace(
             severity=np.where(is_illegal, severity, Severity.NONE).astype(np.uint8)
@@ -104,19 +109,25 @@ class SolidLines(Criterion):
         return np.full_like(finding.margin, errors.position_std)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """As much farther from the line as the ego was over it."""
+        """No distance over the line."""
         return single_change(RemedyQuantity.CLEARANCE, breach.margin, 0.0)
 
 
 def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
-    """The borders with a line that is continuous from the right, from the left, or from both."""
+    """The lane borders with a line that is continuous for traffic on one side at least.
+
+    Returns:
+        By border, in order, whether the line is continuous for traffic on its right, and on its
+        left. Border 0 is the slow edge, border k the left border of lane k - 1.
+    """
     marks = [(lane.right_mark, lane.left_mark) for lane in road.lanes]
+    # Right is the slow side here; the marks of a lane are named by their geometric sides.
     if road.driving_side is not DrivingSide.RIGHT:
         marks = [(left, right) for right, left in marks]
     borders = {}
     for k in range(road.num_lanes + 1):
         from_right = k > 0 and marks[k - 1][1] in _SOLID_MARKS
-        if k == road.num_lanes:
+        if k == road.num_lanes:  # The last line may change along the road: see `is_solid_at`.
             from_right = any(mark in _SOLID_MARKS for _, mark in road.overtaking_edge_marks)
         from_left = k < road.num_lanes and marks[k][0] in _SOLID_MARKS
         if from_right or from_left:
@@ -125,37 +136,53 @@ def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
 
 
 def is_solid_at(road: Road, s: F32) -> Mask:
-    """Whether the line on the fast side of the fastest lane is continuous from there at `s`."""
+    """Whether the left line of the fastest lane is continuous for this lane at station `s` [m]."""
     stations, marks = zip(*road.overtaking_edge_marks, strict=True)
     is_solid = np.array([mark in _SOLID_MARKS for mark in marks])
     return is_solid[np.searchsorted(np.array(stations), s, side="right") - 1]
 
 
-def _min_distance_to_border(case: Case, span: FrameSpan, k: int, sides: tuple[bool, bool]) -> F32:
-    """Smallest distance of the ego's body from border k in a span, shape (simulation,) [m]."""
+def _min_distance_to_border(
+    case: Case, span: FrameSpan, border: int, sides: tuple[bool, bool]
+) -> F32:
+    """Smallest `_distances_to_border` in a span, shape (simulation,) [m]."""
     signals, road = case.signals, case.trajectories.road
-    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
-    if k == 0:
-        return minimum_to_limit(signals.right_edge, border, span, is_most=False).min_margin
-    if k == road.num_lanes and len(road.overtaking_edge_marks) == 1:
-        return minimum_to_limit(signals.left_edge, border, span, is_most=True).min_margin
+    position = as_f32(road.overtaking_sign * road.lane_boundaries)[border]
+    # The compiled minimum serves the edges of the road, where the distance depends on one side of
+    # the body only.
+    if border == 0:
+        return minimum_to_limit(signals.right_edge, position, span, is_most=False).min_margin
+    if border == road.num_lanes and len(road.overtaking_edge_marks) == 1:
+        return minimum_to_limit(signals.left_edge, position, span, is_most=True).min_margin
     all_simulations = np.arange(signals.num_simulations)
-    return reduce_span(np.minimum, _distances_to_border(case, all_simulations, k, sides), span)
+    return reduce_span(np.minimum, _distances_to_border(case, all_simulations, border, sides), span)
 
 
-def _distances_to_border(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -> F32:
-    """Distance of the ego's body from border k, negative where it treads on it, (row, time) [m].
+def _distances_to_border(
+    case: Case, rows: IndexArray, border: int, sides: tuple[bool, bool]
+) -> F32:
+    """Distance of the ego's body from a lane border, negative where the body is over it.
 
-    Beyond an edge of the road it stays negative. A line that may be crossed from one side counts
-    only while the ego comes from the other side.
+    Beyond an edge of the road the distance stays negative. A line that is continuous for one side
+    counts only while the ego comes from this side.
+
+    Args:
+        case: The batch.
+        rows: Simulations, shape (row,).
+        border: Key of `solid_borders`.
+        sides: Its value.
+
+    Returns:
+        Shape (row, time) [m].
     """
     signals, road = case.signals, case.trajectories.road
-    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
-    on_right, on_left = border - signals.left_edge[rows], signals.right_edge[rows] - border
-    if k == 0:
+    position = as_f32(road.overtaking_sign * road.lane_boundaries)[border]
+    on_right, on_left = position - signals.left_edge[rows], signals.right_edge[rows] - position
+    if border == 0:
         return on_left
-    if k == road.num_lanes:
+    if border == road.num_lanes:
         return np.where(is_solid_at(road, signals.s[rows]), on_right, UNCONSTRAINED)
+    # Both are negative while the body is over the line.
     distance = np.maximum(on_right, on_left)
     from_right, from_left = sides
     if from_right and from_left:
@@ -165,7 +192,15 @@ def _distances_to_border(case: Case, rows: IndexArray, k: int, sides: tuple[bool
 
 
 def _came_from_right(is_right: Mask, is_left: Mask) -> Mask:
-    """Whether the ego was last wholly on the right of a border, shape (simulation, time)."""
+    """Whether the ego was wholly on the right of a border more recently than on its left.
+
+    Args:
+        is_right: Whether the whole body is on the right, shape (row, time).
+        is_left: Whether the whole body is on the left, same shape.
+
+    Returns:
+        Same shape; true before the body has been wholly on either side.
+    """
     frame = np.arange(is_right.shape[1], dtype=np.int32)
     last_right = np.maximum.accumulate(np.where(is_right, frame, -1), axis=1)
     last_left = np.maximum.accumulate(np.where(is_left, frame, -1), axis=1)
@@ -179,7 +214,8 @@ class WidthForOvertaking(Criterion):
     Widths of lanes and vehicles are taken as exact, so there is no standard error.
 
     Attributes:
-        min_border_distance: Smallest lawful distance of the ego from either border of that lane.
+        min_border_distance: Smallest lawful distance of the ego from either border of the lane on
+            the left.
     """
 
     min_border_distance: Quantity = quantity(
@@ -188,7 +224,7 @@ class WidthForOvertaking(Criterion):
     unit: str = "m"
 
     def predicate(self) -> str:
-        """The lane, and how much wider than the ego it is."""
+        """The lane, and its width beyond the width of the ego."""
         room = 2.0 * self.min_border_distance.number
         return (
             "At attempt: the lane on the left is a driving lane and at least "
@@ -196,10 +232,10 @@ class WidthForOvertaking(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The width of the lane on the left, less the width of the ego and the room, decides."""
+        """The width of the lane on the left, minus the needed width, decides."""
         width = case.trajectories.scenario.vehicles.width[:, EGO_SLOT]
-        needed = width + np.float32(2.0) * self.min_border_distance.f32
-        margin = _left_lane_width(case) - needed
+        needed_width = width + np.float32(2.0) * self.min_border_distance.f32
+        margin = _left_lane_width(case) - needed_width
         return finding_at_frame(case.events.attempt, margin, case.events.has_attempt)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -214,6 +250,7 @@ def _left_lane_width(case: Case) -> F32:
     neighbour = road.overtaking_side_neighbour
     is_driving_lane = neighbour is not None and neighbour.kind == "driving"
     width_beyond = neighbour.width if neighbour is not None and is_driving_lane else 0.0
+    # Row k has the lane on the left of lane k, so lane 0 is left out.
     widths = np.array([lane.width for lane in road.lanes[1:]] + [width_beyond], np.float32)
     return widths[np.minimum(case.events.original_lane, len(widths) - 1)]
 
@@ -227,7 +264,7 @@ class RightmostLanesForTrucks(Criterion):
 
     Attributes:
         num_open_lanes: Number of the slowest lanes that trucks may use.
-        min_lanes: Smallest number of lanes of the motorways that the rule is about.
+        min_lanes: Smallest number of lanes of a motorway to which the rule applies.
     """
 
     num_open_lanes: Quantity
@@ -256,7 +293,7 @@ class RightmostLanesForTrucks(Criterion):
         span, num_open_lanes = judged_span(case), self.num_open_lanes.f32
         applies = is_truck & span.is_nonempty
         rows = np.flatnonzero(applies)
-        # The strip beyond the slow edge counts as below lane 0.
+        # As a signed number the strip beyond the slow edge, code 255, is lane -1: below lane 0.
         lane, margin = signed_lane(signals.lane[rows]), np.zeros(len(applies), np.float32)
         fastest = as_f32(reduce_span(np.maximum, lane, span.select(rows)))
         # Lanes count from 0. The half makes the margin 0.5 in the last open lane and -0.5 in the
@@ -270,9 +307,9 @@ class RightmostLanesForTrucks(Criterion):
     ERROR_FORMULA: ClassVar[str] = "0.5 sp / distance from the border that decides"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error that is half a lane where the ego's centre is `sp` from the border [lanes].
+        """Error of the margin: half a lane where the ego's centre is `sp` from the border [lanes].
 
-        The border is that between the last open lane and the next.
+        The border lies between the last open lane and the next.
         """
         if not self._is_on_wide_motorway(case):
             return np.zeros_like(finding.margin)
@@ -280,15 +317,16 @@ class RightmostLanesForTrucks(Criterion):
         borders = as_f32(road.overtaking_sign * road.lane_boundaries)
         border = borders[int(self.num_open_lanes.f32)]
         rows, frames = span.instants()
-        farthest = np.full(len(span.first), -UNCONSTRAINED, np.float32)
-        np.maximum.at(farthest, rows, case.signals.lateral_position[rows, frames] - border)
-        return lane_margin_error(farthest, errors)
+        # Largest signed distance of the centre to the left of the border: the fastest lane decides.
+        max_distance = np.full(len(span.first), -UNCONSTRAINED, np.float32)
+        np.maximum.at(max_distance, rows, case.signals.lateral_position[rows, frames] - border)
+        return lane_margin_error(max_distance, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """The fastest lane that is open to trucks."""
         lanes = signed_lane(breach.case.signals.lane)[0, breach.frames]
-        worst, needed = int(lanes.argmax()), int(self.num_open_lanes.f32) - 1
-        return single_change(RemedyQuantity.LANE, lanes[worst], needed, breach.frames[worst])
+        worst, fastest_open = int(lanes.argmax()), int(self.num_open_lanes.f32) - 1
+        return single_change(RemedyQuantity.LANE, lanes[worst], fastest_open, breach.frames[worst])
 
     def _is_on_wide_motorway(self, case: Case) -> bool:
         """Whether the road is or may be a motorway with enough lanes for the rule."""

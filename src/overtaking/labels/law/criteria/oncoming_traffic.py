@@ -1,8 +1,8 @@
 """Criteria about oncoming traffic on two-way roads.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
-symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods. On roads with lanes of one
-direction, no rule of this module applies.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
+methods. On roads with lanes of one direction, no rule of this module applies.
 """
 
 from dataclasses import dataclass, replace
@@ -53,12 +53,13 @@ from overtaking.model.verdicts import Case, Finding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapAtReturn(Criterion):
-    """As the ego is back in its lane, after a pass or an abort, oncoming traffic is still far away.
+    """When the ego is back in its lane, after a pass or an abort, oncoming traffic is far away.
 
     Attributes:
         min_time: Smallest lawful time until the ego and an oncoming vehicle meet.
         min_pet: Smallest lawful post-encroachment time: from the return of the ego until an
-            oncoming vehicle reaches the place where the ego returned.
+            oncoming vehicle reaches the place where the ego returned. The gap is measured at the
+            return, so the vehicle reaches this place after gap / speed.
     """
 
     min_time: Quantity = ONCOMING_TIME
@@ -107,7 +108,7 @@ class GapAtReturn(Criterion):
     def _margins(
         self, case: Case, others: OtherVehicles, ego_speed_error: F32 | None = None
     ) -> F32:
-        """Margin of the gap to each oncoming vehicle as the ego is back.
+        """Margin of the gap to each oncoming vehicle when the ego is back.
 
         Args:
             case: The batch.
@@ -132,16 +133,16 @@ def _return_frame(case: Case) -> I32:
 
 
 def _others_at_return(case: Case) -> OtherVehicles:
-    """All vehicles as the ego is back in its lane."""
+    """All vehicles when the ego is back in its lane."""
     return other_vehicles_at(case.trajectories, _return_frame(case))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeToPass(Criterion):
-    """As the ego pulls out, the gap to oncoming traffic is large enough for the whole overtake.
+    """When the ego pulls out, the gap to oncoming traffic is large enough for the whole overtake.
 
-    Oncoming vehicles are taken to keep the speed that they have as the line is crossed: an oncoming
-    driver who brakes for the ego later does not make the overtake lawful.
+    Oncoming vehicles are assumed to keep their speed at the line crossing: an oncoming driver who
+    brakes for the ego later does not make the overtake lawful.
 
     Attributes:
         min_time: Smallest lawful time until the ego, once back, and an oncoming vehicle meet.
@@ -152,7 +153,7 @@ class TimeToPass(Criterion):
     only_two_way_roads: bool = True
 
     def predicate(self) -> str:
-        """The predicted gap, and the gap that the return asks for."""
+        """The predicted gap, and the smallest lawful gap at the return."""
         return (
             "On two-way roads, as the line between the directions is crossed: gap to each oncoming "
             "vehicle - distance that the ego drives until it is back - v_oncoming (time in the "
@@ -195,7 +196,7 @@ class TimeToPass(Criterion):
         return np.sqrt(gap_error * gap_error + delay_error * delay_error)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """A larger gap, as the ego pulls out, to the oncoming vehicle with the smallest margin."""
+        """A larger gap at the pull-out to the oncoming vehicle with the smallest margin."""
         others = _others_at_pull_out(breach.case)
         return _more_gap_to_oncoming(breach, others, self._margins(breach.case, others))
 
@@ -210,16 +211,16 @@ class TimeToPass(Criterion):
 
 
 def _others_at_pull_out(case: Case) -> OtherVehicles:
-    """All vehicles as the ego crosses the line between the directions."""
+    """All vehicles when the ego crosses the line between the directions."""
     return other_vehicles_at(case.trajectories, opposing_lane_span(case).first)
 
 
 def _predicted_gaps(case: Case, others: OtherVehicles) -> F32:
-    """Gap to each vehicle as the ego is back, if the vehicle approaches at constant speed.
+    """Gap to each vehicle when the ego is back, if the vehicle approaches at constant speed.
 
     Args:
         case: The batch.
-        others: All vehicles as the ego pulls out.
+        others: All vehicles when the ego pulls out.
 
     Returns:
         Shape (simulation, vehicle) [m].
@@ -231,7 +232,7 @@ def _predicted_gaps(case: Case, others: OtherVehicles) -> F32:
 
 
 def _speed_at(case: Case, frame: I32, error: F32 | None) -> F32:
-    """Speed of the ego at one frame of each simulation with an error, shape (simulation, 1)."""
+    """Speed of the ego at one frame of each simulation plus an error, (simulation, 1) [m/s]."""
     speed = at_frame(case.signals.speed, frame)[:, None]
     return speed if error is None else speed + error
 
@@ -254,7 +255,7 @@ def _more_gap_to_oncoming(
 
     Args:
         breach: The breach.
-        others: All vehicles in the frame of the breach.
+        others: All vehicles in the frame of the breach, of one simulation.
         margins: Margins of the gaps, shape (1, vehicle) [m].
     """
     slot = int(margins[0].argmin())
@@ -292,7 +293,12 @@ class NoOncomingReaction(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The hardest braking of the nearest oncoming vehicle decides, or its leaving the lane."""
+        """The hardest braking of the nearest oncoming vehicle decides, or an exit from its lane.
+
+        Leaving the lane has no deceleration from which a margin could follow. By choice it counts
+        as braking at twice `ABRUPT_BRAKING`, as `predicate` states, so its margin is minus that
+        limit.
+        """
         trajectories = case.trajectories
         if not trajectories.road.is_two_way:
             return finding_not_applicable(case.signals.num_simulations)
@@ -301,18 +307,16 @@ class NoOncomingReaction(Criterion):
         accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
         has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
-        # Leaving the lane has no deceleration from which a margin could follow. By choice the
-        # margin is -limit, as of braking at twice the limit; `predicate` states it.
         margin = np.where(has_left_lane, np.minimum(margin, -limit), margin)
         frame = oncoming.frame.astype(np.intp)
         return finding_at_instants(margin, oncoming.simulation, frame, case.signals.num_simulations)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """The oncoming vehicle in its lane if leaving it decided, else with less braking."""
+        """Less braking, or the oncoming vehicle in its lane where leaving the lane decided."""
         case, limit = breach.case, float(ABRUPT_BRAKING.f32)
         oncoming = self._nearest_oncoming(case)
         slot, frame = oncoming.slot, oncoming.frame
-        decel = case.trajectories.states.accel_lon[oncoming] * -1e-3
+        decel = case.trajectories.states.accel_lon[oncoming] * -1e-3  # From mm/s^2 to m/s^2.
         excursion = distance_over_outer_edge(case, oncoming)
         hardest, farthest = int(decel.argmax()), int(excursion.argmax())
         # As in `check`: leaving the lane counts like braking at twice the limit.
@@ -333,7 +337,10 @@ class NoOncomingReaction(Criterion):
         )
 
     def _nearest_oncoming(self, case: Case) -> VehicleInstants:
-        """The nearest oncoming vehicle, in order of frames; only frames with a near vehicle."""
+        """The nearest oncoming vehicle in each frame, in order.
+
+        Frames without a vehicle that is met within `max_meeting_time` are left out.
+        """
         simulation, frame = opposing_lane_span(case).instants()
         others = other_vehicles_at(case.trajectories, frame.astype(np.int32), simulation)
         closing_speed = others.speed + case.signals.speed[simulation, frame][:, None]
@@ -345,24 +352,25 @@ class NoOncomingReaction(Criterion):
 
 
 def distance_over_outer_edge(case: Case, oncoming: VehicleInstants) -> F32:
-    """Distance that oncoming vehicles reach beyond the outer edge of their lane, (instant,) [m].
-
-    It is negative for a vehicle in its lane.
+    """Distance of oncoming bodies beyond the outer edge of their lane, on the ego's far left.
 
     Args:
         case: The batch, with a two-way road.
         oncoming: The vehicles and frames.
+
+    Returns:
+        Shape (instant,), negative for a vehicle in its lane [m].
     """
     trajectories = case.trajectories
     centre, _ = lateral_position_and_gap(trajectories, case.signals, oncoming)
     width = trajectories.scenario.vehicles.width[oncoming.simulation, oncoming.slot]
-    edge = centre + width * HALF
-    return edge - lane_borders(trajectories.road)[-1]
+    left_edge = centre + width * HALF
+    return left_edge - lane_borders(trajectories.road)[-1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapToReturnInto(Criterion):
-    """As the ego pulls out, the gap in its lane ahead of the passed vehicles is large enough.
+    """When the ego pulls out, the gap in its lane ahead of the passed vehicles is large enough.
 
     Attributes:
         safe_distance_rule: Code of the rule of the same law that states the safe distance.
@@ -399,7 +407,7 @@ class GapToReturnInto(Criterion):
     )
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the gap between two vehicles, and of the gap that their speeds ask for [m]."""
+        """Error of the gap between two vehicles minus the gap that their speeds require [m]."""
         del finding
         gap = _return_gap(case)
         frame = opposing_lane_span(case).first
@@ -444,19 +452,21 @@ class _ReturnGap:
 
 
 def _return_gap(case: Case) -> _ReturnGap:
-    """The gap ahead of the foremost vehicle that the ego passes, as the ego pulls out."""
+    """The gap ahead of the foremost vehicle that the ego passes, when the ego pulls out."""
     span, trajectories = opposing_lane_span(case), case.trajectories
     simulation = np.arange(len(span.first))
     # An empty span has negative ends; frame 0 stands for them, and `is_judged` is false.
-    pull_out, back = np.maximum(span.first, 0), np.maximum(span.last, 0)
-    others = other_vehicles_at(trajectories, pull_out)
-    ego_lane = at_frame(case.signals.lane, pull_out)[:, None]
+    pull_out_frame, return_frame = np.maximum(span.first, 0), np.maximum(span.last, 0)
+    others = other_vehicles_at(trajectories, pull_out_frame)
+    ego_lane = at_frame(case.signals.lane, pull_out_frame)[:, None]
     is_in_ego_lane = others.valid & ~others.is_oncoming & (others.lane == ego_lane)
 
-    # A passed vehicle is ahead of the ego at the pull-out, where `ego_lead` is negative, and behind
-    # it at the return.
+    # `ego_lead` is the station of the ego minus the station of the vehicle. A passed vehicle is
+    # ahead of the ego at the pull-out, where `ego_lead` is negative, and behind it at the return.
     s = trajectories.states.s
-    is_behind_at_return = s[simulation, EGO_SLOT, back, None] > s[simulation, :, back]
+    is_behind_at_return = (
+        s[simulation, EGO_SLOT, return_frame, None] > s[simulation, :, return_frame]
+    )
     is_passed = is_in_ego_lane & (others.ego_lead < 0) & is_behind_at_return
     foremost_passed = np.where(is_passed, others.ego_lead, np.inf).argmin(axis=1)
     # An ego that aborts passes no vehicle: the gap ahead of its target is judged.

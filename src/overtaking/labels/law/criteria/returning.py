@@ -1,7 +1,8 @@
 """Criteria about the return to the original lane, and about keeping right.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (with the
-symbols of `ERROR_FORMULA`). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
+methods.
 """
 
 from collections.abc import Callable, Mapping
@@ -88,7 +89,7 @@ class SafeReturn(Criterion):
 
     Attributes:
         safe_distance_rule: Code of the rule of the same law that states the formula of the safe
-            distance; None for a sentence that states it.
+            distance. None: `predicate` states the formula.
     """
 
     safe_distance_rule: str | None = None
@@ -218,7 +219,7 @@ class ReturnDelay(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """When a return is possible, for how long it may be, and which rule asks for more."""
+        """The conditions of a possible return, its longest delay, and the stricter rule."""
         return (
             "From overlap_end on: the ego never stays out of its original lane for more than "
             f"{self.max_delay} on end in which the target is max({RETURN_TIME_GAP} v_target, safe "
@@ -230,8 +231,8 @@ class ReturnDelay(Criterion):
     def check(self, case: Case) -> Finding:
         """The longest opportunity to return decides.
 
-        The breach lasts from the frame in which the return is overdue to the last one in which it
-        is still possible.
+        The breach lasts from the frame in which the return is overdue to the last frame in which a
+        return is still possible.
         """
         span, (first, num_frames) = span_after_passing(case), scans(case).return_opportunity
         applies = (case.events.overlap_end != NEVER) & span.is_nonempty
@@ -249,8 +250,8 @@ class ReturnDelay(Criterion):
 
         The opportunity begins when the gap to the target is large enough, and ends when the right
         lane is taken. A position error dx shifts the begin by dx / (opening speed) and the end by
-        dx / (rate at which the gap in the right lane shrinks). The two are independent and add in
-        quadrature.
+        dx / (rate at which the gap in the right lane shrinks). The two errors are taken as
+        independent and add in quadrature.
         """
         del finding
         has_opportunity = scans(case).return_opportunity[0] != NEVER
@@ -289,13 +290,14 @@ def _end_error(case: Case, errors: MeasurementErrors) -> F32:
     It is 0 if the manoeuvre ends first.
     """
     first, num_frames = scans(case).return_opportunity
-    after = first + num_frames
-    ends_within_span = (first != NEVER) & (after <= span_after_passing(case).last)
-    after = np.maximum(np.minimum(after, case.events.last), 1)
-    gap_lost = gap_in_right_lane(case, after - 1) - gap_in_right_lane(case, after)
-    frame_duration = seconds_of(case, np.ones_like(after))
+    end_frame = first + num_frames  # The first frame after the opportunity.
+    ends_within_span = (first != NEVER) & (end_frame <= span_after_passing(case).last)
+    # The frame and the frame before it must exist; other values are dropped at the end.
+    end_frame = np.maximum(np.minimum(end_frame, case.events.last), 1)
+    gap_lost = gap_in_right_lane(case, end_frame - 1) - gap_in_right_lane(case, end_frame)
+    frame_duration = seconds_of(case, np.ones_like(end_frame))
     loss_rate = np.maximum(np.abs(gap_lost) / frame_duration, MIN_RATE_OF_CHANGE)
-    error = _gap_in_right_lane_error(case, after, errors) / loss_rate
+    error = _gap_in_right_lane_error(case, end_frame, errors) / loss_rate
     return np.where(ends_within_span, error, np.float32(0.0))
 
 
@@ -305,7 +307,7 @@ class RightLaneUse(Criterion):
 
     Attributes:
         return_rule: Code of the rule of the same law that states when the lane to the right is
-            free; None for a sentence that states it.
+            free. None: `predicate` states it.
     """
 
     return_rule: str | None = None
@@ -318,7 +320,7 @@ class RightLaneUse(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """When the lane to the right is taken, and the margin."""
+        """The conditions of a lane to the right that is taken, and the margin."""
         if self.return_rule is None:
             lane = (
                 "without the safe distances ahead and behind, or with a vehicle that is reached "
@@ -335,11 +337,12 @@ class RightLaneUse(Criterion):
     def check(self, case: Case) -> Finding:
         """The gap in the lane to the right, with the opposite sign, is the margin.
 
-        Lane 0 has no lane to its right, and beyond the last driving lane the ego is in the lane of
-        oncoming traffic or off the road.
+        A free lane to the right is a breach, so a missing gap is a positive margin.
         """
         frame = case.events.first
         lane = at_frame(case.signals.lane, frame)
+        # Lane 0 has no lane to its right, and beyond the last driving lane the ego is in the lane
+        # of oncoming traffic or off the road.
         has_right_lane = (lane > 0) & (lane < case.trajectories.road.num_lanes)
         applies = has_right_lane & (last_driven_frame(case) >= frame)
         # At `NEVER` no gap is looked up, as the rule does not apply.
@@ -413,7 +416,7 @@ class NoForcedBraking(Criterion):
     unit: str = "m/s^2"
 
     def predicate(self) -> str:
-        """The time, and the braking."""
+        """The time after a lane change, and the largest braking in it."""
         return (
             f"In the {OBSTRUCTION_TIME} after each change of lane: closing speed^2 / (2 gap) of "
             f"the vehicle behind the ego <= {ABRUPT_BRAKING}."
@@ -422,7 +425,7 @@ class NoForcedBraking(Criterion):
     def check(self, case: Case) -> Finding:
         """The hardest braking decides.
 
-        The scan has the minimum of `ABRUPT_BRAKING` less the forced braking, over the frames that
+        The scan has the minimum of `ABRUPT_BRAKING` minus the forced braking, over the frames that
         follow a change of lane by at most `OBSTRUCTION_TIME`.
         """
         return finding_of_minimum(scans(case).forced_braking, manoeuvre(case))
@@ -456,11 +459,13 @@ class NoForcedBraking(Criterion):
         frames = breach.frames_with_neighbour(neighbour)
         gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
         forced = np.minimum(drac(gap, closing_speed), MAX_FORCED_BRAKING.f32)
-        needed = closing_speed * closing_speed / (TWO * limit)
-        # Capped margins are equal in several frames; the frame that lacks most is taken.
+        # At this gap the follower loses its closing speed by braking at the limit.
+        needed_gap = closing_speed * closing_speed / (TWO * limit)
+        # Margins capped by `MAX_FORCED_BRAKING` are equal in several frames: of these, the frame
+        # with the largest missing gap is taken.
         has_margin = np.isclose(limit - forced, breach.margin)
-        worst = int(np.where(has_margin, needed - gap, -np.inf).argmax())
-        return more_gap(breach, neighbour, frames[worst], gap[worst] - needed[worst])
+        worst = int(np.where(has_margin, needed_gap - gap, -np.inf).argmax())
+        return more_gap(breach, neighbour, frames[worst], gap[worst] - needed_gap[worst])
 
 
 def _is_after_lane_change(case: Case) -> Mask:
@@ -477,7 +482,7 @@ def _is_after_lane_change(case: Case) -> Mask:
     is_change[:, 1:] = lane[:, 1:] != lane[:, :-1]
     is_change &= span.mask(np.arange(num_simulations), num_frames)
     num_frames_after = num_frames_in(case, OBSTRUCTION_TIME.f32)
-    # Without a change so far, the last one is earlier than any frame could remember.
+    # Frames before the first change get a last change that is too early even for frame 0.
     last_change = np.where(is_change, frame, -num_frames_after - 1)
     return frame - np.maximum.accumulate(last_change, axis=1) <= num_frames_after
 

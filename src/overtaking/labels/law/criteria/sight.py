@@ -1,7 +1,8 @@
-"""Criteria about sight: stopping within it, and enough of it to overtake.
+"""Criteria about the sight distance: stopping within it, and enough of it to overtake.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
-the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
+`rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class StoppingSightDistance(Criterion):
 
     Attributes:
         safe_distance_rule: Code of the rule of the same law about the distance to the leader.
-        is_for_unlit_obstacles: Whether the obstacle is unlit, or a vehicle with its lamps on.
+        is_for_unlit_obstacles: Whether the obstacle is unlit; otherwise a vehicle with lamps on.
     """
 
     safe_distance_rule: str
@@ -63,11 +64,11 @@ class StoppingSightDistance(Criterion):
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """The weather; for unlit obstacles also the ego's lamps, which have to light them."""
+        """The weather; for unlit obstacles also the ego's lamps, which must light them."""
         return _inputs_for_sight(is_unlit=self.is_for_unlit_obstacles)
 
     def predicate(self) -> str:
-        """The stopping distance, the sight, and the part of the leader."""
+        """The stopping distance, the sight distance, and the reason to ignore the leader."""
         obstacle = "an unlit obstacle" if self.is_for_unlit_obstacles else "a lit vehicle"
         return (
             f"At every frame: v t + v^2 / (2 {GRIP_DECEL}) <= the distance at which "
@@ -77,7 +78,7 @@ class StoppingSightDistance(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The frame with the least sight beyond the stopping distance decides."""
+        """The smallest sight distance minus stopping distance decides."""
         results = scans(case)
         minimum = results.stop_unlit if self.is_for_unlit_obstacles else results.stop_lit
         return finding_of_minimum(minimum, judged_span(case))
@@ -102,7 +103,7 @@ class StoppingSightDistance(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """The highest speed from which the ego stops within its sight."""
         frames = breach.frames
-        # The friction is that at the actual speed; a slower vehicle has no less.
+        # Friction at the actual speed. At a lower speed it is no smaller.
         decel = decel_with_all_grip(breach.case.signals.friction[0, frames])
         sight = self._sight(breach.case)[0, frames]
         allowed = stoppable_speed(sight, as_f32(STOPPING_REACTION_TIME.f32), decel)
@@ -128,8 +129,8 @@ class MinimumSightDistance(Criterion):
     Attributes:
         min_sight: Smallest lawful sight distance.
         clearance_time: Time to an oncoming vehicle that must remain at the end of the overtake.
-        is_for_unlit_obstacles: Whether the sight is the distance at which an unlit obstacle is
-            seen, or the distance over which air and road show the carriageway.
+        is_for_unlit_obstacles: Whether the sight distance is the distance at which an unlit
+            obstacle is seen; otherwise the distance over which air and road show the carriageway.
     """
 
     min_sight: Quantity
@@ -139,11 +140,11 @@ class MinimumSightDistance(Criterion):
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """The weather; for unlit obstacles also the ego's lamps, which have to light them."""
+        """The weather; for unlit obstacles also the ego's lamps, which must light them."""
         return _inputs_for_sight(is_unlit=self.is_for_unlit_obstacles)
 
     def predicate(self) -> str:
-        """The smallest sight, and the sight on two-way roads."""
+        """The smallest sight distance, and the sight distance on two-way roads."""
         sight = "the meteorological optical range and the sight that the road gives are"
         if self.is_for_unlit_obstacles:
             sight = "an unlit obstacle is seen at"
@@ -169,6 +170,7 @@ class MinimumSightDistance(Criterion):
             minimum = minimum_to_limit(sight, self.min_sight.f32, span, is_most=False)
             return finding_of_minimum(minimum, span)
         margin = sight - self.min_sight.f32
+        # The sight over the whole overtake is compared in one frame only, at the line crossing.
         simulation = np.flatnonzero(case.events.has_attempt)
         crossing = _crossing_frame(case)[simulation]
         passing_margin = _passing_sight_margin(case, self.clearance_time)[simulation]
@@ -184,7 +186,7 @@ class MinimumSightDistance(Criterion):
         return _required_sight_error(case, finding, self.clearance_time, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """The sight that decided; a driver can only wait for it."""
+        """The sight distance of the condition that decided; the driver can only wait for it."""
         case, needed = breach.case, self.min_sight.f32
         if _is_passing_sight_margin(case, breach.margin, self.clearance_time)[0]:
             needed = _required_passing_sight(case, self.clearance_time)[0]
@@ -205,7 +207,7 @@ class MinimumSightDistance(Criterion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassingSightDistance(Criterion):
-    """As the line is crossed on a two-way road, air and road show the whole way of the overtake.
+    """When the line is crossed on a two-way road, air and road show all of the road to overtake on.
 
     Attributes:
         clearance_time: Time to an oncoming vehicle that must remain at the end of the overtake.
@@ -221,14 +223,14 @@ class PassingSightDistance(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """The event and the sight."""
+        """The event and the sight distance."""
         return (
             "On two-way roads, at line_crossed, or at attempt if no line is crossed: "
             f"{_passing_sight_predicate(self.clearance_time)}"
         )
 
     def check(self, case: Case) -> Finding:
-        """The sight as the line is crossed decides."""
+        """The sight distance at the line crossing decides."""
         if not case.trajectories.road.is_two_way:
             return finding_not_applicable(case.signals.num_simulations)
         margin = _passing_sight_margin(case, self.clearance_time)
@@ -241,7 +243,7 @@ class PassingSightDistance(Criterion):
         return _required_sight_error(case, finding, self.clearance_time, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """Sight over the whole overtake; a driver can only wait for it."""
+        """Sight over the whole overtake; the driver can only wait for it."""
         return _more_sight(breach, _required_passing_sight(breach.case, self.clearance_time)[0])
 
 
@@ -258,7 +260,7 @@ def _span_until_passed(case: Case) -> FrameSpan:
 
 
 def _passing_sight_predicate(clearance_time: Quantity) -> str:
-    """The sight that an overtake against oncoming traffic needs, in words."""
+    """The sight distance that an overtake in the opposing lane needs, in words."""
     return (
         f"air and road give a sight of (v + limit) (time on the left + {clearance_time}) or more, "
         "limit: the highest for oncoming traffic within that sight."
@@ -277,9 +279,9 @@ def _passing_sight_margin(case: Case, clearance_time: Quantity) -> F32:
 
 
 def _required_passing_sight(case: Case, clearance_time: Quantity) -> F32:
-    """Sight distance that an overtake against oncoming traffic needs, shape (simulation,) [m].
+    """Sight distance that an overtake in the opposing lane needs, shape (simulation,) [m].
 
-    The distance that the ego and an oncoming vehicle at `assumed_oncoming_speed` drive in
+    The distance that the ego and an oncoming vehicle at `assumed_oncoming_speed` together drive in
     `_required_clear_time`.
 
     Source:
@@ -291,10 +293,10 @@ def _required_passing_sight(case: Case, clearance_time: Quantity) -> F32:
 
 
 def _required_clear_time(case: Case, clearance_time: Quantity) -> F32:
-    """Time for which the oncoming lane has to be clear, shape (simulation,) [s].
+    """Time for which the opposing lane must be clear, shape (simulation,) [s].
 
-    The ego's time on the left plus the clearance; an ego that does not return is given no time on
-    the left.
+    The ego's time on the left plus the clearance. The time on the left counts as 0 for an ego that
+    does not return.
     """
     events = case.events
     return_frame = np.where(events.return_end != NEVER, events.return_end, events.abort_end)
@@ -310,7 +312,7 @@ def _crossing_frame(case: Case) -> I32:
 
 
 def _is_passing_sight_margin(case: Case, margin: F32 | float, clearance_time: Quantity) -> Mask:
-    """Whether the sight over the whole overtake gives this margin, shape (simulation,)."""
+    """Whether `_passing_sight_margin` is this margin, shape (simulation,); not on one-way roads."""
     if not case.trajectories.road.is_two_way:
         return np.zeros(case.signals.num_simulations, np.bool_)
     return np.abs(_passing_sight_margin(case, clearance_time) - margin) < SAME_MARGIN_M

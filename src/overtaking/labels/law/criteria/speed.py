@@ -1,7 +1,8 @@
 """Criteria about the ego's speed: speed limits, lowest speed on motorways, speed in fog.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
-the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
+`rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -42,11 +43,12 @@ from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case, Finding, Severity, Verdict
 
 _HALF_SPEED_STEP = np.float32(5e-4)
-"""Half of the step in which speeds are recorded [m/s]: 50 km/h, or 13.8889 m/s, is recorded as
-13.889 m/s and must not exceed itself."""
+"""Half of the resolution of recorded speeds [m/s]: 50 km/h, or 13.8889 m/s, is recorded as
+13.889 m/s, which must not exceed a limit of 50 km/h."""
 
 _WHOLE_ROAD = 1e6
-"""Distance up to which slow vehicles count as congestion: all that were recorded [m]."""
+"""Distance from the ego within which slow vehicles count as congestion [m]: more than any road is
+long, so all recorded vehicles count."""
 
 _SPEED_ERROR_FORMULA = "sv"
 
@@ -58,9 +60,9 @@ class SpeedLimit(Criterion):
     Attributes:
         general_limits: Limits by kind of road and class of vehicle.
         serious_excess: Excess over the limit beyond which a breach is serious.
-        very_serious_excess: Excess beyond which a breach is very serious.
-        heavy_serious_excess: Replaces `serious_excess` for heavy vehicles; None for the same.
-        heavy_very_serious_excess: Replaces `very_serious_excess` likewise.
+        very_serious_excess: Excess over the limit beyond which a breach is very serious.
+        heavy_serious_excess: `serious_excess` for heavy vehicles; None for the same value.
+        heavy_very_serious_excess: `very_serious_excess` for heavy vehicles; None for the same.
     """
 
     general_limits: GeneralSpeedLimits
@@ -73,7 +75,7 @@ class SpeedLimit(Criterion):
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """Without one of these, a speed between two possible limits is undecidable."""
+        """If one of these is unknown, a speed between two possible limits is undecidable."""
         return frozenset(["speed_limit", "kinds", "road_kind"])
 
     def predicate(self) -> str:
@@ -92,7 +94,12 @@ class SpeedLimit(Criterion):
         )
 
     def bounds(self, case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
-        """The lowest and the highest limit that may hold, as `speed_limit_bounds`."""
+        """The lowest and the highest limit that may hold, as `speed_limit_bounds`.
+
+        Args:
+            case: The batch.
+            ahead: Distance ahead of the ego at which the limit is read; negative behind it [m].
+        """
         return speed_limit_bounds(case, self.general_limits, ahead)
 
     def check(self, case: Case) -> Finding:
@@ -110,6 +117,7 @@ class SpeedLimit(Criterion):
             (self.very_serious_excess, self.heavy_very_serious_excess),
         ):
             threshold = np.where(is_heavy, (heavy_excess or excess).f32, excess.f32)
+            # The codes count up: light, serious, very serious.
             severity += (-finding.margin > threshold).astype(np.uint8)
         return np.where(finding.verdict == Verdict.ILLEGAL, severity, np.uint8(Severity.NONE))
 
@@ -135,7 +143,7 @@ class SpeedLimit(Criterion):
         return breach.remedy_slower_ego(breach.frames, highest_limit[0, breach.frames])
 
     def limit(self, case: Case) -> F32:
-        """The highest limit that may hold, where the ego exceeds it most."""
+        """The highest limit that may hold, in the frame in which the ego exceeds it most."""
         _, highest_limit = self.bounds(case)
         margin = highest_limit - case.signals.speed
         is_judged = judged_span(case).mask(np.arange(len(margin)), case.signals.num_frames)
@@ -160,8 +168,8 @@ def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Finding:
             [m/s].
     """
     speed, span = case.signals.speed, judged_span(case)
-    # A limit that is the same in all frames is a broadcast array. One number for each simulation
-    # is faster to compare.
+    # A limit that is the same in all frames is a broadcast array, with stride 0 along time. One
+    # number for each simulation is faster to compare.
     limits_by_simulation = (limit[:, 0] if limit.strides[1] == 0 else limit for limit in limits)
     lowest, highest = (_to_recorded_resolution(limit) for limit in limits_by_simulation)
     minimum, doubtful = minimum_to_limit(speed, highest, span, is_most=True), None
@@ -196,8 +204,9 @@ class MinimumSpeed(Criterion):
     Attributes:
         min_speed: Lowest lawful speed.
         congestion_speed: Speed below which a vehicle counts as congested.
-        congestion_min_vehicles: Smallest number of congested vehicles that are a congestion.
-        queue_time_gap: Time gap, at `min_speed`, within which a slower leader holds the ego up.
+        congestion_min_vehicles: Smallest number of other congested vehicles that are a congestion.
+        queue_time_gap: Time gap, at `min_speed`, within which a leader slower than `min_speed`
+            holds the ego up.
     """
 
     min_speed: Quantity
@@ -220,7 +229,7 @@ class MinimumSpeed(Criterion):
         return frozenset(["road_kind"])
 
     def predicate(self) -> str:
-        """The lowest speed, and the traffic that excuses a lower one."""
+        """The lowest lawful speed, and the traffic that excuses a lower speed."""
         return (
             f"At every frame on a motorway: speed >= {self.min_speed}, unless at least "
             f"{self.congestion_min_vehicles.bare()} others are slower than "
@@ -236,7 +245,7 @@ class MinimumSpeed(Criterion):
             return finding_not_applicable(signals.num_simulations)
         span, min_speed = judged_span(case), self.min_speed.f32
         minimum = minimum_to_limit(signals.speed, min_speed, span, is_most=False)
-        # Only breaches are looked up: the search for congestion is slow.
+        # The search for congestion is slow, so it is made only in frames below the lowest speed.
         slow_simulations = np.flatnonzero(span.is_nonempty & (minimum.min_margin < 0))
         margin = signals.speed[slow_simulations] - min_speed
         slow_spans = span.select(slow_simulations)
@@ -251,7 +260,7 @@ class MinimumSpeed(Criterion):
         return finding if is_road_known else _with_breaches_undecidable(finding)
 
     def _is_in_slow_traffic(self, case: Case, simulation: IndexArray, frame: IndexArray) -> Mask:
-        """Whether traffic is congested or a slow leader near, shape (instant,)."""
+        """Whether traffic is congested, or a slow leader is near, shape (instant,)."""
         num_congested = num_slow_vehicles(
             case.trajectories,
             simulation,
@@ -285,7 +294,7 @@ class SpeedInFog(Criterion):
 
     Attributes:
         max_range: Meteorological optical range below which the duty holds.
-        max_speed: Highest lawful speed there.
+        max_speed: Highest lawful speed in this range.
     """
 
     max_range: Quantity
@@ -299,7 +308,7 @@ class SpeedInFog(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """The range and the speed."""
+        """The meteorological range and the speed."""
         return (
             "At every frame, the meteorological optical range being under "
             f"{self.max_range}: speed <= {self.max_speed}."
@@ -330,8 +339,9 @@ class SpeedInFog(Criterion):
 
 
 def _with_breaches_undecidable(finding: Finding) -> Finding:
-    """The finding for simulations to which the duty may not apply: a breach is undecidable."""
+    """Make each breach undecidable: an unknown input may exempt the simulation from the duty."""
     is_breach = finding.margin < 0
+    # `finding_from_margins` calls a negative margin a breach even where it is doubtful.
     margin = np.where(is_breach, np.float32(0.0), finding.margin)
     applies = finding.verdict != Verdict.NOT_APPLICABLE
     return finding_from_margins(

@@ -1,7 +1,8 @@
 """Criteria about places and signs that forbid to overtake.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
-the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
+`rule.Criterion` describes their methods.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -52,9 +53,11 @@ _WAIVED_ON_SEVERAL_LANES = (
     ZoneKind.JUNCTION,
     ZoneKind.BEND,
 )
-"""Places where an ego with several lanes may overtake if it does not use the other side."""
+"""Places where the ego may overtake on a road with several lanes in its direction, if it does not
+use the opposing lane."""
 
 _ALWAYS_FORBIDDEN = (ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.NARROW)
+"""Places where no number of lanes permits overtaking."""
 
 _WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego back on its side"
 
@@ -74,8 +77,8 @@ class _ForbiddenZones:
     """Stretches of road in which the ego must not overtake, in some simulations.
 
     Attributes:
-        intervals: The stretches, with the road before them that counts.
-        applies: The simulations to which they apply, shape (simulation,).
+        intervals: The stretches, each with its approach: the road before it that counts.
+        applies: Whether they forbid overtaking in each simulation, shape (simulation,).
     """
 
     intervals: list[RoadInterval]
@@ -84,7 +87,7 @@ class _ForbiddenZones:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOvertakingZones(Criterion):
-    """The ego overtakes in no dangerous place, and no vehicle that itself overtakes.
+    """The ego does not overtake in a dangerous place, or a target that is itself overtaking.
 
     Attributes:
         approach_length: Length of road before a crossing or junction that counts as part of it.
@@ -115,8 +118,8 @@ class NoOvertakingZones(Criterion):
             or "road_kind" in trajectories.unknown
         ):
             return finding_not_applicable(case.signals.num_simulations)
-        findings = [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
-        return _combined_findings([*findings, _target_keeps_its_side(case)])
+        findings = [_zone_finding(case, zones) for zones in self._forbidden_zones(case)]
+        return _combined_findings([*findings, _target_side_finding(case)])
 
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
@@ -125,8 +128,8 @@ class NoOvertakingZones(Criterion):
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """Before or after the place, or with the target on its own side of the road."""
-        target_margin = float(_target_keeps_its_side(breach.case).margin[0])
+        """Overtake before or after the place, or have the target on its own side of the road."""
+        target_margin = float(_target_side_finding(breach.case).margin[0])
         if target_margin < 0 and abs(target_margin - breach.margin) < SAME_MARGIN_M:
             return single_change(
                 RemedyQuantity.CLEARANCE,
@@ -138,7 +141,7 @@ class NoOvertakingZones(Criterion):
         return _overtake_elsewhere(breach)
 
     def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
-        """The places, some of which are waived on several lanes."""
+        """All forbidden places, and the places that are allowed on several lanes."""
         num_simulations = case.signals.num_simulations
         has_several_lanes = np.full(num_simulations, case.trajectories.road.num_lanes > 1)
         is_waived = has_several_lanes & ~opposing_lane_span(case).is_nonempty
@@ -161,9 +164,10 @@ class NoOvertakingSigns(Criterion):
 
     Attributes:
         has_sign_for_motorcycles: Whether the law has a sign that forbids motorcycles to overtake.
-        exempts_two_wheelers: Whether heavy vehicles, too, may overtake bicycles and motorcycles.
+        exempts_two_wheelers: Whether the sign for heavy vehicles, like the general sign, permits
+            overtaking bicycles and motorcycles.
         is_undecidable_without_zones: Whether an overtake on a road without zones is undecidable
-            where the posted speed limit is unknown.
+            where the posted speed limit is unknown: a recording without it may lack the signs too.
     """
 
     has_sign_for_motorcycles: bool = False
@@ -191,7 +195,7 @@ class NoOvertakingSigns(Criterion):
         """The smallest distance from a stretch with such a sign decides."""
         trajectories, has_attempt = case.trajectories, case.events.has_attempt
         if not all_zones_for(trajectories.road, 1):
-            # Only a posted limit tells that signs are known.
+            # Signs are known only if the posted limit is known.
             may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
             may_have_sign &= self.is_undecidable_without_zones
             attempt = case.events.attempt
@@ -199,7 +203,7 @@ class NoOvertakingSigns(Criterion):
                 may_have_sign, np.zeros(len(attempt), np.float32), attempt, attempt
             )
         return _combined_findings(
-            [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
+            [_zone_finding(case, zones) for zones in self._forbidden_zones(case)]
         )
 
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
@@ -209,13 +213,13 @@ class NoOvertakingSigns(Criterion):
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """Before or after the stretch."""
+        """Overtake before or after the stretch."""
         return _overtake_elsewhere(breach)
 
     def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
-        """The stretches of each sign, in simulations whose ego and target it is about."""
-        # A sign counts for vehicles of unknown kind; as `kinds` is a required input, the verdict is
-        # then undecidable.
+        """The stretches of each sign, for simulations whose ego and target the sign concerns."""
+        # A vehicle of unknown kind counts as a kind that the sign concerns: the rule then applies,
+        # and is undecidable, because `kinds` is a required input.
         has_target = case.target.slot != NO_VEHICLE
         has_several_tracks = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
@@ -252,7 +256,7 @@ class NoOvertakingAtCrossings(Criterion):
         return frozenset(["kinds"])
 
     def predicate(self) -> str:
-        """Both crossings, with the road before them."""
+        """Both kinds of crossing, with the road before them."""
         return (
             f"{_WHILE_OVERTAKING}: the ego's front is not in a crossing of pedestrians or "
             f"{self.pedestrian_approach_length} before it, nor, the target being no bicycle, in a "
@@ -264,7 +268,7 @@ class NoOvertakingAtCrossings(Criterion):
         if not case.trajectories.road.course:
             return finding_not_applicable(case.signals.num_simulations)
         return _combined_findings(
-            [_keeps_out_of(case, zones) for zones in self._forbidden_zones(case)]
+            [_zone_finding(case, zones) for zones in self._forbidden_zones(case)]
         )
 
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
@@ -274,7 +278,7 @@ class NoOvertakingAtCrossings(Criterion):
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """Before or after the crossing."""
+        """Overtake before or after the crossing."""
         return _overtake_elsewhere(breach)
 
     def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
@@ -294,7 +298,7 @@ def _approach_lengths(approach: Quantity, before_rails: Quantity | None = None) 
     """Function from the kind of a place to the length of road before it that counts [m].
 
     Args:
-        approach: Length before crossings and junctions.
+        approach: Length before the kinds in `_WITH_APPROACH`.
         before_rails: Length before level crossings, if it differs.
     """
     lengths: dict[ZoneKind, float] = dict.fromkeys(_WITH_APPROACH, float(approach.f32))
@@ -306,11 +310,11 @@ def _approach_lengths(approach: Quantity, before_rails: Quantity | None = None) 
 def _zones_by_kind(
     case: Case, applies_by_kind: Mapping[ZoneKind, Mask], approach_length: ApproachLength
 ) -> list[_ForbiddenZones]:
-    """Zones of some kinds.
+    """One `_ForbiddenZones` for each kind.
 
     Args:
         case: The batch.
-        applies_by_kind: The simulations to which each kind applies, shape (simulation,).
+        applies_by_kind: Whether each kind forbids overtaking in each simulation, (simulation,).
         approach_length: As for `zone_intervals`.
     """
     return [
@@ -319,8 +323,8 @@ def _zones_by_kind(
     ]
 
 
-def _keeps_out_of(case: Case, zones: _ForbiddenZones) -> Finding:
-    """The ego does not overtake in these zones."""
+def _zone_finding(case: Case, zones: _ForbiddenZones) -> Finding:
+    """Check that the ego does not overtake in these zones."""
     span, margin = overtaking_span(case), distance_to_intervals(case, zones.intervals)
     applies = zones.applies & span.is_nonempty
     rows = np.flatnonzero(applies)
@@ -332,8 +336,8 @@ def _keeps_out_of(case: Case, zones: _ForbiddenZones) -> Finding:
     return finding_from_margins(is_judged, min_margin, first, last, longest=longest)
 
 
-def _target_keeps_its_side(case: Case) -> Finding:
-    """On a two-way road the target is not itself over the line between the directions."""
+def _target_side_finding(case: Case) -> Finding:
+    """Check that, on a two-way road, the target is not over the line between the directions."""
     trajectories, events, road = case.trajectories, case.events, case.trajectories.road
     if not (road.is_two_way or "road_kind" in trajectories.unknown):
         return finding_not_applicable(case.signals.num_simulations)
@@ -344,7 +348,10 @@ def _target_keeps_its_side(case: Case) -> Finding:
 
 
 def target_left_edge(case: Case) -> F32:
-    """How far the target reaches to the left at the attempt, shape (simulation,) [m]."""
+    """Lateral position of the target's left side at the attempt, shape (simulation,) [m].
+
+    The values are undefined where there is no target or no attempt.
+    """
     trajectories, row = case.trajectories, np.arange(case.signals.num_simulations)
     slot, frame = slot_or_ego(case.target.slot), np.maximum(case.events.attempt, 0)
     lateral_position = (
@@ -363,7 +370,7 @@ def _target_is_motorcycle(case: Case) -> Mask:
 
 
 def _combined_findings(findings: list[Finding]) -> Finding:
-    """Several checks of one rule: the smallest margin, and the frames of all breaches."""
+    """One finding from several checks: the smallest margin, and the frames of all breaches."""
     applies = np.stack([finding.verdict != Verdict.NOT_APPLICABLE for finding in findings])
     margins = np.stack([finding.margin for finding in findings])
     min_margin = np.where(applies, margins, UNCONSTRAINED).min(axis=0)
@@ -384,8 +391,8 @@ def _zone_margin_error(
 ) -> F32:
     """Error of a position along the road, and of the return where that decides [m].
 
-    Where the overtake ends by the return to the own side, and the margin is the one of that frame,
-    an error of the lateral position moves the end of the overtake.
+    Where the overtake ends with the return to the ego's side, and the frame of the return has the
+    margin, an error of the lateral position moves the end of the overtake.
     """
     end, position_error = overtaking_span(case).last, np.float32(errors.position_std)
     decides_at_end = np.zeros(len(end), np.bool_)
