@@ -1,4 +1,4 @@
-"""Facts as text: requested facts, lines of both languages, and folders of files."""
+"""Facts as text for clingo (ASP) and Prolog: requested facts, their lines, and folders of files."""
 
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportAttributeAccessIssue=false
@@ -45,7 +45,7 @@ FACTS: dict[str, Fact] = ROAD_FACTS | _RECORDED_FACTS | LAW_FACTS
 """Every predicate of facts by name, in the order in which files list facts."""
 
 ArgumentPattern = tuple[str | None, ...]
-"""The constants that arguments must be; None: any value."""
+"""The required constant of each argument of a predicate; None for any value."""
 
 DEFAULT_FRAME_STEP = 10
 """Interval between the frames with positions [frames]."""
@@ -54,13 +54,14 @@ FILE_ENDINGS = {"asp": ".lp", "prolog": ".pl"}
 """The languages of facts, and the endings of their files."""
 
 PROGRAM_FOLDER = Path(__file__).with_name("programs")
+
 SIMULATIONS_PER_FILE = 1000
-"""Simulation numbers of one file, which a reasoner loads at a time."""
+"""Range of simulation numbers in one file; a reasoner loads a file at a time."""
 
 _PROGRAMS_OF_LANGUAGE = {"asp": ("theory.lp", "law.lp"), "prolog": ("theory.pl",)}
 
 _FACTS_PER_STATEMENT = 100
-"""Facts in one pool, which clingo reads faster than single facts."""
+"""Largest number of facts in one pool, which clingo reads faster than single facts."""
 
 _STRING = pa.large_string()
 
@@ -79,7 +80,8 @@ class RequestedFacts:
     def roles(self) -> frozenset[str]:
         """The constants of `ROLE` that are requested in every frame."""
         patterns = [*self.patterns.get("spacing", ()), *self.patterns.get("forced_braking", ())]
-        roles = {pattern[1] for pattern in patterns}
+        roles = {pattern[1] for pattern in patterns}  # After the number of the simulation.
+        # None, any value, requests all roles.
         return frozenset(ROLE.constants) if None in roles else frozenset(ROLE.constants) & roles
 
     def matching(self, columns: Mapping[str, FactColumns]) -> dict[str, FactColumns]:
@@ -99,14 +101,14 @@ class RequestedFacts:
             for column, constant, argument_type in zip(columns, pattern, fact.types, strict=True):
                 codes = argument_type.constants
                 if constant is not None and codes:
-                    # Code -1, which no fact has, for a constant of another type.
+                    # A constant of another type has code -1, which no fact has.
                     matches &= column == (codes.index(constant) if constant in codes else -1)
             matches_any |= matches
         return matches_any
 
 
 def all_facts(*, with_law: bool) -> RequestedFacts:
-    """Every fact; those that only the law reads on request."""
+    """Every fact; facts that only the law reads are included on request."""
     facts = FACTS if with_law else ROAD_FACTS | _RECORDED_FACTS
     return RequestedFacts(
         patterns={name: frozenset([(None,) * len(fact.arguments)]) for name, fact in facts.items()}
@@ -153,8 +155,7 @@ def _measure_requested(
 def check_frame_step(frame_step: int) -> None:
     """Refuse a step below one frame.
 
-    Queries and exports both have this option of the facts, so the error names the logic and not one
-    of the two commands.
+    Queries and exports both have this option, so the error names the logic, not a command.
 
     Raises:
         ConfigError: The step is not positive.
@@ -176,7 +177,7 @@ def fact_lines(columns: Mapping[str, FactColumns]) -> bytes:
     parts: list[bytes] = []
     for name, arguments in columns.items():
         lines = _join_arguments(FACTS[name], arguments, f"{name}(", ").\n")
-        # The buffers of an array of strings are validity, offsets and the text of all of them.
+        # The buffers of an array of strings are validity, offsets and the joined text.
         parts.append(lines.buffers()[2].to_pybytes() if len(lines) else b"")
     return b"".join(parts)
 
@@ -214,7 +215,7 @@ def _join_arguments(fact: Fact, columns: FactColumns, prefix: str, suffix: str) 
 
 
 def _check_range(fact: Fact, label: str, column: NDArray[np.integer]) -> None:
-    """Refuse values with which a term of a program could leave 32 bits."""
+    """Refuse values outside the range of their type, with which a term could leave 32 bits."""
     argument_type = fact.arguments[label]
     invalid = column[(column < argument_type.low) | (column > argument_type.high)]
     if len(invalid):
@@ -278,7 +279,7 @@ def write_facts(
         simulation_ids: Numbers of its simulations in order; None for all.
         frame_step: Interval between written positions and speeds [frames], 1 or more.
         with_law: Whether to write the law, and the facts of every frame that only the law reads.
-        progress: Called with the number of simulations that are done, and of all to write.
+        progress: Called with the numbers of written and of requested simulations.
 
     Returns:
         Number of facts written.
@@ -300,6 +301,7 @@ def write_facts(
             with path.open("xb") as file:
                 file.write(header)
                 for index, group in enumerate(groups_of_file):
+                    # All simulations share the road, so its facts are written once in each file.
                     columns = {} if index else measure_road_facts(group, requested)
                     columns |= measure_simulation_facts(group, requested, frame_step=frame_step)
                     file.write(fact_lines(columns))
@@ -316,7 +318,7 @@ def write_facts(
 
 
 def _split_at_files(groups: Iterable[SimulationGroup]) -> Iterator[SimulationGroup]:
-    """The groups, split where a file ends."""
+    """The groups, split so that each has the simulations of one file only."""
     for group in groups:
         file_numbers = group.simulation_ids // SIMULATIONS_PER_FILE
         for file_number in np.unique(file_numbers):

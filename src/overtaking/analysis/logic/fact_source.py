@@ -1,4 +1,4 @@
-"""The recordings in which facts are measured.
+"""The recordings from which facts are measured.
 
 In facts, left is the overtaking side and lanes count from the slow side, in left-hand traffic too.
 """
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 REACH_MM = 200_000
-"""Facts give no positions of vehicles farther than this from the ego [mm].
+"""Distance from the ego up to which vehicles have facts of position and speed [mm].
 
-Chosen: it bounds the number of facts. The gaps and distances among the facts of the law have no
+A choice, which bounds the number of facts. The gaps and distances in the facts of the law have no
 such limit.
 """
 
@@ -38,7 +38,7 @@ ONCOMING_REACH_MM = 1_000_000
 """The same limit for oncoming vehicles [mm].
 
 Drivers of the model look for oncoming vehicles up to 1,000 m ahead (`model.oncoming.range`) before
-they pull out, so a vehicle that decides about an overtake may be farther away than `REACH_MM`.
+they pull out, so an overtake may depend on a vehicle farther away than `REACH_MM`.
 """
 
 
@@ -80,7 +80,7 @@ class FirstContacts:
 # values in the `__dict__`.
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FactSource:
-    """The recordings that facts are measured in.
+    """The recordings from which facts are measured.
 
     Attributes:
         group: The simulations.
@@ -137,12 +137,13 @@ class FactSource:
     def is_written_frame(self) -> Mask:
         """Which frames have positions and speeds, shape (simulation, frame).
 
-        One frame in `frame_step`, the last, and all in which lanes, order or events change. Rules
-        on lanes and order then conclude in the same frames, whatever the step.
+        One frame in `frame_step`, the last frame, and all frames in which lanes, order or events
+        change. Rules on lanes and order then have the same conclusions for every step.
         """
         events, valid = self.case.events, self.signals.valid
         frame = np.arange(valid.shape[1])
         is_written = (frame % self.frame_step == 0) | (frame == events.last[:, None])
+        # With a step of 1 every frame is written already.
         if self.frame_step > 1:
             is_written = is_written | _changed_frames(self.states.lane, self.is_near).any(axis=1)
             is_written |= _frames_with_new_order(self)
@@ -186,21 +187,22 @@ class FactSource:
 
 
 def _changed_frames(values: NDArray[np.integer], valid: Mask) -> Mask:
-    """Frames whose value differs from the frame before, of the same shape."""
+    """Whether a value differs from the value in the frame before, of the same shape."""
     is_changed = np.zeros(valid.shape, np.bool_)
     is_changed[..., 1:] = valid[..., 1:] & valid[..., :-1] & (values[..., 1:] != values[..., :-1])
     return is_changed
 
 
 def _frames_with_new_order(source: FactSource) -> Mask:
-    """Frames in which a vehicle comes to be ahead of, beside or behind another one."""
+    """Whether a near vehicle comes ahead of, beside or behind another one, (simulation, frame)."""
     s, is_near = source.states.s, source.is_near
     # Rounded as in the fact `vehicle`, from which the theory concludes the same order.
     length = rounded_up_thousandths(source.trajectories.scenario.vehicles.length).astype(np.int32)
     has_new_order = np.zeros((s.shape[0], s.shape[2]), np.bool_)
     for a in range(s.shape[1]):
         for b in range(a):
-            # Twice the distance of the centres: half a length may end in half a millimetre.
+            # Twice the distance of the centres is compared with the sum of both lengths, because
+            # half a length may end in half a millimetre.
             distance = np.int32(2) * (s[:, a] - s[:, b])
             lengths = (length[:, a] + length[:, b])[:, None]
             order = (distance >= lengths).astype(np.int8) - (distance <= -lengths)

@@ -1,10 +1,11 @@
 """Measurements of the ego in every frame; only the logic program of the law, `law.lp`, reads them.
 
-The program decides on breaches; no fact here is a verdict. Approaching vehicles are oncoming ones
-that are still ahead of the ego (`FactSource.approaching`).
+The program decides on breaches; no fact here is a verdict. Approaching vehicles are oncoming
+vehicles that are still ahead of the ego (`FactSource.approaching`).
 
-The keywords of the decorator `fact` name the arguments of the predicate; the function below it
-returns one column for each, in this order.
+A fact is a predicate with values, such as `ego_speed(7,120,27500)`. The keywords of the
+decorator `fact` are the arguments of the predicate with their types. The function below it returns
+one column of integers for each, in this order, with a row for each fact.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ than 30 km/h, in congestion (L13) less than 10 km/h.
 """
 
 _MAX_BRAKING = np.float32(BRAKING.high * 1e-3)
-"""Cap of the forced braking, which is infinite where no gap is left to brake in [m/s^2].
+"""Cap of the forced braking, which is infinite where no gap remains to brake in [m/s^2].
 
-The largest value of the type, 1000 m/s^2: far above the abrupt braking of the law, 2 m/s^2.
+The largest value of the type, 1000 m/s^2, is far above the abrupt braking of the law, 2 m/s^2.
 """
 
 _ROLES_AHEAD = (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER, NeighbourRole.RIGHT_LEADER)
@@ -99,13 +100,14 @@ def _ego_edges(source: FactSource) -> FactColumns:
     Lawful=MM,
 )
 def _spacing(source: FactSource) -> FactColumns:
-    # Sorted: the order of a set of texts differs from process to process, that of facts must not.
+    # Sorted, because the order of a set of strings differs between processes, but the order of
+    # facts must not.
     codes = sorted(ROLE.constants.index(role) for role in source.roles)
     return concatenate_facts([_spacing_to(source, code) for code in codes], num_arguments=6)
 
 
 def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
-    """`spacing` to the vehicle in one role.
+    """`spacing` to the vehicle in one role, a code of `ROLE`.
 
     Article 18(1) of the Portuguese Highway Code requires the gap of the rear vehicle: of the ego
     behind a leader, of a follower behind the ego. The target is taken as the rear vehicle, because
@@ -129,7 +131,8 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
         rear_speed, closing_speed, decel_for_safe_distance(signals.friction[instants])
     )
     other_slot = target.slot[simulation] if is_target else signals.neighbour_slot[in_role]
-    # The fact has the exact speed, from the recorded integers; the signals are rounded floats.
+    # The closing speed of the fact is exact, because the recorded speeds are integers. The signals
+    # are rounded floats.
     speed_mmps = source.states.speed
     ego_mmps = speed_mmps[simulation, EGO_SLOT, frame]
     other_mmps = speed_mmps[simulation, other_slot.astype(np.intp), frame]
@@ -217,8 +220,9 @@ def _target_instants(source: FactSource) -> tuple[IndexArray, IndexArray, IndexA
     X=MM,
 )
 def _ego_position(source: FactSource) -> FactColumns:
-    # A course has what changes along the road, such as speed limits and zones. On roads without
-    # one and without oncoming traffic no rule reads the position, and each frame has such a fact.
+    # A course holds everything that changes along the road, such as speed limits and zones. On
+    # other roads without oncoming traffic no rule reads the position, so these facts, one for each
+    # frame, are left out.
     if not (source.road.is_two_way or source.road.course):
         return no_facts(3)
     simulation, frame = np.nonzero(source.signals.valid)

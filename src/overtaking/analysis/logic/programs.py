@@ -2,8 +2,9 @@
 
 The programs are in the language of clingo, answer set programming (ASP).
 
-A comment with a colon declares a predicate with the types of its arguments, and with labels and a
-meaning if queries may name it. A comment with a tilde states an instance of the rule below it.
+In a program, a comment that begins with `%:` declares a predicate with the types of its arguments,
+and with labels and a meaning if queries may name it. A comment that begins with `%~` is a gloss: a
+sentence about an instance of the rule below it.
 """
 
 # clingo's syntax trees are typed as nodes of any kind.
@@ -67,9 +68,10 @@ def _read_program(file: str) -> str:
 
 
 def declared_predicates(program: str) -> tuple[Predicate, ...]:
-    """The predicates that the comments of a program declare; those without a meaning are internal.
+    """The predicates that the comments of a program declare.
 
-    Internal predicates have no labels; their arguments are labelled by position.
+    A predicate without a meaning is internal. It has no labels; its arguments are labelled by
+    position.
     """
     predicates: list[Predicate] = []
     for name, arguments, meaning in _DECLARATION.findall(program):
@@ -103,7 +105,7 @@ PREDICATES = {
 
 @cache
 def argument_types() -> Mapping[Signature, tuple[ArgumentType, ...]]:
-    """The types of the arguments of all predicates, with the internal ones of the programs."""
+    """The types of the arguments of all predicates, also of the internal ones of the programs."""
     declared = (
         predicate
         for file in PROGRAM_FILES
@@ -118,7 +120,7 @@ class Atom:
 
     Attributes:
         name: Its name.
-        arguments: Each the text of a constant, the name of a variable, or None if it is computed.
+        arguments: The text of each constant, the name of each variable; None for a computed term.
     """
 
     name: str
@@ -171,11 +173,11 @@ class ProgramRule:
         return tuple(_atoms_in(tree for tree in trees if node_kind(tree) == "SymbolicAtom"))
 
     def bindings(self, name: str, pattern: ArgumentPattern) -> Iterator[dict[str, str]]:
-        """For each head that can match an atom, the values of the variables in that head.
+        """For each head that can match an atom, the values that the match gives to its variables.
 
         Args:
             name: Predicate of the atom.
-            pattern: Its constants.
+            pattern: Constants of the atom; None for an argument of any value.
         """
         for head in self.heads:
             if head.signature != (name, len(pattern)):
@@ -205,17 +207,17 @@ def rules_for_queries() -> tuple[ProgramRule, ...]:
     return tuple(rule for file in PROGRAM_FILES for rule in rules_of_program(file))
 
 
-# At exit, clingo may be unloaded before its trees, each of which then complains on standard error:
-# release the trees first.
+# At exit, clingo may be unloaded before its syntax trees, each of which then prints an error. So
+# the trees are released first.
 atexit.register(rules_of_program.cache_clear)
 atexit.register(rules_for_queries.cache_clear)
 
 
 def parse_rules(program: str) -> tuple[ProgramRule, ...]:
-    """The rules of a program without errors, with values in place of its own constants.
+    """The rules of a valid program, with values in place of the constants that it defines.
 
     A rule in which values replace the names of constants needs no `#const` of its program. So a
-    few rules can be run without the others, and their ranges follow from their text alone.
+    few rules can run without the rest of it, and the ranges of their terms follow from their text.
     """
     ast, lines = import_clingo().ast, program.splitlines()
     statements: list[Any] = []
@@ -253,7 +255,7 @@ def _with_constants_replaced(tree: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _gloss_above(lines: list[str], line_number: int) -> str:
-    """The gloss in the line above a rule; empty if it is no gloss."""
+    """The gloss in the line above a rule; empty if that line is no gloss."""
     line_above = lines[line_number - 2] if line_number > 1 else ""
     return line_above.removeprefix(_GLOSS_PREFIX) if line_above.startswith(_GLOSS_PREFIX) else ""
 
@@ -315,8 +317,8 @@ class NeededRules:
     def program(self) -> str:
         """The rules as a program.
 
-        `#defined` declares the predicates of facts. Without it, clingo would have a message on each
-        that has no facts, and `ProgramError` would repeat it beside the error.
+        `#defined` declares the predicates of facts. Without it, clingo would report each predicate
+        without facts, and `ProgramError` would repeat these messages beside the error.
         """
         defined = "".join(
             f"#defined {name}/{len(FACTS[name].arguments)}.\n"
@@ -331,8 +333,8 @@ def rules_needed_by(
     """The rules and facts that goals depend on.
 
     Constants are propagated from the goals into the rules, so that a query about one rule of law
-    reads only the facts of that rule. Conclusions with other constants may then be missing, because
-    the facts from which they follow are left out.
+    reads only the facts of that rule. The selected facts may be too few for conclusions with other
+    constants.
 
     Args:
         goals: Predicates with the constants that their arguments must be.
@@ -418,7 +420,7 @@ def _constants_of(
     Args:
         argument: A constant, a variable, or None for any other term.
         body: The positive atoms of the rule.
-        constants: The constants that are possible in these atoms so far.
+        constants: The constants found so far for the arguments of these atoms.
     """
     if not _is_variable(argument):
         return frozenset() if argument is None else frozenset([argument])
@@ -486,7 +488,9 @@ def overflows(
 def variable_ranges(
     trees: Iterable[Any], types: Mapping[Signature, tuple[ArgumentType, ...]]
 ) -> dict[str, ValueRange]:
-    """The ranges of the variables of a rule: the intersection of their arguments' types.
+    """The ranges of the variables of a rule.
+
+    The range of a variable is the intersection of the types of the arguments at which it occurs.
 
     Args:
         trees: As in `overflows`.
@@ -514,7 +518,7 @@ def variable_ranges(
 
 
 def _literals_by_scope(trees: list[Any]) -> tuple[list[Any], list[Any]]:
-    """The literals that must hold in each instance of the rule, and those within other literals.
+    """The literals that must hold in each instance of the rule, and the literals within literals.
 
     Negated literals are left out: `not Z = 5` assigns nothing.
     """
@@ -529,8 +533,9 @@ def _literals_by_scope(trees: list[Any]) -> tuple[list[Any], list[Any]]:
 def _add_assigned_ranges(literals: Iterable[Any], ranges: dict[str, ValueRange]) -> None:
     """Add the ranges of variables that comparisons and aggregates among the literals assign."""
     pending = [pair for literal in literals for pair in _assignments(literal.atom)]
-    # A variable may be assigned from one that a later literal assigns: repeat until no further
-    # assignment has all its variables bounded. The others stay without a range: any value.
+    # A variable may be assigned from a variable that a later literal assigns. So the loop repeats
+    # until no further assignment has all its variables bounded. Other variables stay without a
+    # range: they can have any value.
     while True:
         bounded = [pair for pair in pending if _variable_names(pair[1]) <= ranges.keys()]
         if not bounded:
@@ -544,7 +549,7 @@ def _add_assigned_ranges(literals: Iterable[Any], ranges: dict[str, ValueRange])
 
 
 def _variable_names(term: Any) -> set[str]:
-    """The names of the variables in a term; None, the value of a count, has none."""
+    """The names of the variables in a term; no names for None, the value of a count."""
     trees = [] if term is None else [term]
     return {tree.name for tree in walk(trees) if node_kind(tree) == "Variable"}
 

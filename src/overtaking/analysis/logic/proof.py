@@ -1,7 +1,7 @@
 """Proofs: the facts and the instances of rules from which a breach of the law follows.
 
-For each rule of the program, a second rule records its instances. A proof is thus clingo's own
-derivation, independent of the rules in Python.
+For each rule of the program, a second rule records its instances: the values of its variables with
+which it holds. A proof is thus clingo's own derivation, independent of the rules in Python.
 """
 
 # clingo's syntax trees are typed as nodes of any kind.
@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.simulation_groups import SimulationGroup
 
 _INSTANCE_PREDICATE = "because__"
-"""Its arguments: index of the rule, conclusion, atoms of the body, values of the variables."""
+"""Predicate of the recorded instances.
+
+Its arguments: index of the rule, conclusion, atoms of the body, values of the variables.
+"""
 
 _VARIABLE = re.compile(r"\b[A-Z]\w*\b")
 
@@ -51,9 +54,10 @@ class ProofStep(ContentEquality):
         sentence: The conclusion in words; the atom where the rule has no gloss.
         conditions: The comparisons that hold, with their values.
         facts: The facts that it reads.
-        absent_literals: The literals that must not hold.
-        premises: The instances from which the other atoms that it reads follow.
-        num_skipped: Number of instances of the same rule between it and its premises.
+        absent_literals: Its negated literals, which hold because their atoms do not follow.
+        premises: The steps from which its other atoms follow.
+        num_skipped: Number of instances of the same rule that the proof leaves out between the step
+            and its premises.
     """
 
     atom: str
@@ -67,10 +71,10 @@ class ProofStep(ContentEquality):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proof(ContentEquality):
-    """Why one rule is broken.
+    """Proof that one rule is broken.
 
     Attributes:
-        rule: Name of the rule in the program.
+        rule: Name of the rule in the program, such as `l12`.
         first_frame: First frame of the breach.
         last_frame: Last frame of the breach.
         num_frames: Number of frames in which it is broken.
@@ -85,7 +89,7 @@ class Proof(ContentEquality):
 
 
 def title_of(rule: str) -> str:
-    """Code, title and article of a rule by its name in the program."""
+    """Code, title and article of a rule by its name in the program, such as `l12`."""
     rule_of_law = PORTUGAL.rule(RULE_CODES[RULE.constants.index(rule)])
     return f"{rule_of_law.code}, {rule_of_law.title} ({rule_of_law.article})"
 
@@ -96,7 +100,7 @@ def prove_breaches(
     """A proof for each rule of the program that one simulation breaks.
 
     Args:
-        group: The simulation, alone.
+        group: A group of one simulation.
         timeout_s: Time limit of the reasoner [s].
         memory_mib: Memory limit [MiB].
 
@@ -108,7 +112,7 @@ def prove_breaches(
     instance_rules = [_instance_rule(index, rule) for index, rule in enumerate(needed.rules)]
     program = needed.program + "\n".join(rule.text for rule in instance_rules)
     predicates = ((_INSTANCE_PREDICATE, 4),)
-    # The law reads no positions, so the frames with positions are as few as possible.
+    # The law does not read the facts with positions, so their frames are as few as possible.
     facts = pooled_facts(group, needed.requested_facts, MAX_FRAME)
     with Reasoner(program, predicates, timeout_s=timeout_s, memory_mib=memory_mib) as reasoner:
         rows = reasoner.solve(facts)
@@ -139,7 +143,7 @@ def _instance_rule(index: int, rule: ProgramRule) -> _InstanceRule:
     ]
     head = rule.tree.head
     is_pool = node_kind(head.atom) == "SymbolicAtom" and node_kind(head.atom.symbol) == "Pool"
-    if not body or is_pool:  # Facts of the program, such as thresholds, need no premises.
+    if not body or is_pool:  # A fact of the program, such as a threshold, has no premises.
         return _InstanceRule(rule=rule, variables=(), text="")
     variables = tuple(answer_variables(body))
     # The trailing commas make tuples of the lists, also of empty ones and those with one member.
@@ -167,7 +171,7 @@ def _with_named_variables(tree: Any, numbers: Iterator[int]) -> Any:
 
 
 class _Instance(NamedTuple):
-    """An instance of a rule."""
+    """An instance of a rule: index of the rule, atoms of its body, and values of its variables."""
 
     rule_index: int
     body: list[GroundAtom]
@@ -210,7 +214,11 @@ class _Derivation:
             )
 
     def _step(self, atom: GroundAtom) -> ProofStep:
-        """The first instance that concludes an atom, with all its premises."""
+        """The first instance that concludes an atom, with all its premises.
+
+        An instance may follow from an instance of the same rule, as for the frames in which a
+        return is due. Of such a chain the step shows only the ends.
+        """
         instance = self._instances[atom][0]
         chain_begin, num_skipped = self._follow_chain(instance)
         instance_rule = self._rules[instance.rule_index]
@@ -237,7 +245,11 @@ class _Derivation:
         )
 
     def _follow_chain(self, instance: _Instance) -> tuple[list[GroundAtom], int]:
-        """The body with which a recursive rule begins, and the number of instances between."""
+        """Follow a recursive rule back to the first instance of its chain.
+
+        Returns:
+            The body of that instance, and the number of instances before `instance` in the chain.
+        """
         num_skipped = 0
         while True:
             premises = [
@@ -254,12 +266,12 @@ class _Derivation:
 
 
 def _ground_atom(term: Any) -> GroundAtom:
-    """An atom as clingo returns it; an atom without arguments is its name."""
+    """The atom from the worker's value: a list, or the name of an atom without arguments."""
     return tuple(term) if isinstance(term, list) else (term,)
 
 
 def _sort_key(value: Any) -> tuple[bool, Any]:
-    """Numbers before names, which Python cannot compare with each other."""
+    """Key that sorts numbers before names, which Python cannot compare with each other."""
     return isinstance(value, str), value
 
 
@@ -269,7 +281,7 @@ def _atom_text(atom: GroundAtom) -> str:
 
 
 def _with_values(literal: Any, values: Mapping[str, Any]) -> str:
-    """A literal with the values of its variables, without brackets around all of it."""
+    """A literal with the values of its variables, without outer brackets."""
     text = _VARIABLE.sub(lambda match: str(values.get(match[0], match[0])), str(literal))
     is_bracketed = text.startswith("(") and text.endswith(")") and "(" not in text[1:]
     return text[1:-1] if is_bracketed else text

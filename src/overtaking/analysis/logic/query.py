@@ -1,8 +1,8 @@
 """Queries of a data set: parse a condition, refuse an invalid one, and answer it.
 
-A query is the body of a rule: atoms and comparisons that hold together. Its answers are the values
-of its variables. Clingo would answer a misspelt constant with nothing and wrap a large number
-without a message, so both are refused before it runs.
+A query is the body of a rule for the solver clingo: atoms and comparisons that hold together. Its
+answers are the values of its variables. For a misspelt constant clingo would return no answer, and
+it would wrap a large number without a message, so both are refused before it runs.
 """
 
 # clingo's syntax trees are typed as nodes of any kind.
@@ -67,18 +67,18 @@ ANSWER_PREDICATE = "answer__"
 MAX_CHARACTERS = 2000
 """Longest query [characters].
 
-Chosen: far longer than any query that people write. It bounds the time of the checks in this
+A choice, far longer than any query that people write. It bounds the time of the checks in this
 process, to which the time limit of the reasoner does not apply.
 """
 
 MAX_DEPTH = 40
-"""Most brackets within each other in a query.
+"""Deepest nesting of brackets in a query.
 
-clingo's parser and `walk` call themselves for each of them, and Python stops at 1,000 calls within
-each other. Chosen: deeper than any query that people write; a depth of 400 still works.
+clingo's parser and `walk` call themselves for each level, and Python stops at 1,000 nested calls. A
+choice, deeper than any query that people write; a depth of 400 still works.
 """
 
-# Texts and patterns of checks. Of words after `#` a query may have those in `_AGGREGATES` alone.
+# Texts and patterns of checks. After `#` a query may have only the words in `_AGGREGATES`.
 _WITHIN_MAX_INT = f"numbers up to {MAX_INT}, which is all that clingo's integers hold"
 _AGGREGATES = ("count", "sum", "min", "max", "true", "false")
 _STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
@@ -86,21 +86,20 @@ _DIRECTIVE = re.compile(r"#\s*(\w*)")
 _NUMBER = re.compile(r"\d+")
 _ERROR_POSITION = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
 _UNSAFE_VARIABLE = re.compile(r"'(\w+)' is unsafe")
-# Longest part of a message of clingo that an error repeats [characters]; chosen: about a line.
+# Longest part of a message of clingo that an error repeats [characters]: a choice, about a line.
 _MAX_MESSAGE_LENGTH = 120
 # Values of enumerations of clingo.ast. They are numbers here, because clingo is an optional package
-# that this module must not import before a query is asked.
+# that this module must not import before the first query.
 _NOT_EQUAL, _EQUAL = 4, 5  # ComparisonOperator
 _SUMS = (1, 2)  # AggregateFunction: Sum and SumPlus
 # Suggestions for a misspelt name: the largest number, and the smallest similarity by `difflib`,
-# 0 to 1. Both are chosen; the defaults of difflib are 3 and 0.6.
+# 0 to 1. Both are choices; the defaults of difflib are 3 and 0.6.
 _MAX_SUGGESTIONS, _MIN_SIMILARITY = 3, 0.5
 
 _MAX_SUMMED_VALUE = 2000
 """Largest value that a query may sum.
 
-A sum of it over the most frames that there can be, a million (`vocabulary.MAX_FRAME`), stays within
-32 bits.
+Its sum over a million frames, the largest number (`vocabulary.MAX_FRAME`), stays within 32 bits.
 """
 
 
@@ -110,8 +109,8 @@ class QueryVariable:
 
     Attributes:
         name: Its name.
-        argument_type: Its type; None if no predicate has it as an argument, as `N` in
-            `N = #count{…}`.
+        argument_type: Its type; None for a variable that is no argument of a predicate, such as
+            `N` in `N = #count{…}`.
     """
 
     name: str
@@ -124,8 +123,9 @@ class Query:
 
     Attributes:
         columns: Its variables, in the order in which they occur.
-        requested_facts: The facts that the answer may depend on.
-        program: The rules that it may depend on, and the query as a rule for `ANSWER_PREDICATE`.
+        requested_facts: The facts on which the answers may depend.
+        program: The rules on which the answers may depend, and the query as a rule that concludes
+            `ANSWER_PREDICATE`.
     """
 
     columns: tuple[QueryVariable, ...]
@@ -194,7 +194,7 @@ def _check_text(text: str) -> None:
 def _check_numbers(text: str) -> None:
     """Refuse numbers that clingo would wrap."""
     for match in _NUMBER.finditer(text):
-        # By the number of digits first: Python refuses to convert very long numbers.
+        # The number of digits is compared first: Python refuses to convert very long numbers.
         if len(match[0]) > len(str(MAX_INT)) or int(match[0]) > MAX_INT:
             raise query_error(match[0], _WITHIN_MAX_INT)
 
@@ -278,8 +278,8 @@ def _variable_types(tree: Any) -> dict[str, ArgumentType]:
                 )
                 raise query_error(conflict, "each variable to be one kind of thing")
             first_atoms.setdefault(name, predicate.signature_text)
-    compared = [pair for pair in _compared_terms(tree.body) if pair[0] in types]
-    for name, term in compared:
+    comparisons = [pair for pair in _compared_terms(tree.body) if pair[0] in types]
+    for name, term in comparisons:
         _check_constants(term, types[name], constants[name], f"{name} in {first_atoms[name]}")
     return types
 
@@ -288,8 +288,8 @@ def _functions(trees: Any) -> Iterator[Any]:
     """The atoms of a query."""
     for tree in walk(trees):
         if node_kind(tree) == "SymbolicAtom":
-            # A pool `p(1;2)` stands for several atoms, a minus `-p(1)` for the opposite of an atom.
-            # The checks read the arguments of single atoms, and no program concludes an opposite.
+            # A pool `p(1;2)` stands for several atoms, but the checks read single atoms. A minus
+            # `-p(1)` is the opposite of an atom, which no program concludes.
             if node_kind(tree.symbol) != "Function":
                 raise query_error(str(tree), "plain atoms, without pools and without minus")
             yield tree.symbol
@@ -308,7 +308,7 @@ def _predicate_of(function: Any) -> Predicate:
 
 
 def _unknown_predicate(name: str, arity: int, column: int) -> ConfigError:
-    """The error of a name that is no predicate, with the predicates that resemble it."""
+    """The error of an unknown predicate, with the predicates of a similar name."""
     predicates = PREDICATES.values()
     names = [predicate.name for predicate in predicates]
     similar = difflib.get_close_matches(name, names, _MAX_SUGGESTIONS, _MIN_SIMILARITY)
@@ -335,8 +335,8 @@ def _alternatives(term: Any) -> Iterator[Any]:
 def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
     """Each variable that is compared by `=` or `!=`, with the term on the other side."""
     for tree in walk(trees):
-        # Each term after the first is a guard; a chain such as `0 < X <= 3` has several. Chains are
-        # left out (a choice): a misspelt constant in one is not reported.
+        # Each term after the first is a guard; a chain such as `0 < X <= 3` has several guards. By
+        # choice chains are left out: a misspelt constant in a chain is not reported.
         if node_kind(tree) == "Comparison" and len(tree.guards) == 1:
             (guard,) = tree.guards
             sides = (tree.term, guard.term) if guard.comparison in (_NOT_EQUAL, _EQUAL) else ()
@@ -390,7 +390,7 @@ def _check_constant(
 
 
 def _nearest_first(unknown_name: str, names: list[str]) -> list[str]:
-    """The names, those that resemble `unknown_name` first."""
+    """The names, beginning with the names that resemble `unknown_name`."""
     similar = difflib.get_close_matches(
         unknown_name.lower(), names, _MAX_SUGGESTIONS, _MIN_SIMILARITY
     )
@@ -400,7 +400,8 @@ def _nearest_first(unknown_name: str, names: list[str]) -> list[str]:
 def answer_variables(trees: Any) -> Iterator[str]:
     """The variables outside of aggregates and conditions, each once, in order.
 
-    Variables that occur in negated literals only are left out, because no atom binds them.
+    Variables that occur only in negated literals are left out, because no atom binds them. So is
+    the anonymous variable `_`.
     """
     names = {"_"}
     for tree in trees:
@@ -412,7 +413,7 @@ def answer_variables(trees: Any) -> Iterator[str]:
 
 
 def _variables_in(tree: Any) -> Iterator[str]:
-    """The variables of a literal, without those that are local to an aggregate."""
+    """The variables of a literal, without the local variables of an aggregate."""
     if node_kind(tree) == "Variable":
         yield tree.name
     elif node_kind(tree) == "BodyAggregate":
@@ -438,6 +439,7 @@ def _check_sums(tree: Any) -> None:
 
 
 AnswerValue = int | str
+"""A number, or the name of a constant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -448,8 +450,7 @@ class Answers(ShownAsTable, ContentEquality):
         columns: The variables of the query.
         rows: Their values, in order.
         is_cut: Whether answers beyond the limit were left out.
-        num_simulations: Number of simulations that were queried; after a cut not all that were
-            asked for.
+        num_simulations: Number of simulations that were queried; after a cut fewer than requested.
         frame_interval_ms: Time between two frames [ms].
     """
 
@@ -486,9 +487,9 @@ def ask(
         frame_step: Interval between the frames with positions [frames], as in an export.
         max_rows: Most answers.
         timeout_s: Time limit of the reasoner [s].
-        memory_mib: Memory limit [MiB]; the answers may take an eighth of it (chosen: this process
-            holds them several times, as rows and in formatted text).
-        progress: Called with the number of simulations that are done, and of all to query.
+        memory_mib: Memory limit [MiB]; the answers may take an eighth of it, a choice: this process
+            holds them several times, as rows and in formatted text.
+        progress: Called with the numbers of finished and of requested simulations.
 
     Raises:
         ConfigError: The query is invalid, or exceeds its time or memory.
@@ -529,7 +530,7 @@ def ask(
 
 
 def _solve_group(reasoner: Reasoner, facts: bytes) -> list[tuple[AnswerValue, ...]]:
-    """The answers of one group, in order; numbers before names."""
+    """The answers of one group, sorted; numbers before names."""
     try:
         rows = [tuple(row) for row in reasoner.solve(facts)]
     except ProgramError as error:

@@ -18,7 +18,8 @@ class ReasonerSettings(TypedDict):
     Attributes:
         program: Rules.
         predicates: Name and number of arguments of the predicates whose atoms are returned.
-        max_rows: One atom more is returned, no further ones.
+        max_rows: Largest number of rows of a group. At most `max_rows + 1` rows are returned, so
+            that the parent sees that there are more.
         memory_mib: Memory limit [MiB].
     """
 
@@ -29,9 +30,9 @@ class ReasonerSettings(TypedDict):
 
 
 def main(parent: ParentConnection) -> None:
-    """Answer groups of facts: the first message is a `ReasonerSettings`, each further one facts.
+    """Answer groups of facts: one group for each message after the first, a `ReasonerSettings`.
 
-    The answers are dictionaries, with `rows` or with `error`, after which the process ends.
+    An answer is a dictionary with `rows`, or with `error`, after which the process ends.
     """
     messages = iter(parent)
     settings: ReasonerSettings = next(messages)
@@ -51,12 +52,13 @@ def _answer(settings: ReasonerSettings, facts: bytes) -> dict[str, Any]:
     except MemoryError:
         return {"error": "memory"}
     except RuntimeError as error:
+        # clingo reports a failed allocation of C++ as a `RuntimeError`.
         kind = "memory" if "bad_alloc" in str(error) else "program"
         return {"error": kind, "messages": messages}
 
 
 def _solve(settings: ReasonerSettings, facts: str, messages: list[str]) -> list[list[Any]]:
-    """The arguments of all atoms of the predicates; messages of clingo are appended."""
+    """The arguments of all atoms of the predicates; clingo's messages are added to `messages`."""
     control = clingo.Control(logger=lambda _, message: messages.append(message))
     control.add("base", [], settings["program"])
     control.add("base", [], facts)

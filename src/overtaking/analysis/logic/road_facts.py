@@ -1,7 +1,8 @@
 """Facts about the road, which all simulations of a data set share.
 
-The keywords of the decorator `fact` name the arguments of the predicate; the function below it
-returns one column for each, in this order.
+A fact is a predicate with values, such as `lane_width(0,3500)`. The keywords of the
+decorator `fact` are the arguments of the predicate with their types. The function below it returns
+one column of integers for each, in this order, with a row for each fact.
 """
 
 from __future__ import annotations
@@ -64,6 +65,7 @@ def _num_lanes(source: FactSource) -> FactColumns:
     Lane=LANE,
 )
 def _opposing_lane(source: FactSource) -> FactColumns:
+    # One fact on a two-way road, no fact on other roads.
     return (np.full(int(source.road.is_two_way), source.road.num_lanes),)
 
 
@@ -89,7 +91,7 @@ def _posted_limit(source: FactSource) -> FactColumns:
 )
 def _lower_limits(source: FactSource) -> FactColumns:
     course = source.road.course
-    limits = course.speed_limits_for(1) if course else ()
+    limits = course.speed_limits_for(direction=1) if course else ()
     table = np.array([(limit.start, limit.stop, limit.speed) for limit in limits]).reshape(-1, 3)
     return (
         _first_position_from(table[:, 0]),
@@ -99,7 +101,7 @@ def _lower_limits(source: FactSource) -> FactColumns:
 
 
 def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The first position in whole millimetres at or beyond each station, given in m [mm]."""
+    """The first recordable position, in whole millimetres, at or beyond each station in m [mm]."""
     first = np.ceil(stations / POSITION_RESOLUTION).astype(np.int64)
     # The quotient is rounded, so its ceiling may be one too high or one too low.
     first -= (first - 1) * POSITION_RESOLUTION >= stations
@@ -115,9 +117,9 @@ def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
 )
 def _borders(source: FactSource) -> FactColumns:
     road = source.road
-    # Positive is left, the overtaking side; offsets of the road are positive to the geometric left.
+    # Facts are positive to the overtaking side, offsets of the road to the geometric left.
     positions = nearest_thousandths(road.overtaking_sign * np.array(road.lane_boundaries))
-    # The last border is the slow side of the lane beyond, the edge of the driving lanes.
+    # The last border is the fast edge of the driving lanes: the slow side of lane `num_lanes`.
     return np.arange(road.num_lanes + 1), positions
 
 
@@ -151,8 +153,8 @@ def _lane_marks(source: FactSource) -> FactColumns:
     for index, lane in enumerate(road.lanes):
         slow_mark, fast_mark = _side_marks(road, lane)
         # A lane has its marks as seen from inside: the slow line from the left, and the fast line,
-        # which is the slow line of the next lane, from the right. If the line on the fast side of
-        # the last lane changes along the road, `line` has it.
+        # which is the slow line of the next lane, from the right. The line on the fast side of the
+        # last lane is left out if it changes along the road: the predicate `line` then has it.
         facts.append((index, SIDES.index("left"), _mark_code(slow_mark)))
         if index + 1 < road.num_lanes or not _has_varying_edge_mark(road):
             facts.append((index + 1, SIDES.index("right"), _mark_code(fast_mark)))
@@ -189,7 +191,8 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     if not _has_varying_edge_mark(source.road):
         return no_facts(3)
     begins, marks = zip(*source.road.overtaking_edge_marks, strict=True)
-    # Without infinity, which no integer holds: a road lies between 0 and `MAX_LENGTH`.
+    # The first stretch begins at minus infinity, and the last ends at infinity, which no integer
+    # holds. A road lies between 0 and `MAX_LENGTH`, so cutting both beyond the road loses nothing.
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = np.array([_mark_code(mark) for mark in marks])
     return nearest_thousandths(ends[:-1]), nearest_thousandths(ends[1:]), codes
@@ -204,7 +207,7 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     To=MM,
 )
 def _zones(source: FactSource) -> FactColumns:
-    zones = all_zones_for(source.road, 1)
+    zones = all_zones_for(source.road, direction=1)
     codes = [ZONE_KIND.constants.index(zone.kind.name.lower()) for zone in zones]
     ends = np.array([(zone.start, zone.stop) for zone in zones]).reshape(-1, 2)
     return (

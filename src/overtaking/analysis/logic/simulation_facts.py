@@ -1,7 +1,8 @@
 """Facts about a simulation as a whole: weather, class, outcome, events and target.
 
-The keywords of the decorator `fact` name the arguments of the predicate; the function below it
-returns one column for each, in this order.
+A fact is a predicate with values, such as `event(7,attempt,120)`. The keywords of the
+decorator `fact` are the arguments of the predicate with their types. The function below it returns
+one column of integers for each, in this order, with a row for each fact.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def _wind(source: FactSource) -> FactColumns:
 
 
 def _percentages(source: FactSource, values: F32) -> FactColumns:
-    """Numbers of the simulations, and a value of each as whole per cent."""
+    """Number of each simulation, and its value of 0 to 100 rounded to whole per cent."""
     return source.simulation_ids, np.rint(values).astype(np.int64)
 
 
@@ -145,5 +146,5 @@ def _targets(source: FactSource) -> FactColumns:
     Lane=LANE,
 )
 def _original_lanes(source: FactSource) -> FactColumns:
-    # Code 255 is lane -1, as in `_lane_spans`.
+    # As a signed integer, code 255, beyond the slow edge, is lane -1.
     return source.simulation_ids, source.case.events.original_lane.astype(np.uint8).view(np.int8)

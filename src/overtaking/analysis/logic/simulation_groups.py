@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 GROUP_SIZE = 64
-"""Simulations whose facts are in memory at the same time, as columns and as text."""
+"""Number of simulations whose facts are in memory at the same time, as columns and as text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ def read_groups(
     """Read simulations in order, one group after the other.
 
     Args:
-        dataset: The data set. Trajectories that it does not keep are simulated again.
+        dataset: The data set. Trajectories that it does not store are simulated again.
         simulation_ids: Their numbers in order; None for all.
         size: Largest number of simulations in a group.
 
@@ -78,8 +78,8 @@ def read_groups(
 def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
     """Codes of the classes, shape (simulation, policy), and of the outcomes, shape (simulation,).
 
-    The simulations are of one file, in order. The file has a row for each simulation and policy,
-    with the policies of a simulation next to each other and in the order of `POLICY`.
+    The simulations are from one file, in order. The file has a row for each simulation and policy;
+    the policies of a simulation are adjacent, in the order of `POLICY`.
     """
     first_id, num_policies = int(simulation_ids[0]), len(POLICY.constants)
     rows = dataset.rows("labels", first_id, int(simulation_ids[-1]))

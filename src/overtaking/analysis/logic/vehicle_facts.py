@@ -1,7 +1,8 @@
 """Facts about the vehicles of a simulation: sizes, lanes, lamps, neighbours, contacts, motion.
 
-The keywords of the decorator `fact` name the arguments of the predicate; the function below it
-returns one column for each, in this order.
+A fact is a predicate with values, such as `speed(7,0,120,27500)`. The keywords of the
+decorator `fact` are the arguments of the predicate with their types. The function below it returns
+one column of integers for each, in this order, with a row for each fact.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def _runs_of_frames(values: NDArray[np.integer], valid: Mask) -> tuple[I64, ...]
 
     Args:
         values: Shape (..., frame).
-        valid: Which of them count, same shape; the others interrupt a run.
+        valid: Whether each value counts, same shape; the other values interrupt a run.
 
     Returns:
         For each run: its index along every leading axis, its value, its first and its last frame.
@@ -116,7 +117,7 @@ def _runs_of_frames(values: NDArray[np.integer], valid: Mask) -> tuple[I64, ...]
     Last=FRAME,
 )
 def _recorded_spans(source: FactSource) -> FactColumns:
-    # Equal values: a run ends only where the vehicle is not recorded.
+    # All values are 0, so a run ends only where the vehicle is not recorded.
     simulation, slot, _, first, last = _runs_of_frames(
         np.zeros_like(source.states.lane), source.trajectories.state_mask
     )
@@ -152,16 +153,16 @@ def _lane_spans(source: FactSource) -> FactColumns:
     Last=FRAME,
 )
 def _indicator_spans(source: FactSource) -> FactColumns:
-    lamps = indicator_to_kerb_side(source.road), indicator_to_overtaking_side(source.road)
+    indicators = indicator_to_kerb_side(source.road), indicator_to_overtaking_side(source.road)
     parts: list[FactColumns] = []
-    # The lamps are in the order of `vocabulary.SIDES`, so the index is the code of the side.
-    for side_code, lamp in enumerate(lamps):
-        is_lit = (source.states.lights & np.uint8(lamp)) != 0
+    # The indicators are in the order of `vocabulary.SIDES`, so the index is the code of the side.
+    for side_code, indicator in enumerate(indicators):
+        is_lit = (source.states.lights & np.uint8(indicator)) != 0
         is_lit &= source.trajectories.state_mask
         simulation, slot, _, first, last = _runs_of_frames(np.zeros(is_lit.shape, np.uint8), is_lit)
         side_codes = np.full(len(simulation), side_code)
         parts.append((source.simulation_ids[simulation], slot, side_codes, first, last))
-    return concatenate_facts(parts, 5)
+    return concatenate_facts(parts, num_arguments=5)
 
 
 @fact(
@@ -225,9 +226,9 @@ def _written_frames(source: FactSource) -> FactColumns:
 )
 def _pairs_of_written_frames(source: FactSource) -> FactColumns:
     simulation, frame = np.nonzero(source.is_written_frame)
-    is_same = simulation[1:] == simulation[:-1]
-    simulation_ids = source.simulation_ids[simulation[1:][is_same]]
-    return simulation_ids, frame[:-1][is_same], frame[1:][is_same]
+    is_same_simulation = simulation[1:] == simulation[:-1]
+    simulation_ids = source.simulation_ids[simulation[1:][is_same_simulation]]
+    return simulation_ids, frame[:-1][is_same_simulation], frame[1:][is_same_simulation]
 
 
 @fact(
@@ -257,9 +258,11 @@ def _speeds(source: FactSource) -> FactColumns:
 
 
 def _values_of_near_vehicles(source: FactSource, values: NDArray[np.integer]) -> FactColumns:
-    """Values of vehicles within the reach of the facts, in the frames that have positions.
+    """Values of the vehicles near the ego, in the frames with positions.
 
-    `FactSource.is_near` has the reach, `FactSource.is_written_frame` the frames.
+    Args:
+        source: The recordings. `is_near` selects the vehicles, `is_written_frame` the frames.
+        values: Shape (simulation, vehicle, frame).
     """
     is_written = source.is_near & source.is_written_frame[:, None, :]
     index = simulation, slot, frame = np.nonzero(is_written)

@@ -69,6 +69,8 @@ EVENT_NAMES = (
 """Fields of `OvertakeEvents` that become facts; `first` and `last` happen in every simulation."""
 
 SIDES = ("right", "left")
+"""Sides in the order of their codes; left is the overtaking side."""
+
 RULE_CODES = (
     *("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L17", "L18", "L20", "L21"),
     *("L24", "L25", "L26", "L28", "L29"),
@@ -78,8 +80,9 @@ RULE_CODES = (
 MAX_FRAME = 1_000_000
 """Largest frame: 10,000 s in steps of the simulator, 10 ms."""
 
-# With these the largest terms of the programs stay within 32 bits: twice the difference of two
-# positions (4 `MAX_MM`), and a speed times a time of at most 10,000 hundredths of a second.
+# Largest length, 500 km, and largest speed, 720 km/h. With them the largest terms of the programs
+# stay within 32 bits: twice the difference of two positions (4 `MAX_MM`), and a speed times a time
+# of at most 10,000 hundredths of a second.
 # `tests/unit/analysis/logic/test_ranges.py` computes the ranges of all terms.
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
@@ -117,7 +120,7 @@ ARGUMENT_TYPES = {
         *(SIMULATION, VEHICLE, LANE, FRAME, COUNT, PERCENT, MILLISECONDS, MM, SIZE, SPEED),
         *(BRAKING, KIND, EVENT, ROLE, SIDE, MARK, ROAD, POLICY, CLASS, OUTCOME, UNKNOWN, RULE),
         *(VERDICT, ZONE_KIND),
-        # The others occur in the programs only.
+        # These types occur in the programs only.
         ArgumentType("km_per_h", "speed in kilometres per hour", 0, 1000),
         ArgumentType("duration", "time in milliseconds", 0, 3_600_000),
         ArgumentType("hundredths", "time in hundredths of a second", 0, 10_000),

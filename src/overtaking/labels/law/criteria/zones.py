@@ -194,7 +194,7 @@ class NoOvertakingSigns(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest distance from a stretch with such a sign decides."""
         trajectories, has_attempt = case.trajectories, case.events.has_attempt
-        if not all_zones_for(trajectories.road, 1):
+        if not all_zones_for(trajectories.road, direction=1):
             # Signs are known only if the posted limit is known.
             may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
             may_have_sign &= self.is_undecidable_without_zones
