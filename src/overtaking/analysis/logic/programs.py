@@ -43,7 +43,7 @@ PROGRAM_FILES = ("theory.lp", "law.lp")
 _DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
 _GLOSS_PREFIX = "%~ "
 # `parse_rules` replaces the constants of the theory and the law by their values. The rule of a
-# query is parsed apart from both, so its `ego` is still a name.
+# query is parsed apart from both, so its `ego` is still a name, which this line defines.
 _PREAMBLE = "#const ego = 0.\n"
 
 
@@ -549,7 +549,7 @@ def _add_assigned_ranges(literals: Iterable[Any], ranges: dict[str, ValueRange])
 
 
 def _variable_names(term: Any) -> set[str]:
-    """The names of the variables in a term; no names for None, the value of a count."""
+    """The names of the variables in a term; an empty set for None, the value of a count."""
     trees = [] if term is None else [term]
     return {tree.name for tree in walk(trees) if node_kind(tree) == "Variable"}
 

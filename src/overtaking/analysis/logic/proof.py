@@ -146,7 +146,7 @@ def _instance_rule(index: int, rule: ProgramRule) -> _InstanceRule:
     if not body or is_pool:  # A fact of the program, such as a threshold, has no premises.
         return _InstanceRule(rule=rule, variables=(), text="")
     variables = tuple(answer_variables(body))
-    # The trailing commas make tuples of the lists, also of empty ones and those with one member.
+    # The trailing commas make tuples of the lists, also of an empty list or of a single member.
     premises = "".join(f"{literal}," for literal in body if _is_positive_atom(literal))
     values = "".join(f"{name}," for name in variables)
     condition = "; ".join(str(literal) for literal in body)
@@ -198,6 +198,7 @@ class _Derivation:
 
     def proofs(self) -> Iterator[Proof]:
         """A proof for each broken rule, in the order of the rules."""
+        # The atoms are `breach(S,Rule,F)` and `illegal(S,Rule)`.
         frames_by_rule: dict[str, set[int]] = {}
         for name, *arguments in self._instances:
             if name == "breach":

@@ -169,11 +169,11 @@ def _lane_leaving_error(case: Case, frame: I32, errors: MeasurementErrors) -> F3
         Shape (simulation,) [m]; 0 where the ego is still in the lane after `frame`.
     """
     signals, next_frame = case.signals, np.minimum(frame + 1, case.events.last)
-    leaves = at_frame(signals.lane, next_frame) != at_frame(signals.lane, frame)
+    leaves_lane = at_frame(signals.lane, next_frame) != at_frame(signals.lane, frame)
     closing_speed = neighbour_at(case, _LEADER, frame).closing_speed
     lateral_speed = np.maximum(np.abs(at_frame(signals.lateral_speed, frame)), MIN_RATE_OF_CHANGE)
     error = closing_speed * np.float32(errors.position_std) / lateral_speed
-    return np.where(leaves, error, np.float32(0.0))
+    return np.where(leaves_lane, error, np.float32(0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,7 +204,7 @@ class TimeDistance(Criterion):
     ERROR_FORMULA: ClassVar[str] = "sqrt(2 sp^2 + min_time^2 sv^2)"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the gap less the distance driven in `min_time` [m]."""
+        """Error of the gap minus the distance driven in `min_time` [m]."""
         del case
         return _gap_and_time_error(finding, float(self.min_time.f32), errors)
 
@@ -231,12 +231,13 @@ class FinedTimeDistance(Criterion):
     drives `max_distance`, minus the time for which the gap has been too small without a break. It
     is a duration, so there are no margins by frame.
 
-    The German catalogue of fines states gaps in tenths of "half the speedometer", the number of
-    metres that is half the speed in km/h. Five tenths are the distance driven in 0.9 s.
+    The German catalogue of fines (BKatV, numbers 12.5 to 12.7) states gaps in tenths of "half the
+    speedometer", the number of metres that is half the speed in km/h. Five tenths are the distance
+    driven in 0.9 s.
 
     Attributes:
-        min_time: Time gap, a multiple of 0.1 s for `_distance_in_whole_mm`. A smaller gap is too
-            small.
+        min_time: Time gap below which a gap is too small, a multiple of 0.1 s for
+            `_distance_in_whole_mm`.
         min_speed: Speed above which the duty holds.
         max_duration: Longest lawful time with a gap that is too small.
         max_distance: Longest lawful distance driven with such a gap.
@@ -445,7 +446,7 @@ class GapForAnotherVehicle(Criterion):
     ERROR_FORMULA: ClassVar[str] = "sqrt(2 sp^2 + (2 min_time)^2 sv^2)"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the gap less twice the distance driven in `min_time` [m]."""
+        """Error of the gap minus twice the distance driven in `min_time` [m]."""
         del case
         return _gap_and_time_error(finding, 2.0 * float(self.min_time.f32), errors)
 

@@ -71,21 +71,25 @@ class SolidLines(Criterion):
         """The smallest distance from a continuous line decides."""
         road, span = case.trajectories.road, judged_span(case)
         if "marks" in case.trajectories.unknown:
-            never = np.full(len(span.first), NEVER)  # Any line may be there: the rule applies.
+            # Any line may be there: the rule applies, and is undecidable, because `marks` is a
+            # required input.
+            never = np.full(len(span.first), NEVER)
             return finding_from_margins(
                 span.is_nonempty, np.zeros(len(never), np.float32), never, never
             )
-        if not (solid := solid_borders(road)):
+        if not (solid_sides := solid_borders(road)):
             return finding_not_applicable(case.signals.num_simulations)
         tolerance = LINE_TOLERANCE.f32
         distances = [
-            _min_distance_to_border(case, span, border, sides) for border, sides in solid.items()
+            _min_distance_to_border(case, span, border, sides)
+            for border, sides in solid_sides.items()
         ]
         min_margin = np.minimum.reduce(distances) + tolerance
+        # The frames of the breach are searched only in simulations with a breach.
         rows = np.flatnonzero(span.is_nonempty & (min_margin < 0))
         is_over = [
             _distances_to_border(case, rows, border, sides) + tolerance < 0
-            for border, sides in solid.items()
+            for border, sides in solid_sides.items()
         ]
         first, last, longest = breach_frames_in(span, rows, np.logical_or.reduce(is_over))
         applies = span.is_nonempty & (min_margin < UNCONSTRAINED)
@@ -93,7 +97,7 @@ class SolidLines(Criterion):
         if self.severity_between_directions is None:
             return finding
         # The line between the directions is the last border, and `distances` are in order.
-        is_centre_line_solid = road.is_two_way and road.num_lanes in solid
+        is_centre_line_solid = road.is_two_way and road.num_lanes in solid_sides
         is_over_centre_line = (distances[-1] + tolerance < 0) & is_centre_line_solid
         severity = np.where(is_over_centre_line, self.severity_between_directions, Severity.LIGHT)
         is_illegal = finding.verdict == Verdict.ILLEGAL
@@ -209,7 +213,7 @@ def _came_from_right(is_right: Mask, is_left: Mask) -> Mask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WidthForOvertaking(Criterion):
-    """At the attempt there is a driving lane on the left with room for the ego.
+    """At the attempt there is a driving lane on the left that is wide enough for the ego.
 
     Widths of lanes and vehicles are taken as exact, so there is no standard error.
 
@@ -225,10 +229,10 @@ class WidthForOvertaking(Criterion):
 
     def predicate(self) -> str:
         """The lane, and its width beyond the width of the ego."""
-        room = 2.0 * self.min_border_distance.number
+        extra_width = 2.0 * self.min_border_distance.number
         return (
             "At attempt: the lane on the left is a driving lane and at least "
-            f"{room:.3g} {self.min_border_distance.unit} wider than the ego."
+            f"{extra_width:.3g} {self.min_border_distance.unit} wider than the ego."
         )
 
     def check(self, case: Case) -> Finding:

@@ -122,8 +122,8 @@ class GapAtReturn(Criterion):
         ego_speed = _speed_at(case, _return_frame(case), ego_speed_error)
         meeting_distance = self.min_time.f32 * (others.speed + ego_speed)
         encroachment_distance = self.min_pet.f32 * others.speed
-        needed = maximum(meeting_distance, encroachment_distance)
-        return np.where(others.is_approaching, others.gap - needed, UNCONSTRAINED)
+        needed_gap = maximum(meeting_distance, encroachment_distance)
+        return np.where(others.is_approaching, others.gap - needed_gap, UNCONSTRAINED)
 
 
 def _return_frame(case: Case) -> I32:
@@ -205,8 +205,8 @@ class TimeToPass(Criterion):
     ) -> F32:
         """Margin of the predicted gap to each oncoming vehicle; arguments as in `GapAtReturn`."""
         ego_speed = _speed_at(case, opposing_lane_span(case).last, ego_speed_error)
-        needed = self.min_time.f32 * (ego_speed + others.speed)
-        margins = _predicted_gaps(case, others) - needed
+        needed_gap = self.min_time.f32 * (ego_speed + others.speed)
+        margins = _predicted_gaps(case, others) - needed_gap
         return np.where(others.is_approaching, margins, UNCONSTRAINED)
 
 

@@ -198,7 +198,7 @@ def _return_margin(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReturnDelay(Criterion):
-    """After the pass, the ego does not stay out for long while it could return.
+    """After the pass, the ego does not stay out of its lane for long while it could return.
 
     Attributes:
         max_delay: Longest lawful time in which the ego could return and does not.
@@ -219,7 +219,7 @@ class ReturnDelay(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """The conditions of a possible return, its longest delay, and the stricter rule."""
+        """The conditions of a possible return, its longest delay, and a stricter rule."""
         return (
             "From overlap_end on: the ego never stays out of its original lane for more than "
             f"{self.max_delay} on end in which the target is max({RETURN_TIME_GAP} v_target, safe "
@@ -274,9 +274,9 @@ def _begin_error(case: Case, errors: MeasurementErrors) -> F32:
 
     def margin_with(ego_error: StateError, target_error: StateError) -> F32:
         target_speed = target.speed + target_error.speed
-        lawful = lawful_gap(target_speed, target_speed - ego_speed - ego_error.speed, decel)
-        needed = np.maximum(RETURN_TIME_GAP.f32 * target_speed, lawful)
-        return target.gap + ego_error.position - target_error.position - needed
+        safe_gap = lawful_gap(target_speed, target_speed - ego_speed - ego_error.speed, decel)
+        needed_gap = np.maximum(RETURN_TIME_GAP.f32 * target_speed, safe_gap)
+        return target.gap + ego_error.position - target_error.position - needed_gap
 
     # A lower bound on the opening speed keeps the error finite where the gap hardly opens.
     opening_speed = np.maximum(ego_speed - target.speed, MIN_RATE_OF_CHANGE)

@@ -78,7 +78,7 @@ class StoppingSightDistance(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The smallest sight distance minus stopping distance decides."""
+        """The smallest difference, sight distance minus stopping distance, decides."""
         results = scans(case)
         minimum = results.stop_unlit if self.is_for_unlit_obstacles else results.stop_lit
         return finding_of_minimum(minimum, judged_span(case))
@@ -106,8 +106,8 @@ class StoppingSightDistance(Criterion):
         # Friction at the actual speed. At a lower speed it is no smaller.
         decel = decel_with_all_grip(breach.case.signals.friction[0, frames])
         sight = self._sight(breach.case)[0, frames]
-        allowed = stoppable_speed(sight, as_f32(STOPPING_REACTION_TIME.f32), decel)
-        return breach.remedy_slower_ego(frames, allowed)
+        max_speed = stoppable_speed(sight, as_f32(STOPPING_REACTION_TIME.f32), decel)
+        return breach.remedy_slower_ego(frames, max_speed)
 
     def margins_by_frame(self, case: Case) -> F64:
         """Margins of the judged frames."""
@@ -157,7 +157,8 @@ class MinimumSightDistance(Criterion):
         """The frame with the smallest sight decides, or the line crossing on two-way roads."""
         span, road = _span_until_passed(case), case.trajectories.road
         if not (road.is_two_way or road.course or self.is_for_unlit_obstacles):
-            # The air is the same in all frames, so one comparison serves a whole simulation.
+            # The air is the same in all frames, so one comparison serves a whole simulation, and
+            # a breach lasts for the whole span.
             minimum = MarginMinimum(
                 min_margin=meteorological_range(case) - self.min_sight.f32,
                 first_frame=span.first,
@@ -207,7 +208,7 @@ class MinimumSightDistance(Criterion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassingSightDistance(Criterion):
-    """When the line is crossed on a two-way road, air and road show all of the road to overtake on.
+    """When the line is crossed on a two-way road, the sight distance covers the whole overtake.
 
     Attributes:
         clearance_time: Time to an oncoming vehicle that must remain at the end of the overtake.
@@ -312,7 +313,7 @@ def _crossing_frame(case: Case) -> I32:
 
 
 def _is_passing_sight_margin(case: Case, margin: F32 | float, clearance_time: Quantity) -> Mask:
-    """Whether `_passing_sight_margin` is this margin, shape (simulation,); not on one-way roads."""
+    """Whether `_passing_sight_margin` is this margin, (simulation,); false on one-way roads."""
     if not case.trajectories.road.is_two_way:
         return np.zeros(case.signals.num_simulations, np.bool_)
     return np.abs(_passing_sight_margin(case, clearance_time) - margin) < SAME_MARGIN_M

@@ -133,6 +133,7 @@ class SpeedLimit(Criterion):
 
         def margin_with(position_error: np.float32, speed_error: np.float32) -> F32:
             _, highest_limit = self.bounds(case, ahead=float(position_error))
+            # Without `_to_recorded_resolution`: the constant cancels in differences of margins.
             return reduce_span(np.minimum, highest_limit - (speed + speed_error), span)
 
         return propagated_error(margin_with, errors.position_std, errors.speed_std)

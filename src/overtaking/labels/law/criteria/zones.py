@@ -42,7 +42,8 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import Case, Finding, Verdict
 from overtaking.world.sight_distance import all_zones_for
 
-_NO_FRAME = np.iinfo(np.int32).max  # Later than any frame.
+# Later than any frame: a minimum of frames ignores it, as a maximum ignores `NEVER` (-1).
+_NO_FRAME = np.iinfo(np.int32).max
 
 _WITH_APPROACH = (ZoneKind.JUNCTION, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.LEVEL_CROSSING)
 """Places before which overtaking is also forbidden, within the approach length."""
@@ -69,7 +70,7 @@ _APPROACH_LENGTH = quantity(
 """Length of road that is 'immediately before' a crossing or junction."""
 
 ApproachLength = Callable[[ZoneKind], float]
-"""Length of road before a place of a kind that counts as part of it [m]."""
+"""Function from the kind of a place to its approach: the road before it that counts as part [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +125,7 @@ class NoOvertakingZones(Criterion):
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of a position along the road, or of the return where that decides [m]."""
+        """Error of the distance from the deciding place, as `_zone_margin_error` [m]."""
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -141,7 +142,7 @@ class NoOvertakingZones(Criterion):
         return _overtake_elsewhere(breach)
 
     def _forbidden_zones(self, case: Case) -> list[_ForbiddenZones]:
-        """All forbidden places, and the places that are allowed on several lanes."""
+        """Places that always forbid overtaking, and places that permit it on several lanes."""
         num_simulations = case.signals.num_simulations
         has_several_lanes = np.full(num_simulations, case.trajectories.road.num_lanes > 1)
         is_waived = has_several_lanes & ~opposing_lane_span(case).is_nonempty
@@ -177,7 +178,7 @@ class NoOvertakingSigns(Criterion):
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """The kinds of ego and target, and the signs, which are known with the posted limits."""
+        """The kinds of ego and target; and the posted limits, without which signs are unknown."""
         return frozenset(["kinds", "speed_limit"])
 
     def predicate(self) -> str:
@@ -195,7 +196,8 @@ class NoOvertakingSigns(Criterion):
         """The smallest distance from a stretch with such a sign decides."""
         trajectories, has_attempt = case.trajectories, case.events.has_attempt
         if not all_zones_for(trajectories.road, direction=1):
-            # Signs are known only if the posted limit is known.
+            # Signs are known only if the posted limit is known. Otherwise the rule applies, and is
+            # undecidable, because `speed_limit` is a required input.
             may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
             may_have_sign &= self.is_undecidable_without_zones
             attempt = case.events.attempt
@@ -209,7 +211,7 @@ class NoOvertakingSigns(Criterion):
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of a position along the road, or of the return where that decides [m]."""
+        """Error of the distance from the deciding place, as `_zone_margin_error` [m]."""
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -252,7 +254,7 @@ class NoOvertakingAtCrossings(Criterion):
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """The kind of the target; one of unknown kind counts as a motor vehicle."""
+        """The kind of the target; a target of unknown kind counts as a motor vehicle."""
         return frozenset(["kinds"])
 
     def predicate(self) -> str:
@@ -274,7 +276,7 @@ class NoOvertakingAtCrossings(Criterion):
     ERROR_FORMULA: ClassVar[str] = _ERROR_FORMULA
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of a position along the road, or of the return where that decides [m]."""
+        """Error of the distance from the deciding place, as `_zone_margin_error` [m]."""
         return _zone_margin_error(case, finding, errors, self._forbidden_zones(case))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -389,7 +391,7 @@ def _zone_margin_error(
     errors: MeasurementErrors,
     forbidden_zones: Iterable[_ForbiddenZones],
 ) -> F32:
-    """Error of a position along the road, and of the return where that decides [m].
+    """Error of a position along the road, and of the return where the return decides [m].
 
     Where the overtake ends with the return to the ego's side, and the frame of the return has the
     margin, an error of the lateral position moves the end of the overtake.
@@ -406,5 +408,5 @@ def _zone_margin_error(
 
 
 def _overtake_elsewhere(breach: BreachContext) -> tuple[Remedy]:
-    """One remedy: to overtake as far before or after the place as the ego was within it."""
+    """One remedy: overtake outside the place, beyond the end to which the ego was nearer."""
     return single_change(RemedyQuantity.PLACE, -breach.margin, 0.0)
