@@ -71,7 +71,7 @@ class RequestedFacts:
     """The facts that a file, a query or a law needs.
 
     Attributes:
-        patterns: For each predicate, the patterns of the requested arguments.
+        patterns: For each predicate, the patterns of arguments of which a fact must match one.
     """
 
     patterns: Mapping[str, frozenset[ArgumentPattern]]
@@ -94,15 +94,19 @@ class RequestedFacts:
         return matching
 
     def _matches(self, fact: Fact, columns: FactColumns) -> NDArray[np.bool_]:
-        """Which facts of a predicate match a pattern; only constants are compared."""
+        """Which facts of a predicate match a pattern.
+
+        Only constants are compared. A pattern with a number selects facts with other numbers, too.
+        """
         matches_any = np.zeros(len(columns[0]), np.bool_)
         for pattern in self.patterns[fact.name]:
             matches = np.ones(len(matches_any), np.bool_)
             for column, constant, argument_type in zip(columns, pattern, fact.types, strict=True):
-                codes = argument_type.constants
-                if constant is not None and codes:
+                constants = argument_type.constants
+                if constant is not None and constants:
                     # A constant of another type has code -1, which no fact has.
-                    matches &= column == (codes.index(constant) if constant in codes else -1)
+                    code = constants.index(constant) if constant in constants else -1
+                    matches &= column == code
             matches_any |= matches
         return matches_any
 
@@ -201,7 +205,7 @@ def pooled_facts(group: SimulationGroup, requested: RequestedFacts, frame_step: 
 
 
 def _join_arguments(fact: Fact, columns: FactColumns, prefix: str, suffix: str) -> Any:
-    """The arguments of all facts of a predicate as an array of strings."""
+    """An array of strings, one for each fact: prefix, arguments with commas between, suffix."""
     parts: list[Any] = []
     for column, (label, argument_type) in zip(columns, fact.arguments.items(), strict=True):
         parts.append(pa.scalar("," if parts else prefix, _STRING))
@@ -211,6 +215,7 @@ def _join_arguments(fact: Fact, columns: FactColumns, prefix: str, suffix: str) 
         else:
             _check_range(fact, label, column)
             parts.append(pc.cast(pa.array(column), _STRING))
+    # The last argument of the function is the separator of the parts.
     return pc.binary_join_element_wise(*parts, pa.scalar(suffix, _STRING), pa.scalar("", _STRING))
 
 

@@ -5,7 +5,7 @@ vehicles that are still ahead of the ego (`FactSource.approaching`).
 
 A fact is a predicate with values, such as `ego_speed(7,120,27500)`. The keywords of the
 decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each, in this order, with a row for each fact.
+one column of integers for each argument, with a row for each fact.
 """
 
 from __future__ import annotations
@@ -118,19 +118,19 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
     signals, target = source.signals, source.case.target
     is_target, is_ahead = role_code == _TARGET_CODE, role_code in _ROLES_AHEAD
     instants = simulation, frame = _instants_with_vehicle(source, role_code)
-    in_role = (simulation, role_code, frame)
-    gap = target.gap[instants] if is_target else signals.gap[in_role]
+    role_index = (simulation, role_code, frame)
+    gap = target.gap[instants] if is_target else signals.gap[role_index]
     if is_target:
         rear_speed = target.speed[instants]
         closing_speed = rear_speed - signals.speed[instants]
     else:
-        closing_speed = signals.closing_speed[in_role]
+        closing_speed = signals.closing_speed[role_index]
         ego_speed = signals.speed[instants]
         rear_speed = ego_speed if is_ahead else ego_speed + closing_speed
-    lawful = lawful_gap(
+    required_gap = lawful_gap(
         rear_speed, closing_speed, decel_for_safe_distance(signals.friction[instants])
     )
-    other_slot = target.slot[simulation] if is_target else signals.neighbour_slot[in_role]
+    other_slot = target.slot[simulation] if is_target else signals.neighbour_slot[role_index]
     # The closing speed of the fact is exact, because the recorded speeds are integers. The signals
     # are rounded floats.
     speed_mmps = source.states.speed
@@ -143,7 +143,7 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
         frame,
         rounded_down_thousandths(gap),
         closing_mmps,
-        round_limits_in_order(lawful, gap),
+        round_limits_in_order(required_gap, gap),
     )
 
 

@@ -2,7 +2,7 @@
 
 A fact is a predicate with values, such as `speed(7,0,120,27500)`. The keywords of the
 decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each, in this order, with a row for each fact.
+one column of integers for each argument, with a row for each fact.
 """
 
 from __future__ import annotations
