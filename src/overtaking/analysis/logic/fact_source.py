@@ -138,7 +138,7 @@ class FactSource:
         """Which frames have positions and speeds, shape (simulation, frame).
 
         One frame in `frame_step`, the last frame, and all frames in which lanes, order or events
-        change. Rules on lanes and order then have the same conclusions for every step.
+        change. Conclusions about these changes then have the same frame for every step.
         """
         events, valid = self.case.events, self.signals.valid
         frame = np.arange(valid.shape[1])

@@ -450,7 +450,8 @@ class Answers(ShownAsTable, ContentEquality):
         columns: The variables of the query.
         rows: Their values, in order.
         is_cut: Whether answers beyond the limit were left out.
-        num_simulations: Number of simulations that were queried; after a cut fewer than requested.
+        num_simulations: Number of simulations that were queried; fewer than requested if the query
+            ended at the limit.
         frame_interval_ms: Time between two frames [ms].
     """
 

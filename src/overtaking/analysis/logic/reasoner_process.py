@@ -30,9 +30,10 @@ class ReasonerSettings(TypedDict):
 
 
 def main(parent: ParentConnection) -> None:
-    """Answer groups of facts: one group for each message after the first, a `ReasonerSettings`.
+    """Answer groups of facts.
 
-    An answer is a dictionary with `rows`, or with `error`, after which the process ends.
+    The first message is a `ReasonerSettings`, each later message has the facts of one group. An
+    answer is a dictionary with `rows`, or with `error`, after which the process ends.
     """
     messages = iter(parent)
     settings: ReasonerSettings = next(messages)

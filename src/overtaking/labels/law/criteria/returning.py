@@ -292,7 +292,7 @@ def _end_error(case: Case, errors: MeasurementErrors) -> F32:
     first, num_frames = scans(case).return_opportunity
     end_frame = first + num_frames  # The first frame after the opportunity.
     ends_within_span = (first != NEVER) & (end_frame <= span_after_passing(case).last)
-    # The frame and the frame before it must exist; other values are dropped at the end.
+    # `end_frame` and the frame before it must exist. Where they did not, the result is dropped.
     end_frame = np.maximum(np.minimum(end_frame, case.events.last), 1)
     gap_lost = gap_in_right_lane(case, end_frame - 1) - gap_in_right_lane(case, end_frame)
     frame_duration = seconds_of(case, np.ones_like(end_frame))

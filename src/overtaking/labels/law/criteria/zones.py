@@ -196,8 +196,8 @@ class NoOvertakingSigns(Criterion):
         """The smallest distance from a stretch with such a sign decides."""
         trajectories, has_attempt = case.trajectories, case.events.has_attempt
         if not all_zones_for(trajectories.road, direction=1):
-            # Signs are known only if the posted limit is known. Otherwise the rule applies, and is
-            # undecidable, because `speed_limit` is a required input.
+            # Signs are known only if the posted limit is known. Otherwise the rule may apply, and
+            # is then undecidable, because `speed_limit` is a required input.
             may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
             may_have_sign &= self.is_undecidable_without_zones
             attempt = case.events.attempt
