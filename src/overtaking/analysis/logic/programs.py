@@ -490,8 +490,8 @@ def variable_ranges(
 ) -> dict[str, ValueRange]:
     """The ranges of the variables of a rule.
 
-    The range of a variable is the intersection of the types of the arguments at which it occurs. The
-    range of any other variable follows from the comparison or the count that assigns it.
+    The range of a variable is the intersection of the types of the arguments at which it occurs. A
+    variable without arguments has the range of the comparison or count that assigns it.
 
     Args:
         trees: As in `overflows`.
@@ -550,7 +550,7 @@ def _add_assigned_ranges(literals: Iterable[Any], ranges: dict[str, ValueRange])
 
 
 def _variable_names(term: Any) -> set[str]:
-    """The names of the variables in a term; empty if the term is None, the value of a count."""
+    """The names of the variables in a term; empty for a count, which has the term None."""
     trees = [] if term is None else [term]
     return {tree.name for tree in walk(trees) if node_kind(tree) == "Variable"}
 
