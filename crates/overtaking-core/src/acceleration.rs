@@ -1,4 +1,8 @@
-//! How hard each driver accelerates or brakes; the twin of `overtaking.sim.reference.acceleration`.
+//! Acceleration that each driver requests until its next decision, 0.05 s later; the twin of
+//! `overtaking.sim.reference.acceleration`.
+//!
+//! Left is the overtaking side. During a lane change the driver's lane is the one that it enters, and its old lane the
+//! one that it leaves.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -16,11 +20,12 @@ use crate::state::{EGO_SLOT, LEADER, LEFT_LEADER, NO_ACCEL_LIMIT, RIGHT_LEADER, 
 use crate::steering::start_path;
 use crate::vehicle_handle::VehicleHandle;
 
-/// Smallest time until vehicles meet, which keeps the braking finite [s].
+/// Smallest time until vehicles meet, which keeps the braking finite [s]. It matters only below 1.6 m/s: at higher
+/// speeds `oncoming_max_decel`, 8 m/s^2, limits the braking already.
 const MIN_MEETING_TIME: f32 = 0.1;
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Acceleration behind the leader of the lane that the vehicle is in or enters [m/s^2].
+    /// Acceleration behind the leader in the driver's lane [m/s^2].
     #[inline(always)]
     pub fn accel_behind_leader(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);
@@ -37,10 +42,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             return limited_accel;
         }
         let is_passing = self.is_before_return();
+        // `limit_accel` slows drivers down for a lower speed limit ahead. In this model a passing driver slows down for
+        // it only after the pass.
         let accel = select(is_passing, accel, limited_accel);
         // A passing driver uses more of the engine than in everyday driving.
         let usual_factor = splat(params.simd, constants.accelerate_gain);
-        let factor = if params.road.directions.has_oncoming_traffic {
+        let engine_factor = if params.road.directions.has_oncoming_traffic {
             select(
                 self.state.overtake.must_return_urgently[slot].simd_gt(0.0),
                 splat(params.simd, constants.urgent_accel_factor),
@@ -50,7 +57,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             usual_factor
         };
         let accelerates = is_passing & accel.simd_gt(0.0);
-        accel * select(accelerates, factor, splat(params.simd, 1.0))
+        accel * select(accelerates, engine_factor, splat(params.simd, 1.0))
     }
 
     /// Time gap that the driver keeps: shorter before a pull-out, longer behind a tall leader [s].
@@ -61,8 +68,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if !params.road.can_overtake(slot) {
             return time_gap;
         }
-        let follows = self.state.overtake.stage[slot].simd_eq(stage::FOLLOW);
-        let is_about_to_pull_out = self.state.overtake.time_indicating[slot].simd_gt(0.0) & follows;
+        let is_following = self.state.overtake.stage[slot].simd_eq(stage::FOLLOW);
+        let is_about_to_pull_out =
+            self.state.overtake.time_indicating[slot].simd_gt(0.0) & is_following;
+        // `signalling_time_gap` is a share of the time gap.
         let kept_time_gap = select(
             is_about_to_pull_out,
             params.constants.signalling_time_gap * time_gap,
@@ -71,11 +80,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if !params.road.directions.has_oncoming_traffic {
             return kept_time_gap;
         }
-        let factor = tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER]);
-        select(follows, kept_time_gap * factor, kept_time_gap)
+        // On two-way roads drivers drop back behind a truck or van, to see oncoming traffic past it.
+        let gap_factor = tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER]);
+        select(is_following, kept_time_gap * gap_factor, kept_time_gap)
     }
 
-    /// Speed that the driver desires now, also while it passes, while another vehicle passes it, and in bends [m/s].
+    /// Speed that the driver wants now: while it passes, while it is passed, and in bends [m/s].
     #[inline(always)]
     fn current_desired_speed(self, context: &DriverContext<S>) -> F32<S> {
         let mut desired_speed = self.desired_speed();
@@ -102,10 +112,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         desired_speed
     }
 
-    /// Acceleration behind the leader of the lane that the vehicle leaves, until the bodies are clear [m/s^2].
+    /// Acceleration behind the leader in the old lane, until the bodies are clear [m/s^2].
     ///
-    /// The driver brakes so that the gap lasts until its body has left the lane, with a margin of time, and no harder
-    /// than behind a leader in its own lane.
+    /// The driver brakes so that the gap lasts until its vehicle has left the old lane, plus a margin of time. It
+    /// brakes no harder than behind a leader in its own lane.
     #[inline(always)]
     fn accel_behind_old_leader(self, context: &DriverContext<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -117,7 +127,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             return no_limit;
         }
         let lane_centre = 0.5 * (neighbours.lane_right_edge + neighbours.lane_left_edge);
+        // Until the vehicle arrives, its new lane's centre is on the side to which it moves.
         let moves_left = lane_centre.simd_gt(state.motion.d[slot]);
+        // The old lane is on the right of a vehicle that moves left.
         let (right, left) = (beliefs.leader(RIGHT_LEADER), beliefs.leader(LEFT_LEADER));
         let leader = Leader {
             gap: select(moves_left, right.gap, left.gap),
@@ -138,12 +150,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let leader_half_width = at_slot!(params, leader_slot, |j| params.vehicles[j].half_width);
         let bodies_overlap = lateral_distance
             .simd_lt(vehicle.half_width + leader_half_width + constants.footprint_margin);
-        // At 0.6 of its duration the path has moved by more than a car's width. The margin covers misjudged distances:
-        // at night the belief is off by a fifth and more, and the leader was hit.
+        // At `lane_cleared_share`, 0.6 of its duration, the lateral path has covered 2.4 of 3.5 m, more than a car's
+        // width. `lane_clearance_time` allows for misjudged distances: at night they are off by a fifth and more, and
+        // drivers without this margin hit the leader.
         let time_to_clear = at_least(
             constants.lane_cleared_share * state.path.duration[slot] - state.path.elapsed[slot],
             0.0,
         );
+        // `leader.accel` is never positive: the driver adds the braking of its old leader to its own.
         let needed_decel = braking_until_clear(
             params,
             leader.gap - vehicle.min_gap,
@@ -167,7 +181,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         select(must_brake, max(following_accel, -needed_decel), no_limit)
     }
 
-    /// Acceleration that the driver wants, behind its leader and behind the leader of the lane that it leaves [m/s^2].
+    /// Acceleration that the driver wants, behind its leader and behind the leader in its old lane [m/s^2].
     ///
     /// `leader_accel` is the acceleration behind the leader, with all other limits [m/s^2].
     #[inline(always)]
@@ -176,9 +190,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Constant deceleration with which a gap [m] lasts for a time [s]; negative where the driver need not brake [m/s^2].
+/// Constant deceleration with which a gap [m] lasts for a time [s] [m/s^2].
 ///
-/// If the closing speed falls to 0 before that time, it is the deceleration that takes up the whole gap until then.
+/// It is negative where the gap lasts without braking. Where the closing speed would fall to 0 before that time, it is
+/// the deceleration with which the gap is just used up.
 #[inline(always)]
 fn braking_until_clear<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -187,17 +202,20 @@ fn braking_until_clear<S: Simd, const N: usize>(
     time: F32<S>,
 ) -> F32<S> {
     let gap = at_least(gap, params.constants.min_effective_gap);
-    let distance = closing_speed * time;
+    let unbraked_distance = closing_speed * time;
+    // The first deceleration leaves a closing speed of (2 gap - unbraked_distance) / time, which must not be negative.
     select(
-        distance.simd_lt(2.0 * gap),
-        2.0 * (distance - gap) / (time * time),
+        unbraked_distance.simd_lt(2.0 * gap),
+        2.0 * (unbraked_distance - gap) / (time * time),
         closing_speed * closing_speed / (2.0 * gap),
     )
 }
 
-/// Move the requested acceleration of the vehicle in `slot` towards `target_accel`, faster the more urgent it is.
+/// Move the requested acceleration of the vehicle in `slot` towards `target_accel` [m/s^2], faster if the target is
+/// hard braking.
 ///
-/// In an emergency drivers request more than the friction that they believe in: anti-lock brakes and the road decide.
+/// The brakes alone limit the request. In an emergency a driver requests more braking than it believes the road allows;
+/// tyres and anti-lock brakes then limit the actual braking.
 #[inline(always)]
 pub fn apply_pedals<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -211,11 +229,13 @@ pub fn apply_pedals<S: Simd, const N: usize>(
         target_accel,
         -(vehicle.max_brake_force * vehicle.inverse_mass),
     );
+    // A foot leaves the brake faster than it presses the accelerator.
     let jerk_up = select(
         requested_accel.simd_lt(0.0),
         splat(params.simd, constants.jerk_release),
         splat(params.simd, constants.jerk_up),
     );
+    // Drivers reach any braking within `brake_ramp`, so hard braking builds up faster (Markkula et al. 2016).
     let jerk_down = at_least(-target_accel / constants.brake_ramp, constants.jerk_down);
     let change = clamp(
         target_accel - requested_accel,
@@ -231,9 +251,9 @@ pub fn apply_pedals<S: Simd, const N: usize>(
 
 /// Largest acceleration of the driver in `slot` with an oncoming vehicle in its own lane [m/s^2].
 ///
-/// The driver flashes the headlamps and lifts the accelerator, then brakes so as to stop within its half of the
-/// distance, and moves to the edge of the lane. A driver that is being passed may move to the edge, too. The overtaking
-/// driver's reaction is in `pass_continuation`.
+/// The driver first flashes the headlamps and releases the accelerator. Later it moves to the edge of the lane and
+/// brakes so as to stop within its half of the distance. Some drivers also move to the edge while another vehicle
+/// passes them. `pass_continuation` has the overtaking driver's reaction.
 #[inline(always)]
 pub fn accel_for_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -245,24 +265,24 @@ pub fn accel_for_oncoming<S: Simd, const N: usize>(
     let splat = |value: f32| splat(params.simd, value);
     let is_sound = state.motion.is_wreck[slot].simd_eq(0.0);
     let overtakes = state.vehicle(params, slot).is_overtaking();
-    let meets = oncoming.meets_in_own_lane & is_sound & !overtakes;
+    let meets_oncoming = oncoming.meets_in_own_lane & is_sound & !overtakes;
     let meeting_time = oncoming.time_to_meeting;
-    let lifts = meets & meeting_time.simd_lt(constants.oncoming_flash_time);
-    let brakes = meets & meeting_time.simd_lt(constants.oncoming_brake_time);
-    state.controls.flashes_high_beam[slot] = select(lifts, splat(1.0), splat(0.0));
-    // This braking stops the driver within vx t, which is half of the gap if both vehicles have the same speed.
+    let releases_accelerator = meets_oncoming & meeting_time.simd_lt(constants.oncoming_flash_time);
+    let brakes = meets_oncoming & meeting_time.simd_lt(constants.oncoming_brake_time);
+    state.controls.flashes_high_beam[slot] = select(releases_accelerator, splat(1.0), splat(0.0));
+    // This braking stops the driver within vx t, half of the gap if both vehicles are equally fast.
     let decel = clamp_to(
         state.motion.vx[slot] / (2.0 * at_least(meeting_time, MIN_MEETING_TIME)),
         constants.oncoming_min_decel,
         constants.oncoming_max_decel,
     );
     shift_to_edge(state, params, slot, brakes, oncoming.is_being_passed);
-    let lifting_accel = splat(-constants.oncoming_lift_decel);
-    let accel_limit = select(lifts, lifting_accel, splat(NO_ACCEL_LIMIT));
+    let coasting_accel = splat(-constants.oncoming_lift_decel);
+    let accel_limit = select(releases_accelerator, coasting_accel, splat(NO_ACCEL_LIMIT));
     select(brakes, -decel, accel_limit)
 }
 
-/// Move to the edge of the lane for an oncoming or an overtaking vehicle, and back afterwards.
+/// Move to the right edge of the lane for an oncoming or passing vehicle, and back afterwards.
 #[inline(always)]
 fn shift_to_edge<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -286,6 +306,7 @@ fn shift_to_edge<S: Simd, const N: usize>(
         starts & state.motion.is_wreck[slot].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !overtakes;
     if starts.any_true() {
         let (right_edge, left_edge) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
+        // A choice of this model: without an oncoming vehicle the move takes twice as long.
         let duration = select(
             brakes,
             splat(constants.edge_shift_duration),

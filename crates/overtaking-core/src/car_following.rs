@@ -7,14 +7,13 @@ use crate::math::elementary::{exp, log};
 use crate::math::vectors::{F32, at_least, at_most, clamp_to, min, select, splat};
 use crate::names::{ModelConstants, VehicleParams};
 
-/// Smallest divisor of the stopping acceleration, which is 0 behind a leader at rest [m^2/s^2].
+/// Keeps the stopping acceleration of `cah_accel` finite behind a leader at rest [m^2/s^2].
 const MIN_STOPPING_TERM: f32 = 1e-3;
-/// Smallest free acceleration in a divisor: near the desired speed it approaches 0 [m/s^2].
-const MIN_FREE_ACCEL: f32 = 1e-3;
-/// Largest exponent of the blend of free and interaction acceleration, which near the desired speed approaches infinity
-/// [1].
+// In `iidm_accel`, the free acceleration approaches 0 near the desired speed, and the exponent of z approaches
+// infinity. These limits suffice: z^1000 is below 0.0001 for z < 0.99.
+const MIN_FREE_ACCEL: f32 = 1e-3; // [m/s^2]
 const MAX_EXPONENT: f32 = 1000.0;
-/// Smallest ratio of desired gap to gap, which keeps its logarithm finite [1].
+/// Keeps the logarithm of desired gap over gap finite [1].
 const MIN_GAP_RATIO: f32 = 1e-6;
 
 /// A driver behind a leader.
@@ -55,7 +54,8 @@ impl<S: Simd> Leader<S> {
 
 /// Desired gap of the intelligent driver model [m].
 ///
-/// `vehicle.idm_interaction` is 1 / (2 sqrt(a b)) with `vehicle.accel` a and `vehicle.decel` b.
+/// `vehicle.idm_interaction` is 1 / (2 sqrt(a b)): a is `vehicle.accel` and b `vehicle.decel`. `closing_speed` is the
+/// speed of the follower minus the leader's [m/s].
 #[inline(always)]
 fn desired_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
@@ -69,8 +69,9 @@ fn desired_gap<S: Simd>(
 
 /// Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
 ///
-/// Stop lamps make a driver brake at least by a share of `cah_accel`: all of it at short time gaps, nothing at long
-/// ones, linear between.
+/// The blended IIDM reacts to the gap and its change, so it brakes only after a braking leader has become visibly
+/// slower. Stop lamps make a driver brake before that, with at least a share of `cah_accel`: all of it at short time
+/// gaps, nothing at long ones, linear between.
 #[inline(always)]
 pub fn acc_accel<S: Simd>(
     constants: &ModelConstants,
@@ -87,7 +88,7 @@ pub fn acc_accel<S: Simd>(
             if !stop_lamps_are_on.any_true() {
                 return accel;
             }
-            // `slip_speed` is the least divisor wherever a formula divides by speed.
+            // Every formula of the model that divides by speed divides by at least `slip_speed`, 3 m/s.
             let time_gap_below_max = constants.stop_lamp_max_time_gap
                 - leader.gap / at_least(follower.speed, constants.slip_speed);
             let reaction_share = clamp_to(
@@ -102,6 +103,8 @@ pub fn acc_accel<S: Simd>(
 }
 
 /// Acceleration that just avoids a contact if the leader keeps its acceleration [m/s^2].
+///
+/// This is the constant-acceleration heuristic (CAH). `speed` is the speed of the follower [m/s].
 #[inline(always)]
 pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Leader<S>) -> F32<S> {
     let double_gap = 2.0 * at_least(leader.gap, constants.min_effective_gap);
@@ -109,8 +112,8 @@ pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Le
     let closing_speed = at_least(leader.closing_speed, 0.0);
     // The leader still moves when the closing speed has become 0 ...
     let moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap;
-    // ... or it stops first, and the follower stops behind it. If the gap opens and the leader does not brake, this
-    // condition is true as well; both terms are then 0.
+    // ... or it stops first, and the follower stops behind it. If the gap opens and the leader does not brake,
+    // `leader_stops_first` is true as well, but both accelerations are 0.
     let stopping_term = leader_speed * leader_speed - double_gap * leader.accel;
     let stopping_accel = speed * speed * leader.accel / at_least(stopping_term, MIN_STOPPING_TERM);
     let leader_stops_first =
@@ -118,9 +121,11 @@ pub fn cah_accel<S: Simd>(constants: &ModelConstants, speed: F32<S>, leader: &Le
     select(leader_stops_first, stopping_accel, moving_accel)
 }
 
-/// Acceleration of the IIDM with its braking at small gaps softened [m/s^2].
+/// Acceleration of the IIDM with softer braking at small gaps [m/s^2].
 ///
-/// `iidm` is the result of `iidm_accel`, and `cah` the result of `cah_accel`.
+/// Where the IIDM brakes harder than the constant-acceleration heuristic, the excess is limited to about the
+/// comfortable deceleration. A cut-in by a faster vehicle thus causes no hard braking. `coolness` is the weight of the
+/// softer braking, `iidm` the result of `iidm_accel`, and `cah` the result of `cah_accel` [m/s^2].
 #[inline(always)]
 fn blend_iidm_with_cah<S: Simd>(
     constants: &ModelConstants,
@@ -133,16 +138,16 @@ fn blend_iidm_with_cah<S: Simd>(
         return iidm;
     }
     let excess = at_most(iidm - cah, 0.0);
-    // Hyperbolic tangent of the excess over the comfortable deceleration.
-    let e = exp(2.0 * excess / vehicle.decel);
-    let softened = cah + vehicle.decel * ((e - 1.0) / (e + 1.0));
-    // The IIDM has no lower bound at small gaps; no vehicle brakes harder than gravity.
+    // tanh(x) is (exp(2 x) - 1) / (exp(2 x) + 1), here with x = excess / decel.
+    let exp_2x = exp(2.0 * excess / vehicle.decel);
+    let softened = cah + vehicle.decel * ((exp_2x - 1.0) / (exp_2x + 1.0));
+    // At small gaps the braking of the IIDM grows without bound; no vehicle brakes harder than 1 g.
     let bounded = at_least(iidm, -constants.gravity);
     let blend = (1.0 - constants.coolness) * bounded + constants.coolness * softened;
     select(is_mild, iidm, blend)
 }
 
-/// Acceleration of the improved intelligent driver model [m/s^2].
+/// Acceleration of the improved intelligent driver model, IIDM [m/s^2].
 #[inline(always)]
 fn iidm_accel<S: Simd>(
     constants: &ModelConstants,
@@ -158,8 +163,9 @@ fn iidm_accel<S: Simd>(
         leader.closing_speed,
     ) / at_least(leader.gap, constants.min_effective_gap);
     let speed_ratio = follower.speed / follower.desired_speed;
-    // With the exponents 4 below the desired speed and 4 a / b above it, both branches have the same slope there. So
-    // the fourth power below changes together with `following.free_exponent`.
+    // The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give both branches the same
+    // slope there. `following.free_exponent` in `model.toml` sets only the second exponent: change the fourth power
+    // here together with it.
     let square = speed_ratio * speed_ratio;
     let free_accel_below = vehicle.accel * (one - square * square);
     let interaction = vehicle.accel * (one - z * z);
@@ -167,7 +173,8 @@ fn iidm_accel<S: Simd>(
         2.0 * vehicle.accel / at_least(free_accel_below, MIN_FREE_ACCEL),
         MAX_EXPONENT,
     );
-    let blended = free_accel_below * (one - exp(exponent * log(clamp_to(z, MIN_GAP_RATIO, 1.0))));
+    let z_power = exp(exponent * log(clamp_to(z, MIN_GAP_RATIO, 1.0)));
+    let blended = free_accel_below * (one - z_power);
     let accel_below = select(z.simd_ge(one), interaction, blended);
     let is_below = speed_ratio.simd_le(one);
     if is_below.all_true() {
@@ -185,10 +192,12 @@ fn iidm_accel<S: Simd>(
 
 /// Acceleration, never positive, that a leader imposes on a follower [m/s^2].
 ///
-/// It is the acceleration of `iidm_accel` at the desired speed, where the free acceleration is 0, not blended with
-/// `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too small to impose on another driver.
-/// `vehicle` are the parameters of the driver that judges the gap: the follower, or a driver ahead of it that assumes
-/// the follower to be like itself. `time_gap` is what this driver asks for behind the leader [s].
+/// This is `iidm_accel` at the desired speed, where the free acceleration is 0. It is not blended with `cah_accel`: a
+/// driver accepts a small gap after a cut-in for itself, but should not impose such a gap on another driver.
+///
+/// `vehicle` has the parameters of the driver that judges the gap: the follower, or a driver ahead of it that assumes
+/// the follower to be like itself. `time_gap` is the time gap behind the leader that this driver asks for [s]. `speed`
+/// is the speed of the follower [m/s].
 #[inline(always)]
 pub fn imposed_accel<S: Simd>(
     constants: &ModelConstants,

@@ -1,4 +1,8 @@
-"""Acceleration that each driver requests until the next decision."""
+"""Acceleration that each driver requests until its next decision, 0.05 s later.
+
+Arrays have shape (vehicle, simulation). Left is the overtaking side. During a lane change the
+driver's lane is the one that it enters, and its old lane the one that it leaves.
+"""
 
 import numpy as np
 
@@ -25,12 +29,16 @@ from overtaking.sim.reference.steering import start_path
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters
 
-_MIN_CLOSING_SPEED = np.float32(0.1)  # Keeps the time until vehicles meet finite [m/s].
-_MIN_MEETING_TIME = np.float32(0.1)  # Keeps the braking finite right before vehicles meet [s].
+# Keeps the time until vehicles meet finite. Moving vehicles approach each other faster [m/s].
+_MIN_CLOSING_SPEED = np.float32(0.1)
+
+# Keeps the braking finite right before vehicles meet. It matters only below 1.6 m/s: at higher
+# speeds `oncoming_max_decel`, 8 m/s^2, limits the braking already [s].
+_MIN_MEETING_TIME = np.float32(0.1)
 
 
 def accel_behind_leader(state: State, params: StepParameters, context: DecisionContext) -> F32:
-    """Acceleration behind the leader of the lane that is driven in or entered [m/s^2]."""
+    """Acceleration behind the leader in the driver's lane [m/s^2]."""
     vehicles, constants, beliefs = params.vehicles, params.constants, context.beliefs
     follower = Follower(
         vehicle=vehicles,
@@ -45,34 +53,38 @@ def accel_behind_leader(state: State, params: StepParameters, context: DecisionC
     )
     accel = acc_accel(constants, follower, leader)
     is_passing = state.is_before_return(slice(None))
+    # `accel_limit` slows drivers down for a lower speed limit ahead. In this model a passing driver
+    # slows down for it only after the pass.
     accel = np.where(is_passing, accel, minimum(accel, state.road.accel_limit))
     # A passing driver uses more of the engine than in everyday driving.
-    factor = np.where(
+    engine_factor = np.where(
         state.overtake.must_return_urgently > 0,
         constants.urgent_accel_factor,
         constants.accelerate_gain,
     )
-    return accel * np.where(is_passing & (accel > 0), factor, ONE)
+    return accel * np.where(is_passing & (accel > 0), engine_factor, ONE)
 
 
 def _kept_time_gap(state: State, params: StepParameters, context: DecisionContext) -> F32:
     """Time gap that drivers keep: shorter before a pull-out, longer behind a tall leader [s]."""
     constants, time_gap = params.constants, params.vehicles.time_gap
-    follows = state.overtake.stage == np.float32(Stage.FOLLOW)
-    is_about_to_pull_out = (state.overtake.time_indicating > 0) & follows
+    is_following = state.overtake.stage == np.float32(Stage.FOLLOW)
+    is_about_to_pull_out = (state.overtake.time_indicating > 0) & is_following
+    # `signalling_time_gap` is a share of the time gap.
     kept_time_gap = np.where(
         is_about_to_pull_out, constants.signalling_time_gap * time_gap, time_gap
     )
     if not params.road.has_oncoming_traffic:
         return kept_time_gap
-    factor = tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER])
-    return np.where(follows, kept_time_gap * factor, kept_time_gap)
+    # On two-way roads drivers drop back behind a truck or van, to see oncoming traffic past it.
+    gap_factor = tall_vehicle_gap_factor(params, context.neighbours.slot[LEADER])
+    return np.where(is_following, kept_time_gap * gap_factor, kept_time_gap)
 
 
 def _current_desired_speed(
     state: State, params: StepParameters, oncoming: OncomingTraffic | None
 ) -> F32:
-    """Speed that drivers want now, also while they pass or are passed, and in bends [m/s]."""
+    """Speed that drivers want now: while they pass, while they are passed, and in bends [m/s]."""
     vehicles = params.vehicles
     desired_speed, passing_speed = vehicles.desired_speed, vehicles.passing_speed
     if oncoming is not None:
@@ -87,33 +99,37 @@ def _current_desired_speed(
 
 
 def accel_behind_old_leader(state: State, params: StepParameters, context: DecisionContext) -> F32:
-    """Acceleration behind the leader of the lane that is left, until the bodies are clear [m/s^2].
+    """Acceleration behind the leader in the old lane, until the bodies are clear [m/s^2].
 
-    The driver brakes so that the gap lasts until its body has left the lane, with a margin of time,
-    and no harder than behind a leader in its own lane.
+    The driver brakes so that the gap lasts until its vehicle has left the old lane, plus a margin
+    of time. It brakes no harder than behind a leader in its own lane.
     """
     vehicles, constants = params.vehicles, params.constants
     neighbours, beliefs = context.neighbours, context.beliefs
     lane_centre = HALF * (neighbours.lane_right_edge + neighbours.lane_left_edge)
+    # Until the vehicle arrives, its new lane's centre is on the side to which it moves.
     moves_left = lane_centre > state.motion.d
 
-    def of_old_leader(values: F32) -> F32:
+    def old_leader_value(values: F32) -> F32:
+        # The old lane is on the right of a vehicle that moves left.
         return np.where(moves_left, values[RIGHT_LEADER], values[LEFT_LEADER])
 
-    slot = of_old_leader(neighbours.slot)
-    lateral_distance = np.abs(of_old_leader(neighbours.lateral_distance))
+    slot = old_leader_value(neighbours.slot)
+    lateral_distance = np.abs(old_leader_value(neighbours.lateral_distance))
     leader = Leader(
-        gap=of_old_leader(beliefs.gap),
-        closing_speed=of_old_leader(beliefs.closing_speed),
-        accel=of_old_leader(beliefs.accel),
+        gap=old_leader_value(beliefs.gap),
+        closing_speed=old_leader_value(beliefs.closing_speed),
+        accel=old_leader_value(beliefs.accel),
     )
     half_widths = vehicles.half_width + value_at_slot(vehicles.half_width, slot)
     bodies_overlap = lateral_distance < half_widths + constants.footprint_margin
-    # At 0.6 of its duration the path has moved by more than a car's width. The margin covers
-    # misjudged distances: at night the belief is off by a fifth and more, and the leader was hit.
+    # At `lane_cleared_share`, 0.6 of its duration, the lateral path has covered 2.4 of 3.5 m, more
+    # than a car's width. `lane_clearance_time` allows for misjudged distances: at night they are
+    # off by a fifth and more, and drivers without this margin hit the leader.
     time_to_clear = maximum(
         constants.lane_cleared_share * state.path.duration - state.path.elapsed, ZERO
     )
+    # `leader.accel` is never positive: the driver adds the braking of its old leader to its own.
     needed_decel = (
         _braking_until_clear(
             constants,
@@ -136,16 +152,18 @@ def accel_behind_old_leader(state: State, params: StepParameters, context: Decis
 
 
 def _braking_until_clear(constants: ModelConstants, gap: F32, closing_speed: F32, time: F32) -> F32:
-    """Constant deceleration with which a gap lasts for a time, negative if it lasts anyway [m/s^2].
+    """Constant deceleration with which a gap [m] lasts for a time [s] [m/s^2].
 
-    If the closing speed would fall to 0 before that time, it is the deceleration with which the gap
-    is just used up.
+    It is negative where the gap lasts without braking. Where the closing speed would fall to 0
+    before that time, it is the deceleration with which the gap is just used up.
     """
     gap = maximum(gap, constants.min_effective_gap)
-    distance = closing_speed * time
+    unbraked_distance = closing_speed * time
+    # The first deceleration leaves a closing speed of (2 gap - unbraked_distance) / time, which
+    # must not be negative.
     return np.where(
-        distance < TWO * gap,
-        TWO * (distance - gap) / (time * time),
+        unbraked_distance < TWO * gap,
+        TWO * (unbraked_distance - gap) / (time * time),
         closing_speed * closing_speed / (TWO * gap),
     )
 
@@ -153,17 +171,16 @@ def _braking_until_clear(constants: ModelConstants, gap: F32, closing_speed: F32
 def apply_pedals(
     state: State, params: StepParameters, leader_accel: F32, old_leader_accel: F32
 ) -> None:
-    """Move the requested acceleration towards the wanted one, faster the more urgent it is.
+    """Move the requested acceleration towards the target, faster if the target is hard braking.
 
-    In an emergency drivers request more than the friction that they believe in: anti-lock brakes
-    and the road decide.
+    The brakes alone limit the request. In an emergency a driver requests more braking than it
+    believes the road allows; tyres and anti-lock brakes then limit the actual braking.
 
     Args:
         state: Its `controls` change.
         params: Parameters of the batch.
-        leader_accel: Acceleration behind the leader, (vehicle, simulation) [m/s^2].
-        old_leader_accel: Acceleration behind the leader of the lane that is left, same shape
-            [m/s^2].
+        leader_accel: Acceleration behind the leader, with all other limits [m/s^2].
+        old_leader_accel: Acceleration behind the leader in the old lane [m/s^2].
 
     Source:
         Markkula et al. 2016: the ramp of emergency braking grows with its urgency.
@@ -172,7 +189,9 @@ def apply_pedals(
     requested_accel = state.controls.requested_accel
     max_decel = vehicles.max_brake_force * vehicles.inverse_mass
     target_accel = maximum(minimum(leader_accel, old_leader_accel), -max_decel)
+    # A foot leaves the brake faster than it presses the accelerator.
     jerk_up = np.where(requested_accel < 0, constants.jerk_release, constants.jerk_up)
+    # Drivers reach any braking within `brake_ramp`, so hard braking builds up faster.
     jerk_down = maximum(-target_accel / constants.brake_ramp, constants.jerk_down)
     change = clamp(
         target_accel - requested_accel,
@@ -186,29 +205,32 @@ def apply_pedals(
 def accel_for_oncoming(state: State, params: StepParameters, oncoming: OncomingTraffic) -> F32:
     """Largest acceleration of drivers with an oncoming vehicle in their own lane [m/s^2].
 
-    They flash the headlamps and lift the accelerator, then brake so as to stop within their half of
-    the distance, and move to the edge of the lane. A driver that is being passed may move to the
-    edge, too. The overtaking driver's reaction is in `pass_continuation`.
+    They first flash the headlamps and release the accelerator. Later they move to the edge of the
+    lane and brake so as to stop within their half of the distance. Some drivers also move to the
+    edge while another vehicle passes them. `pass_continuation` has the overtaking driver's
+    reaction.
 
     Args:
-        state: `controls.flashes_high_beam` and the lateral path change.
+        state: `controls.flashes_high_beam`, `lane_choice.edge_shift` and `path` change.
         params: Parameters of the batch.
         oncoming: Oncoming traffic.
     """
     constants = params.constants
-    meets = oncoming.in_own_lane.is_detected & (state.motion.is_wreck == 0) & ~state.is_overtaking()
+    meets_oncoming = (
+        oncoming.in_own_lane.is_detected & (state.motion.is_wreck == 0) & ~state.is_overtaking()
+    )
     meeting_time = _time_to_meet(oncoming.in_own_lane)
-    lifts = meets & (meeting_time < constants.oncoming_flash_time)
-    brakes = meets & (meeting_time < constants.oncoming_brake_time)
-    state.controls.flashes_high_beam = np.where(lifts, ONE, ZERO)
-    # This braking stops the driver within vx t, half of the gap if both vehicles are as fast.
+    releases_accelerator = meets_oncoming & (meeting_time < constants.oncoming_flash_time)
+    brakes = meets_oncoming & (meeting_time < constants.oncoming_brake_time)
+    state.controls.flashes_high_beam = np.where(releases_accelerator, ONE, ZERO)
+    # This braking stops the driver within vx t, half of the gap if both vehicles are equally fast.
     decel = clamp(
         state.motion.vx / (TWO * maximum(meeting_time, _MIN_MEETING_TIME)),
         constants.oncoming_min_decel,
         constants.oncoming_max_decel,
     )
     _shift_to_edge(state, params, brakes, oncoming.is_being_passed)
-    accel_limit = np.where(lifts, -constants.oncoming_lift_decel, NO_ACCEL_LIMIT)
+    accel_limit = np.where(releases_accelerator, -constants.oncoming_lift_decel, NO_ACCEL_LIMIT)
     return np.where(brakes, -decel, accel_limit)
 
 
@@ -220,10 +242,10 @@ def _time_to_meet(oncoming: OncomingVehicle) -> F32:
 def _shift_to_edge(
     state: State, params: StepParameters, brakes: Mask, is_being_passed: Mask
 ) -> None:
-    """Move to the edge of the lane for an oncoming or a passing vehicle, and back afterwards.
+    """Move to the right edge of the lane for an oncoming or passing vehicle, and back afterwards.
 
     Args:
-        state: State at a decision.
+        state: `lane_choice.edge_shift` and `path` change.
         params: Parameters of the batch.
         brakes: Whether the driver brakes for an oncoming vehicle.
         is_being_passed: Whether another vehicle passes the driver.
@@ -237,8 +259,8 @@ def _shift_to_edge(
     # An overtaking driver keeps to the path of its lane change.
     overtakes = state.is_overtaking()
     starts = starts & (state.motion.is_wreck == 0) & (vehicles.valid > 0) & ~overtakes
-    right_edge, left_edge = lane_borders(state, params, 0.0)
-    # Without an oncoming vehicle the move is half as fast.
+    right_edge, left_edge = lane_borders(state, params, offset=0.0)
+    # A choice of this model: without an oncoming vehicle the move takes twice as long.
     duration = np.where(brakes, constants.edge_shift_duration, TWO * constants.edge_shift_duration)
     start_path(state, starts, HALF * (right_edge + left_edge) - shift, duration)
     choice.edge_shift = np.where(overtakes, ZERO, np.where(starts, shift, choice.edge_shift))

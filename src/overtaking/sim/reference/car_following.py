@@ -12,11 +12,12 @@ from overtaking.world.step_parameters import VehicleParameters
 # Keeps the stopping acceleration of `cah_accel` finite behind a leader at rest [m^2/s^2].
 _MIN_STOPPING_TERM = np.float32(1e-3)
 
-# Near the desired speed the free acceleration approaches 0 and the exponent of the blend infinity.
+# In `iidm_accel`, the free acceleration approaches 0 near the desired speed, and the exponent of z
+# approaches infinity. These limits suffice: z^1000 is below 0.0001 for z < 0.99.
 _MIN_FREE_ACCEL = np.float32(1e-3)  # [m/s^2]
 _MAX_EXPONENT = np.float32(1000.0)
 
-_MIN_GAP_RATIO = np.float32(1e-6)  # Keeps the logarithm of the ratio of gaps finite.
+_MIN_GAP_RATIO = np.float32(1e-6)  # Keeps the logarithm of desired gap over gap finite.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +55,7 @@ class Leader:
 def desired_gap(vehicle: VehicleParameters, speed: F32, time_gap: F32, closing_speed: F32) -> F32:
     """Desired gap s* of the intelligent driver model [m].
 
-    `vehicle.idm_interaction` is 1 / (2 sqrt(a b)) with `vehicle.accel` a and `vehicle.decel` b.
+    `vehicle.idm_interaction` is 1 / (2 sqrt(a b)): a is `vehicle.accel` and b `vehicle.decel`.
 
     Args:
         vehicle: Parameters of the followers.
@@ -67,7 +68,7 @@ def desired_gap(vehicle: VehicleParameters, speed: F32, time_gap: F32, closing_s
 
 
 def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> F32:
-    """Acceleration of the improved intelligent driver model [m/s^2].
+    """Acceleration of the improved intelligent driver model, IIDM [m/s^2].
 
     Source:
         Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3.7.
@@ -76,8 +77,9 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     s_star = desired_gap(vehicle, follower.speed, follower.time_gap, leader.closing_speed)
     z = s_star / maximum(leader.gap, constants.min_effective_gap)
     speed_ratio = follower.speed / follower.desired_speed
-    # With the exponents 4 below the desired speed and 4 a / b above it, both branches have the same
-    # slope there. So the fourth power below changes together with `following.free_exponent`.
+    # The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give
+    # both branches the same slope there. `following.free_exponent` in `model.toml` sets only the
+    # second exponent: change the fourth power here together with it.
     square = speed_ratio * speed_ratio
     free_accel_below = vehicle.accel * (ONE - square * square)
     decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))
@@ -86,7 +88,8 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     exponent = minimum(
         TWO * vehicle.accel / maximum(free_accel_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
     )
-    blended = free_accel_below * (ONE - exp(exponent * log(clamp(z, _MIN_GAP_RATIO, ONE))))
+    z_power = exp(exponent * log(clamp(z, _MIN_GAP_RATIO, ONE)))
+    blended = free_accel_below * (ONE - z_power)
     accel_below = np.where(z >= ONE, interaction, blended)
     accel_above = np.where(z >= ONE, free_accel_above + interaction, free_accel_above)
     return np.where(speed_ratio <= ONE, accel_below, accel_above)
@@ -109,7 +112,7 @@ def cah_accel(constants: ModelConstants, speed: F32, leader: Leader) -> F32:
     # The leader still moves when the closing speed has become 0 ...
     moving_accel = leader.accel - (closing_speed * closing_speed) / double_gap
     # ... or it stops first, and the follower stops behind it. If the gap opens and the leader does
-    # not brake, this condition is true as well; both terms are then 0.
+    # not brake, `leader_stops_first` is true as well, but both accelerations are 0.
     stopping_term = leader_speed * leader_speed - double_gap * leader.accel
     stopping_accel = speed * speed * leader.accel / maximum(stopping_term, _MIN_STOPPING_TERM)
     leader_stops_first = leader_speed * leader.closing_speed < -(double_gap * leader.accel)
@@ -119,10 +122,11 @@ def cah_accel(constants: ModelConstants, speed: F32, leader: Leader) -> F32:
 def blend_iidm_with_cah(
     constants: ModelConstants, vehicle: VehicleParameters, iidm: F32, cah: F32
 ) -> F32:
-    """Acceleration of the IIDM with its braking at small gaps softened [m/s^2].
+    """Acceleration of the IIDM with softer braking at small gaps [m/s^2].
 
-    Where the IIDM brakes harder than the constant-acceleration heuristic, the excess is limited to
-    about the comfortable deceleration. A cut-in by a faster vehicle thus causes no hard braking.
+    Where the IIDM brakes harder than the constant-acceleration heuristic (CAH), the excess is
+    limited to about the comfortable deceleration. A cut-in by a faster vehicle thus causes no hard
+    braking. `coolness` is the weight of the softer braking.
 
     Args:
         constants: Constants of the model.
@@ -134,10 +138,10 @@ def blend_iidm_with_cah(
         Kesting, Treiber, Helbing 2010 (ACC model); Treiber and Kesting (2013), section 11.3.8.
     """
     excess = minimum(iidm - cah, ZERO)
-    # (e - 1) / (e + 1) is the hyperbolic tangent of the excess over the comfortable deceleration.
-    e = exp(TWO * excess / vehicle.decel)
-    softened = cah + vehicle.decel * ((e - ONE) / (e + ONE))
-    # The IIDM has no lower bound at small gaps; no vehicle brakes harder than gravity.
+    # tanh(x) is (exp(2 x) - 1) / (exp(2 x) + 1), here with x = excess / decel.
+    exp_2x = exp(TWO * excess / vehicle.decel)
+    softened = cah + vehicle.decel * ((exp_2x - ONE) / (exp_2x + ONE))
+    # At small gaps the braking of the IIDM grows without bound; no vehicle brakes harder than 1 g.
     bounded = maximum(iidm, -constants.gravity)
     blend = (ONE - constants.coolness) * bounded + constants.coolness * softened
     return np.where(iidm >= cah, iidm, blend)
@@ -146,8 +150,8 @@ def blend_iidm_with_cah(
 def acc_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> F32:
     """Acceleration behind a leader, with a reaction to its stop lamps [m/s^2].
 
-    The blended IIDM reacts to the gap and its change. It brakes only when a braking leader has
-    become visibly slower. Stop lamps make a driver brake before that, at least by a share of
+    The blended IIDM reacts to the gap and its change, so it brakes only after a braking leader has
+    become visibly slower. Stop lamps make a driver brake before that, with at least a share of
     `cah_accel`: all of it at short time gaps, nothing at long ones, linear between.
     """
     speed = follower.speed
@@ -155,7 +159,7 @@ def acc_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> 
     iidm = iidm_accel(constants, follower, leader)
     accel = blend_iidm_with_cah(constants, follower.vehicle, iidm, cah)
     max_time_gap = constants.stop_lamp_max_time_gap
-    # `slip_speed` is the least divisor wherever a formula divides by speed.
+    # Every formula of the model that divides by speed divides by at least `slip_speed`, 3 m/s.
     time_gap_below_max = max_time_gap - leader.gap / maximum(speed, constants.slip_speed)
     reaction_share = clamp(
         time_gap_below_max / (max_time_gap - constants.stop_lamp_full_time_gap), ZERO, ONE
@@ -173,9 +177,9 @@ def imposed_accel(
 ) -> F32:
     """Acceleration, never positive, that a leader imposes on a follower [m/s^2].
 
-    It is the acceleration of `iidm_accel` at the desired speed, where the free acceleration is 0,
-    not blended with `cah_accel`: a small gap that a driver accepts for itself after a cut-in is too
-    small to impose on another driver.
+    This is `iidm_accel` at the desired speed, where the free acceleration is 0. It is not blended
+    with `cah_accel`: a driver accepts a small gap after a cut-in for itself, but should not impose
+    such a gap on another driver.
 
     Args:
         constants: Constants of the model.
