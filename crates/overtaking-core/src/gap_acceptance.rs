@@ -1,8 +1,10 @@
-//! Gap acceptance: intentions of drivers, from the gaps that they believe to be around them; the twin of
+//! Gap acceptance: whether drivers pull out, return or cancel, by the gaps in which they believe; the twin of
 //! `overtaking.sim.reference.gap_acceptance`.
 //!
-//! The ego accepts gaps on all roads, the other drivers on two-way roads only: on one-way roads they change lanes by
-//! MOBIL (`lane_change`).
+//! On one-way roads the ego, the vehicle under study, decides by gap acceptance and the others by MOBIL
+//! (`lane_change`). On two-way roads all drivers decide by it. Left is the overtaking side. The target is the vehicle
+//! that a driver overtakes. A branch is a what-if repetition of a simulation, in which decisions can be forced on the
+//! ego.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -25,7 +27,7 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the imposed braking finite for an ego that changes lanes by a script and asks for no gap [1].
+/// Keeps the imposed braking finite for an ego with a script, whose gap factor is 0 [1].
 const MIN_GAP_FACTOR: f32 = 1e-6;
 
 /// Beliefs and demands of a driver at a decision.
@@ -39,25 +41,27 @@ pub struct GapAcceptanceInputs<'a, S: Simd> {
     pub speed: F32<S>,
     /// Believed speed of the leader [m/s].
     pub leader_speed: F32<S>,
-    /// Factor on the gaps that the driver asks for now [1].
+    /// Factor on the gaps that the driver asks for now, 0 with a script [1].
     gap_factor: F32<S>,
     /// Largest braking that the driver imposes on others, positive [m/s^2].
     acceptable_imposed_decel: F32<S>,
-    /// Share of its demands that a waiting driver still has, 1 at first [1].
+    /// Share of its demands that a driver keeps after waiting, 1 at first [1].
     pub patience_left: F32<S>,
     /// Factor on the gap to a leader that blocks the view [1].
     tall_vehicle_gap_factor: F32<S>,
-    /// Whether the ego changes lanes by the script of the study by Pinto et al.: it then asks for no gap, ignores
+    /// Whether the ego changes lanes by the script of the study by Pinto et al. (2023): it asks for no gap, ignores
     /// vehicles beside it, and cancels nothing.
     is_scripted: Mask<S>,
     /// Whether the script makes it pull out now: it has detected a slower leader.
     pulls_out_by_script: Mask<S>,
-    /// Decision that a what-if branch forces on the ego, a constant of `forced_decision`; 0 without one.
+    /// Decision that a branch forces on the ego, a constant of `forced_decision`; 0 without one.
     forced_decision: F32<S>,
 }
 
 impl<'a, S: Simd> GapAcceptanceInputs<'a, S> {
-    /// The lane change that is under way; `old_leader_role` is the role of the leader in the lane that is left.
+    /// The lane change that is under way, as the driver judges it.
+    ///
+    /// `old_leader_role` is the role of the leader in the old lane, from which the driver moves.
     #[inline(always)]
     fn lane_change_risk(&self, old_leader_role: usize) -> LaneChangeRisk<'a, S> {
         let beliefs = self.beliefs;
@@ -86,7 +90,7 @@ pub struct Intent<S: Simd> {
     pub starts_pull_out: Mask<S>,
     /// Starts to return now.
     pub starts_return: Mask<S>,
-    /// Gives up pulling out, or passing, and goes back now.
+    /// Gives up pulling out, or passing, and goes back to the right now.
     pub cancels_pull_out: Mask<S>,
     /// Gives up returning and goes back to the left now.
     pub cancels_return: Mask<S>,
@@ -96,10 +100,9 @@ pub struct Intent<S: Simd> {
     pub has_finished_lane_change: Mask<S>,
 }
 
-/// Beliefs of the driver in `slot`, and its demands after the time for which it has waited.
+/// Beliefs of the driver in `slot`, and its demands, which fall while it waits behind a slower leader.
 ///
-/// A function and no method of the handle, because the inputs must not borrow the state, which changes while they are
-/// in use.
+/// This is no method of the handle, because the inputs must not borrow the state, which changes while they are in use.
 #[inline(always)]
 fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -112,8 +115,8 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     let relative_wait = state.overtake.time_waiting[slot] * vehicle.inverse_patience;
     let patience_left = at_least(exp(-relative_wait), constants.patience_floor);
     let gap_factor = vehicle.gap_demand_factor * patience_left;
-    // A driver that has waited also imposes harder braking on its follower, up to the limit of UN R157 and to the
-    // braking that the friction allows.
+    // A driver that has waited also imposes harder braking on its follower. Two limits remain: `max_imposed_decel` by
+    // UN R157, and the braking that the believed friction allows.
     let imposed_decel = at_most(
         vehicle.safe_decel / at_least(gap_factor, MIN_GAP_FACTOR),
         constants.max_imposed_decel,
@@ -158,7 +161,7 @@ pub fn is_scripted<S: Simd, const N: usize>(params: &Params<S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
-/// Acceleration that a leader imposes on a driver, by the time gap it asks for now [m/s^2].
+/// Acceleration that a leader imposes on the driver, by the time gap that the driver asks for now [m/s^2].
 #[inline(always)]
 fn imposed_accel_on_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -170,9 +173,9 @@ fn imposed_accel_on_driver<S: Simd, const N: usize>(
     imposed_accel(&params.constants, vehicle, inputs.speed, time_gap, leader)
 }
 
-/// Acceleration that a driver imposes on a follower, by the time gap it asks for now [m/s^2].
+/// Acceleration that the driver imposes on a follower, by the time gap that the driver asks for now [m/s^2].
 ///
-/// `closing_speed` is the speed of the follower minus the driver's.
+/// `gap` is the gap to the follower [m], and `closing_speed` the speed of the follower minus the driver's [m/s].
 #[inline(always)]
 fn imposed_accel_by_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -205,7 +208,7 @@ fn wants_to_overtake<S: Simd, const N: usize>(
         .gap
         .simd_lt(vehicle.pull_out_ttc * leader.closing_speed);
     let kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor;
-    // `close_time_gap` is a factor on the time gap that the driver keeps.
+    // `close_time_gap` is a factor: within 1.5 of its time gaps a driver is held up by the leader.
     let near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap;
     let is_near = leader.gap.simd_lt(near_gap);
     inputs.beliefs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
@@ -213,7 +216,7 @@ fn wants_to_overtake<S: Simd, const N: usize>(
 
 /// Whether the lane on the left looks free enough and, on one-way roads, faster.
 ///
-/// On two-way roads that is the opposing lane: a vehicle ahead in it overtakes as well, and the driver waits for it.
+/// On two-way roads the left lane is the opposing lane. A leader there is overtaking too, and the driver waits for it.
 /// `accepts_oncoming_gap` judges oncoming vehicles.
 #[inline(always)]
 fn accepts_pull_out_gaps<S: Simd, const N: usize>(
@@ -236,8 +239,9 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     if params.road.directions.has_oncoming_traffic {
         return is_free_behind & has_no_leader;
     }
-    let is_faster = ((inputs.speed - leader.closing_speed) - inputs.leader_speed)
-        .simd_gt(vehicle.min_speed_gain * inputs.patience_left);
+    let left_leader_speed = inputs.speed - leader.closing_speed;
+    let speed_gain = left_leader_speed - inputs.leader_speed;
+    let is_faster = speed_gain.simd_gt(vehicle.min_speed_gain * inputs.patience_left);
     let extra_gap = constants.waiting_time_gap * inputs.speed;
     let is_far = leader.gap.simd_gt(beliefs.gap[LEADER] + extra_gap);
     is_free_ahead & is_free_behind & (is_faster | is_far | has_no_leader)
@@ -245,13 +249,14 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
 
 /// Whether the lane on the right has space for the return.
 ///
-/// The gap behind is judged for the time when the vehicle crosses the line, the gap ahead for the end of the return.
-/// `gap_factor` multiplies the gap to the overtaken vehicle; it is 1 for a car.
+/// The driver judges the gap behind for the time when it crosses the line, half-way through the lane change, and the
+/// gap ahead for the end of the lane change. `target_gap_factor` multiplies the gap that it leaves to its target; it is
+/// 1 for a car.
 #[inline(always)]
 fn accepts_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
     inputs: &GapAcceptanceInputs<'_, S>,
-    gap_factor: F32<S>,
+    target_gap_factor: F32<S>,
 ) -> Mask<S> {
     let (constants, vehicle, beliefs) = (&params.constants, inputs.vehicle, inputs.beliefs);
     let leader = beliefs.steady_leader(RIGHT_LEADER);
@@ -260,20 +265,22 @@ fn accepts_return_gaps<S: Simd, const N: usize>(
     // Only growth of the gap counts here: the imposed braking already covers a gap that shrinks.
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_most(closing_speed, 0.0);
     let follower_speed = inputs.speed + closing_speed;
-    let min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * gap_factor;
+    let min_gap =
+        vehicle.return_time_gap * follower_speed * inputs.patience_left * target_gap_factor;
     let follower_accel = imposed_accel_by_driver(params, inputs, follower_gap, closing_speed);
     let is_free_behind =
         follower_gap.simd_ge(min_gap) & follower_accel.simd_ge(-inputs.acceptable_imposed_decel);
-    let leader_then = Leader {
+    let leader_at_end = Leader {
         gap: leader.gap - vehicle.lane_change_duration * at_least(leader.closing_speed, 0.0),
         ..leader
     };
     let is_free_ahead =
-        imposed_accel_on_driver(params, inputs, &leader_then).simd_ge(-vehicle.decel);
+        imposed_accel_on_driver(params, inputs, &leader_at_end).simd_ge(-vehicle.decel);
     // On a two-way road drivers return even if they soon reach the next vehicle.
     if params.road.directions.has_oncoming_traffic {
         return is_free_behind & is_free_ahead & leader.gap.simd_gt(constants.min_return_gap);
     }
+    // On a one-way road a driver stays left if it would have to pull out again within `stay_time`.
     let stays_free = leader
         .gap
         .simd_gt(constants.stay_time * leader.closing_speed);
@@ -282,8 +289,9 @@ fn accepts_return_gaps<S: Simd, const N: usize>(
 
 /// Whether the lane on the right has the least space for an urgent return.
 ///
-/// The gaps are judged for the time when the vehicle crosses the line. The driver may brake behind the leader while it
-/// moves over: behind a slow vehicle it would be too late to wait for a gap without braking.
+/// The driver judges both gaps for the time when it crosses the line. It accepts braking behind the leader, up to the
+/// limit at which it would cancel a lane change: if it waited for a gap without braking, it would return too late
+/// behind a slow vehicle.
 #[inline(always)]
 fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -293,17 +301,18 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     let leader = beliefs.steady_leader(RIGHT_LEADER);
     let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
     let time_to_line = 0.5 * params.simulations.urgent_change_duration;
+    // Growth of the gap ahead counts too, so a driver slower than the leader need not wait for it.
     let leader_gap = leader.gap - time_to_line * leader.closing_speed;
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_least(closing_speed, 0.0);
     let has_space = min(follower_gap, leader_gap).simd_gt(constants.min_return_gap);
     let accel = cah_accel(constants, inputs.speed, &leader);
-    // Back in its lane, the driver may brake as hard as one that aborts.
     has_space & accel.simd_ge(-(constants.abort_factor * inputs.vehicle.decel))
 }
 
-/// Wishes of the driver in `slot`, and which of them it carries out after indicating for long enough.
+/// Wishes of the driver in `slot`, and the lane change that it starts or cancels now.
 ///
-/// Stores the wanted side and the time of indicating. `continuation` is how its pass goes on; `None` on one-way roads.
+/// Changes `lane_choice.wanted_side` and `overtake.time_indicating`. `continuation` is whether the driver completes or
+/// aborts its pass; `None` on one-way roads.
 #[inline(always)]
 pub fn form_intent<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -322,18 +331,19 @@ pub fn form_intent<S: Simd, const N: usize>(
     let has_indicated =
         state.overtake.time_indicating[slot].simd_gt(inputs.vehicle.indicator_lead_time);
     // A driver moves over only right after a check of its mirrors.
-    let decides_now = (context.checks_mirrors & !context.gives_way) | inputs.is_scripted;
+    let may_move_over = (context.checks_mirrors & !context.gives_way) | inputs.is_scripted;
     let mut cancels_pull_out = driver.cancels_pull_out(context, inputs);
     let mut cancels_return = driver.cancels_return(context, inputs);
     let mut may_return = has_indicated;
     if let Some(continuation) = continuation {
-        // A driver that aborts returns behind its target without waiting for mirrors or indicator.
+        // A driver that aborts returns behind its target without waiting for mirrors or indicator. The state machine
+        // starts this return as a cancelled pull-out.
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
         may_return = (may_return | continuation.must_return_urgently) & !falls_back;
         cancels_pull_out |= falls_back;
-        // On two-way roads no driver cancels a return, because it cannot stay in the opposing lane: false in each
+        // On two-way roads no driver cancels a return: it cannot stay in the opposing lane. The result is false in each
         // simulation.
         cancels_return &= !cancels_return;
     }
@@ -342,10 +352,10 @@ pub fn form_intent<S: Simd, const N: usize>(
         wants_to_return,
         starts_pull_out: wants_to_pull_out
             & has_indicated
-            & (decides_now | forced_decision.simd_eq(forced_decision::PULL_OUT)),
+            & (may_move_over | forced_decision.simd_eq(forced_decision::PULL_OUT)),
         starts_return: wants_to_return
             & may_return
-            & (decides_now | forced_decision.simd_eq(forced_decision::RETURN)),
+            & (may_move_over | forced_decision.simd_eq(forced_decision::RETURN)),
         cancels_pull_out,
         cancels_return,
         has_passed_target: driver.has_passed_target(),
@@ -354,11 +364,14 @@ pub fn form_intent<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// True speed of this vehicle minus its leader's [m/s]. The script of the study decides by it, the model's drivers
-    /// by what they believe.
+    /// True speed of the ego minus its leader's, 0 without a leader [m/s].
+    ///
+    /// The script decides by it. An ego that decided by its belief would pull out too late: it notices the closing
+    /// speed only when the leader looms, and the study's egos pull out 31 to 56 m behind.
     #[inline(always)]
     pub fn true_closing_speed_to_leader(self, neighbours: &Neighbours<S>) -> F32<S> {
         let vx = &self.state.motion.vx;
+        // Without a leader, `at_slot!` takes slot 0, the ego itself.
         vx[self.slot] - at_slot!(self.params, neighbours.slot[LEADER], |j| { vx[j] })
     }
 
@@ -402,25 +415,25 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         continuation: Option<&PassContinuation<S>>,
     ) -> Mask<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let has_lane = state.lane_choice.lane[slot].simd_ge(1.0);
-        let can_return = self.is_in_stage(stage::PASS) & has_lane;
+        let has_right_lane = state.lane_choice.lane[slot].simd_ge(1.0);
+        let can_return = self.is_in_stage(stage::PASS) & has_right_lane;
         let has_passed = self.has_passed_target();
         let is_late = state.overtake.time_in_stage[slot].simd_gt(params.constants.give_up_after);
         let is_stuck = is_late & self.is_behind_target();
         let mut has_paused = self.has_paused();
-        let gap_factor = if continuation.is_some() {
+        let target_gap_factor = if continuation.is_some() {
             tall_vehicle_gap_factor(params, state.overtake.target_slot[slot])
         } else {
             splat(params.simd, 1.0)
         };
         let mut accepts_gaps =
-            accepts_return_gaps(params, inputs, gap_factor) & (has_passed | is_stuck);
+            accepts_return_gaps(params, inputs, target_gap_factor) & (has_passed | is_stuck);
         if let Some(continuation) = continuation {
             let accepts_small_gaps = continuation.accepts_small_gap
                 & accepts_urgent_return_gaps(params, inputs)
                 & has_passed;
             accepts_gaps |= accepts_small_gaps;
-            // An urgent return waits for no pause after the pull-out.
+            // An urgent return does not wait for the pause after the pull-out.
             has_paused |= accepts_small_gaps;
         }
         let wants_now = select_mask(inputs.is_scripted, has_passed, accepts_gaps) & has_paused;
@@ -430,7 +443,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         can_return & (wants | inputs.forced_decision.simd_eq(forced_decision::RETURN))
     }
 
-    /// Whether the driver goes back while it pulls out: in danger, or forced by a branch.
+    /// Whether the driver cancels a pull-out: it has become dangerous, or a branch forces it to.
     #[inline(always)]
     fn cancels_pull_out(
         self,
@@ -447,7 +460,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.can_cancel_pull_out() & (is_dangerous | is_forced)
     }
 
-    /// Whether the driver gives up its return in danger, unless a branch forces the return.
+    /// Whether the driver cancels a return that has become dangerous, unless a branch forces it.
     #[inline(always)]
     fn cancels_return(
         self,
@@ -464,7 +477,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.can_cancel_return() & is_dangerous & !is_forced
     }
 
-    /// Whether the pause after the last lane change is over, whether or not that change was an abort.
+    /// Whether the pause after the last lane change is over, completed or cancelled.
     #[inline(always)]
     fn has_paused(self) -> Mask<S> {
         self.state.lane_choice.time_since_lane_change[self.slot]
@@ -490,20 +503,20 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         s[self.slot].simd_lt(at_slot!(self.params, target_slot, |j| s[j]))
     }
 
-    /// Whether it is quicker to turn back than to finish the lane change.
+    /// Whether the lane change has just begun, so that turning back is quicker than finishing it.
     #[inline(always)]
     fn is_quicker_to_turn_back(self) -> Mask<S> {
         let (path, slot) = (&self.state.path, self.slot);
         path.elapsed[slot].simd_lt(self.params.constants.abort_until * path.duration[slot])
     }
 
-    /// Whether the driver pulls out, and it is quicker to turn back than to finish.
+    /// Whether the driver has just begun to pull out.
     #[inline(always)]
     pub fn can_cancel_pull_out(self) -> Mask<S> {
         self.is_in_stage(stage::PULL_OUT) & self.is_quicker_to_turn_back()
     }
 
-    /// Whether the driver returns by a whole lane, and it is quicker to turn back than to finish.
+    /// Whether the driver has just begun to go back by a whole lane.
     #[inline(always)]
     pub fn can_cancel_return(self) -> Mask<S> {
         (self.is_in_stage(stage::RETURN) | self.is_in_stage(stage::ABORT))
@@ -518,7 +531,7 @@ fn select_mask<S: Simd>(mask: Mask<S>, a: Mask<S>, b: Mask<S>) -> Mask<S> {
     (mask & a) | (!mask & b)
 }
 
-/// Store the side that the driver in `slot` wants, and for how long it has indicated it.
+/// Store the side that the driver in `slot` wants, 1 left, -1 right or 0, and the time for which it has wanted it.
 #[inline(always)]
 pub fn update_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -530,10 +543,14 @@ pub fn update_indicator<S: Simd, const N: usize>(
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
     state.lane_choice.wanted_side[slot] =
         select(wants_to_pull_out, one, select(wants_to_return, -one, zero));
+    // The time counts whether or not the driver uses its indicator. It runs down when the wish ends, so a short doubt
+    // does not restart the lead time.
     let time_indicating = state.overtake.time_indicating[slot];
-    let longer = time_indicating + params.constants.decision;
-    // The time runs down when the wish ends, so a short doubt does not restart the lead time.
-    let fading = at_least(time_indicating - params.constants.decision, 0.0);
-    state.overtake.time_indicating[slot] =
-        select(wants_to_pull_out | wants_to_return, longer, fading);
+    let longer_time = time_indicating + params.constants.decision;
+    let shorter_time = at_least(time_indicating - params.constants.decision, 0.0);
+    state.overtake.time_indicating[slot] = select(
+        wants_to_pull_out | wants_to_return,
+        longer_time,
+        shorter_time,
+    );
 }

@@ -1,6 +1,10 @@
-"""Gap acceptance: intentions of drivers by the gaps in which they believe.
+"""Gap acceptance: whether drivers pull out, return or cancel, by the gaps in which they believe.
 
-The ego decides by gap acceptance, and on two-way roads every driver; `slots` selects the rows.
+On one-way roads the ego, the vehicle under study, decides by gap acceptance and the others by MOBIL
+(`lane_change`). On two-way roads all drivers decide by it. `slots` selects the drivers: an int
+gives arrays of shape (simulation,), a slice (vehicle, simulation). Left is the overtaking side. The
+target is the vehicle that a driver overtakes. A branch is a what-if repetition of a simulation, in
+which decisions can be forced on the ego.
 """
 
 from dataclasses import dataclass
@@ -39,31 +43,35 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_MIN_GAP_FACTOR = np.float32(1e-6)  # Keeps the imposed braking finite without demands [1].
+# Keeps the imposed braking finite for an ego with a script, whose gap factor is 0 [1].
+_MIN_GAP_FACTOR = np.float32(1e-6)
 
 
 @dataclass(slots=True, kw_only=True)
 class GapAcceptanceInputs:
-    """Beliefs and demands of drivers at a decision; by role, or of the shape of the slots.
+    """Beliefs and demands of drivers at a decision.
+
+    Arrays have the shape of the slots. Those by role have the role as an additional first axis.
 
     Attributes:
         slots: Slots of the drivers.
         vehicle: Parameters of the drivers and their vehicles.
         speed: Speed [m/s].
         gap: Believed gaps, by role [m].
-        closing_speed: Believed closing speeds, by role [m/s].
+        closing_speed: Believed speeds at which the gaps shrink, by role [m/s].
         is_detected: Whether the driver has detected the neighbour, by role.
         leader_speed: Believed speed of the leader [m/s].
-        gap_factor: Factor on the gaps that the driver asks for now [1].
+        gap_factor: Factor on the gaps that the driver asks for now, 0 with a script [1].
         acceptable_imposed_decel: Largest braking that the driver imposes on others, positive
             [m/s^2].
-        patience_left: Share of its demands that a waiting driver still has, 1 at first [1].
+        patience_left: Share of its demands that a driver keeps after waiting, 1 at first [1].
         tall_vehicle_gap_factor: Factor on the gap to a leader that blocks the view [1].
-        is_scripted: Whether the ego changes lanes by the script of the study: it then asks for no
-            gap, ignores vehicles beside it, and cancels nothing.
+        is_scripted: Whether the ego changes lanes by the script of the study by Pinto et al.
+            (2023): it asks for no gap, ignores vehicles beside it, and cancels nothing.
         pulls_out_by_script: Whether the script makes it pull out now: it has detected a slower
             leader.
-        forced_decision: `ForcedDecision` of a branch, 0 without one.
+        forced_decision: Decision that a branch forces on the ego, a `ForcedDecision`; 0 without
+            one.
     """
 
     slots: SlotSelection
@@ -82,15 +90,15 @@ class GapAcceptanceInputs:
     forced_decision: F32
 
     def leader(self, role: int) -> Leader:
-        """The leader in a role as the driver believes, without its braking."""
+        """The leader in a role as the driver believes, assumed to keep its speed."""
         return Leader(gap=self.gap[role], closing_speed=self.closing_speed[role])
 
     def lane_change_risk(self, old_leader_role: int) -> LaneChangeRisk:
-        """The lane change that is under way.
+        """The lane change that is under way, as the driver judges it.
 
         Args:
-            old_leader_role: Role of the leader in the lane that is left. The follower of a lane has
-                the role after its leader's.
+            old_leader_role: Role of the leader in the old lane, from which the driver moves. The
+                follower of a lane has the role after its leader's.
         """
         return LaneChangeRisk(
             vehicle=self.vehicle,
@@ -114,9 +122,9 @@ class Intent:
         wants_to_return: Wants to return, and indicates it.
         starts_pull_out: Starts to pull out now.
         starts_return: Starts to return now.
-        cancels_pull_out: Gives up pulling out, or passing, and goes back now.
+        cancels_pull_out: Gives up pulling out, or passing, and goes back to the right now.
         cancels_return: Gives up returning and goes back to the left now.
-        has_passed_target: The target's front is visibly behind the own rear.
+        has_passed_target: The target's front is visibly behind the driver's rear.
         has_finished_lane_change: The last lane change is over.
     """
 
@@ -133,15 +141,15 @@ class Intent:
 def gap_acceptance_inputs(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> GapAcceptanceInputs:
-    """Beliefs of drivers, and their demands after the time for which they have waited."""
+    """Beliefs of drivers, and their demands, which fall while they wait behind a slower leader."""
     constants, neighbours, beliefs = params.constants, context.neighbours, context.beliefs
     vehicle = params.vehicles.at_slots(slots)
     gap, closing_speed = beliefs.gap[:, slots], beliefs.closing_speed[:, slots]
     relative_wait = state.overtake.time_waiting[slots] * vehicle.inverse_patience
     patience_left = maximum(exp(-relative_wait), constants.patience_floor)
     gap_factor = vehicle.gap_demand_factor * patience_left
-    # A driver that has waited also imposes harder braking on its follower, up to the limit of UN
-    # R157 and to the braking that the friction allows.
+    # A driver that has waited also imposes harder braking on its follower. Two limits remain:
+    # `max_imposed_decel` by UN R157, and the braking that the believed friction allows.
     imposed_decel = minimum(
         vehicle.safe_decel / maximum(gap_factor, _MIN_GAP_FACTOR), constants.max_imposed_decel
     )
@@ -180,7 +188,12 @@ def is_scripted(params: StepParameters) -> Mask:
 
 
 def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
-    """True speed of the ego minus its leader's, by which the script decides [m/s]."""
+    """True speed of the ego minus its leader's, 0 without a leader [m/s].
+
+    The script decides by it. An ego that decided by its belief would pull out too late: it notices
+    the closing speed only when the leader looms, and the study's egos pull out 31 to 56 m behind.
+    """
+    # Without a leader, `value_at_slot` takes slot 0, the ego itself.
     leader_slot = neighbours.slot[LEADER, EGO_SLOT]
     return state.motion.vx[EGO_SLOT] - value_at_slot(state.motion.vx, leader_slot)
 
@@ -188,7 +201,7 @@ def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
 def imposed_accel_on_driver(
     params: StepParameters, inputs: GapAcceptanceInputs, leader: Leader
 ) -> F32:
-    """Acceleration that a leader imposes on a driver, by the time gap it asks for now [m/s^2]."""
+    """Acceleration that a leader imposes on drivers, by the time gap they ask for now [m/s^2]."""
     time_gap = inputs.vehicle.time_gap * inputs.gap_factor
     return imposed_accel(params.constants, inputs.vehicle, inputs.speed, time_gap, leader)
 
@@ -196,7 +209,7 @@ def imposed_accel_on_driver(
 def imposed_accel_by_driver(
     params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing_speed: F32
 ) -> F32:
-    """Acceleration that a driver imposes on a follower, by the time gap it asks for now [m/s^2].
+    """Acceleration that drivers impose on a follower, by the time gap they ask for now [m/s^2].
 
     Args:
         params: Parameters of the batch.
@@ -217,6 +230,7 @@ def wants_to_overtake(params: StepParameters, inputs: GapAcceptanceInputs) -> Ma
     is_slow = speed_gain > vehicle.min_speed_gain * inputs.patience_left
     is_reached_soon = leader.gap < vehicle.pull_out_ttc * leader.closing_speed
     kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor
+    # `close_time_gap` is a factor: within 1.5 of its time gaps a driver is held up by the leader.
     near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap
     is_near = leader.gap < near_gap
     return inputs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
@@ -225,7 +239,7 @@ def wants_to_overtake(params: StepParameters, inputs: GapAcceptanceInputs) -> Ma
 def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the lane on the left looks free enough and, on one-way roads, faster.
 
-    On two-way roads that is the opposing lane: a vehicle ahead in it overtakes as well, and the
+    On two-way roads the left lane is the opposing lane. A leader there is overtaking too, and the
     driver waits for it. `accepts_oncoming_gap` judges oncoming vehicles.
     """
     constants, vehicle = params.constants, inputs.vehicle
@@ -244,7 +258,8 @@ def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -
     has_no_leader = ~inputs.is_detected[LEFT_LEADER]
     if params.road.has_oncoming_traffic:
         return is_free_behind & has_no_leader
-    speed_gain = (inputs.speed - leader.closing_speed) - inputs.leader_speed
+    left_leader_speed = inputs.speed - leader.closing_speed
+    speed_gain = left_leader_speed - inputs.leader_speed
     is_faster = speed_gain > vehicle.min_speed_gain * inputs.patience_left
     extra_gap = constants.waiting_time_gap * inputs.speed
     is_far = leader.gap > inputs.gap[LEADER] + extra_gap
@@ -252,34 +267,36 @@ def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -
 
 
 def accepts_return_gaps(
-    params: StepParameters, inputs: GapAcceptanceInputs, gap_factor: F32 | np.float32 = ONE
+    params: StepParameters, inputs: GapAcceptanceInputs, target_gap_factor: F32 | np.float32 = ONE
 ) -> Mask:
     """Whether the lane on the right has space for the return.
 
-    The gap behind is judged for when the line is crossed, the gap ahead for the end of the return.
+    Drivers judge the gap behind for the time when they cross the line, half-way through the lane
+    change, and the gap ahead for the end of the lane change.
 
     Args:
         params: Parameters of the batch.
         inputs: Beliefs and demands of the drivers.
-        gap_factor: Factor on the gap that is left to the overtaken vehicle, 1 for a car [1].
+        target_gap_factor: Factor on the gap that drivers leave to their target, 1 for a car [1].
     """
     constants, vehicle = params.constants, inputs.vehicle
     leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
     time_to_line = HALF * vehicle.lane_change_duration
-    # A growing gap counts, a shrinking one does not: the imposed braking covers it.
+    # Only growth of the gap counts here: the imposed braking already covers a gap that shrinks.
     follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * minimum(closing_speed, ZERO)
     follower_speed = inputs.speed + closing_speed
-    min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * gap_factor
+    min_gap = vehicle.return_time_gap * follower_speed * inputs.patience_left * target_gap_factor
     follower_accel = imposed_accel_by_driver(params, inputs, follower_gap, closing_speed)
     is_free_behind = (follower_gap >= min_gap) & (
         follower_accel >= -inputs.acceptable_imposed_decel
     )
     leader_gap = leader.gap - vehicle.lane_change_duration * maximum(leader.closing_speed, ZERO)
-    leader_then = Leader(gap=leader_gap, closing_speed=leader.closing_speed)
-    is_free_ahead = imposed_accel_on_driver(params, inputs, leader_then) >= -vehicle.decel
+    leader_at_end = Leader(gap=leader_gap, closing_speed=leader.closing_speed)
+    is_free_ahead = imposed_accel_on_driver(params, inputs, leader_at_end) >= -vehicle.decel
     # On a two-way road drivers return even if they soon reach the next vehicle.
     if params.road.has_oncoming_traffic:
         return is_free_behind & is_free_ahead & (leader.gap > constants.min_return_gap)
+    # On a one-way road a driver stays left if it would have to pull out again within `stay_time`.
     stays_free = leader.gap > constants.stay_time * leader.closing_speed
     return is_free_behind & is_free_ahead & stays_free
 
@@ -287,12 +304,14 @@ def accepts_return_gaps(
 def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
     """Whether the lane on the right has the least space for an urgent return.
 
-    The gaps are judged for when the line is crossed. The driver may brake behind the leader while
-    it moves over: behind a slow vehicle it would be too late to wait for a gap without braking.
+    Drivers judge both gaps for the time when they cross the line. They accept braking behind the
+    leader, up to the limit at which they would cancel a lane change: if they waited for a gap
+    without braking, they would return too late behind a slow vehicle.
     """
     constants = params.constants
     leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
     time_to_line = HALF * params.simulations.urgent_change_duration
+    # Growth of the gap ahead counts too, so a driver slower than the leader need not wait for it.
     leader_gap = leader.gap - time_to_line * leader.closing_speed
     follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * maximum(closing_speed, ZERO)
     has_space = minimum(follower_gap, leader_gap) > constants.min_return_gap
@@ -301,7 +320,7 @@ def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInpu
 
 
 def has_gap_behind(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether no vehicle is close behind in the right lane."""
+    """Whether drivers believe that no vehicle is close behind them in the right lane."""
     return inputs.gap[RIGHT_FOLLOWER] > params.constants.min_rear_gap
 
 
@@ -312,14 +331,14 @@ def form_intent(
     slots: SlotSelection,
     continuation: PassContinuation | None,
 ) -> Intent:
-    """Wishes of drivers, and which of them they carry out after indicating for long enough.
+    """Wishes of drivers, and the lane changes that they start or cancel now.
 
     Args:
-        state: The wanted side and the time of indicating change.
+        state: `lane_choice.wanted_side` and `overtake.time_indicating` change.
         params: Parameters of the batch.
         context: Perception of the drivers at this decision.
         slots: Slots of the drivers.
-        continuation: How their pass goes on; None on one-way roads.
+        continuation: Whether the drivers complete or abort their pass; None on one-way roads.
     """
     inputs = gap_acceptance_inputs(state, params, context, slots)
     wants_to_pull_out = _wants_to_pull_out(state, params, context, inputs)
@@ -327,30 +346,30 @@ def form_intent(
     update_indicator(state, params, slots, wants_to_pull_out, wants_to_return)
     has_indicated = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
     # A driver moves over only right after a check of its mirrors.
-    goes_first = context.checks_mirrors[slots] & ~context.gives_way[slots]
-    decides_now = goes_first | inputs.is_scripted
+    may_move_over = (context.checks_mirrors[slots] & ~context.gives_way[slots]) | inputs.is_scripted
     forced_decision = inputs.forced_decision
     cancels_pull_out = _cancels_pull_out(state, params, context, inputs)
     cancels_return = _cancels_return(state, params, context, inputs)
     may_return = has_indicated
     if continuation is not None:
         # A driver that aborts returns behind its target without waiting for mirrors or indicator.
+        # The state machine starts this return as a cancelled pull-out.
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
         may_return = (has_indicated | continuation.must_return_urgently) & ~falls_back
         cancels_pull_out = cancels_pull_out | falls_back
-        # In the opposing lane no driver can stay.
+        # On two-way roads no driver cancels a return: it cannot stay in the opposing lane.
         cancels_return = np.zeros_like(cancels_return)
     return Intent(
         wants_to_pull_out=wants_to_pull_out,
         wants_to_return=wants_to_return,
         starts_pull_out=wants_to_pull_out
         & has_indicated
-        & (decides_now | (forced_decision == ForcedDecision.PULL_OUT)),
+        & (may_move_over | (forced_decision == ForcedDecision.PULL_OUT)),
         starts_return=wants_to_return
         & may_return
-        & (decides_now | (forced_decision == ForcedDecision.RETURN)),
+        & (may_move_over | (forced_decision == ForcedDecision.RETURN)),
         cancels_pull_out=cancels_pull_out,
         cancels_return=cancels_return,
         has_passed_target=has_passed_target(state, params, slots),
@@ -365,9 +384,9 @@ def _wants_to_pull_out(
     constants, slots, oncoming = params.constants, inputs.slots, context.oncoming
     # The pause keeps a driver that has cancelled a lane change from starting it again at once.
     has_paused = state.lane_choice.time_since_lane_change[slots] >= constants.abort_cooldown
-    has_lane = state.lane_choice.lane[slots] < np.float32(params.road.num_lanes - 1)
+    has_left_lane = state.lane_choice.lane[slots] < np.float32(params.road.num_lanes - 1)
     follows = state.is_in_stage(Stage.FOLLOW, slots)
-    can_pull_out = follows & state.has_finished_lane_change(slots) & has_paused & has_lane
+    can_pull_out = follows & state.has_finished_lane_change(slots) & has_paused & has_left_lane
     wants_now = wants_to_overtake(params, inputs) & accepts_pull_out_gaps(params, inputs)
     if oncoming is not None:
         opportunity = passing_opportunity(state, params, context, slots)
@@ -397,8 +416,8 @@ def _wants_to_return(
     """Whether drivers want to return: past the target, stuck beside it, or forced by a branch."""
     constants, slots = params.constants, inputs.slots
     target_slot = state.overtake.target_slot[slots]
-    has_lane = state.lane_choice.lane[slots] >= ONE
-    can_return = state.is_in_stage(Stage.PASS, slots) & has_lane
+    has_right_lane = state.lane_choice.lane[slots] >= ONE
+    can_return = state.is_in_stage(Stage.PASS, slots) & has_right_lane
     is_behind_target = state.motion.s[slots] < value_at_slot(state.motion.s, target_slot)
     is_stuck = is_behind_target & (state.overtake.time_in_stage[slots] > constants.give_up_after)
     has_passed = has_passed_target(state, params, slots)
@@ -406,13 +425,13 @@ def _wants_to_return(
     if continuation is None:
         accepts_gaps = accepts_return_gaps(params, inputs) & (has_passed | is_stuck)
     else:
-        gap_factor = tall_vehicle_gap_factor(params, target_slot)
-        accepts_usual_gaps = accepts_return_gaps(params, inputs, gap_factor)
+        target_gap_factor = tall_vehicle_gap_factor(params, target_slot)
+        accepts_usual_gaps = accepts_return_gaps(params, inputs, target_gap_factor)
         accepts_small_gaps = (
             continuation.accepts_small_gap & accepts_urgent_return_gaps(params, inputs) & has_passed
         )
         accepts_gaps = (accepts_usual_gaps & (has_passed | is_stuck)) | accepts_small_gaps
-        # An urgent return waits for no pause after the pull-out.
+        # An urgent return does not wait for the pause after the pull-out.
         has_paused = has_paused | accepts_small_gaps
     wants_now = np.where(inputs.is_scripted, has_passed, accepts_gaps) & has_paused
     decides = context.checks_mirrors[slots] | inputs.is_scripted
@@ -423,7 +442,7 @@ def _wants_to_return(
 def _cancels_pull_out(
     state: State, params: StepParameters, context: DecisionContext, inputs: GapAcceptanceInputs
 ) -> Mask:
-    """Whether drivers go back while they pull out: in danger, or forced by a branch."""
+    """Whether drivers cancel a pull-out: it has become dangerous, or a branch forces them."""
     decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
     risk = inputs.lane_change_risk(old_leader_role=RIGHT_LEADER)
     is_dangerous = decides & lane_change_is_dangerous(params.constants, risk)
@@ -434,7 +453,7 @@ def _cancels_pull_out(
 def _cancels_return(
     state: State, params: StepParameters, context: DecisionContext, inputs: GapAcceptanceInputs
 ) -> Mask:
-    """Whether drivers give up their return in danger, unless a branch forces them to return."""
+    """Whether drivers cancel a return that has become dangerous, unless a branch forces it."""
     decides = context.checks_mirrors[inputs.slots] & ~inputs.is_scripted
     risk = inputs.lane_change_risk(old_leader_role=LEFT_LEADER)
     is_dangerous = decides & lane_change_is_dangerous(params.constants, risk)
@@ -443,12 +462,12 @@ def _cancels_return(
 
 
 def has_passed_target(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether the target's front is visibly behind the own rear."""
+    """Whether the target's front is visibly behind the driver's rear."""
     s, half_length = state.motion.s, params.vehicles.half_length
     target_slot = state.overtake.target_slot[slots]
-    ego_lead = s[slots] - value_at_slot(s, target_slot)
+    lead_over_target = s[slots] - value_at_slot(s, target_slot)
     half_lengths = half_length[slots] + value_at_slot(half_length, target_slot)
-    return ego_lead > half_lengths + params.constants.return_clearance
+    return lead_over_target > half_lengths + params.constants.return_clearance
 
 
 def is_quicker_to_turn_back(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
@@ -475,12 +494,13 @@ def update_indicator(
     wants_to_pull_out: Mask,
     wants_to_return: Mask,
 ) -> None:
-    """Store the wanted side, and count for how long drivers have indicated it."""
-    decision, wants_change = params.constants.decision, wants_to_pull_out | wants_to_return
+    """Store the wanted side, 1 left, -1 right or 0, and the time for which it has been wanted."""
+    interval, wants_change = params.constants.decision, wants_to_pull_out | wants_to_return
     side = np.where(wants_to_pull_out, ONE, np.where(wants_to_return, -ONE, ZERO))
     state.lane_choice.wanted_side[slots] = side
-    time = state.overtake.time_indicating[slots]
-    # The time runs down when the wish ends, so a short doubt does not restart the lead time.
+    # The time counts whether or not the driver uses its indicator. It runs down when the wish ends,
+    # so a short doubt does not restart the lead time.
+    time_indicating = state.overtake.time_indicating[slots]
     state.overtake.time_indicating[slots] = np.where(
-        wants_change, time + decision, maximum(time - decision, ZERO)
+        wants_change, time_indicating + interval, maximum(time_indicating - interval, ZERO)
     )
