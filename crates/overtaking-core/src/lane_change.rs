@@ -1,7 +1,10 @@
 //! Lane changes by MOBIL: incentives, safety, cancelling, and the start of a lane change; the twin of
 //! `overtaking.sim.reference.lane_change`.
 //!
-//! On one-way roads all drivers but the ego decide by MOBIL. Every lane change starts here.
+//! MOBIL (Kesting, Treiber, Helbing 2007) weighs a driver's gain in acceleration against the loss of its followers. On
+//! one-way roads all drivers but the ego decide by it. `start_lane_changes` starts the lane changes of all drivers.
+//! Left is the overtaking side. During a lane change the driver's lane is the one that it enters, and its old lane the
+//! one that it leaves.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -19,19 +22,19 @@ use crate::state::{
 use crate::steering::start_path;
 use crate::vehicle_handle::VehicleHandle;
 
-/// Keeps the time until the driver reaches its leader finite [m/s].
+/// Keeps the time until a gap is closed finite. It matters only at gaps below about a metre [m/s].
 const MIN_CLOSING_SPEED: f32 = 0.1;
 
-/// MOBIL's incentives to change lanes [m/s^2].
+/// Gain in acceleration by a lane change, less the weighted loss of a follower [m/s^2].
 struct MobilIncentives<S: Simd> {
     to_left: F32<S>,
     to_right: F32<S>,
 }
 
-/// A lane change that is under way, or the last one.
+/// Direction of the lane change that is under way, or of the last one.
 pub struct LaneChangeDirection<S: Simd> {
     pub is_to_left: Mask<S>,
-    /// Whether it moves by a whole lane. A cancelled lane change moves by less.
+    /// Whether it crosses a whole lane; a cancelled lane change does not.
     pub is_whole_lane: Mask<S>,
 }
 
@@ -55,22 +58,22 @@ pub struct LaneChangeRisk<'a, S: Simd> {
     pub time_gap: F32<S>,
     /// Braking that the driver may impose on a follower when it starts a lane change, positive [m/s^2].
     pub acceptable_imposed_decel: F32<S>,
-    /// Leader in the lane that is entered.
+    /// Leader in the new lane.
     pub leader: Leader<S>,
-    /// Gap to the follower in the lane that is entered [m].
+    /// Gap to the follower in the new lane [m].
     pub follower_gap: F32<S>,
     /// Speed of that follower minus the driver's [m/s].
     pub follower_closing_speed: F32<S>,
-    /// Leader in the lane that is left.
+    /// Leader in the old lane.
     pub old_leader: Leader<S>,
-    /// Gap to the follower in the lane that is left [m].
+    /// Gap to the follower in the old lane [m].
     pub old_follower_gap: F32<S>,
 }
 
-/// Whether the lane that is entered has become dangerous, and the old one still has space.
+/// Whether the new lane has become dangerous, and the old one still has space.
 ///
-/// Going back needs clearly more danger than refusing to start: `abort_imposed_factor` times the braking that the
-/// driver may impose on a follower, or `abort_factor` times its own comfortable braking.
+/// A driver goes back only for clearly more danger than keeps it from starting: more than `abort_imposed_factor` times
+/// the braking that it may impose on a follower, or `abort_factor` times its own comfortable braking.
 #[inline(always)]
 pub fn lane_change_is_dangerous<S: Simd>(
     constants: &ModelConstants,
@@ -95,10 +98,11 @@ pub fn lane_change_is_dangerous<S: Simd>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Acceleration that this driver would impose on a follower, by its own time gap [m/s^2].
+    /// Acceleration that a vehicle in front would impose on a follower, as this driver judges it [m/s^2].
     ///
-    /// `speed` is the driver's speed [m/s], `gap` the gap to the follower [m], and `closing_speed` the follower's speed
-    /// minus the driver's [m/s]. The driver assumes the follower to be like itself.
+    /// The driver assumes that the follower is like itself and keeps the same time gap. `speed` is the speed of the
+    /// vehicle in front, which may be the driver's own [m/s], `gap` the gap from that vehicle to the follower [m], and
+    /// `closing_speed` the follower's speed minus `speed` [m/s].
     #[inline(always)]
     fn imposed_accel_on_follower(
         self,
@@ -116,10 +120,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         )
     }
 
-    /// MOBIL's incentives. `accel` is the acceleration behind the present leader [m/s^2].
+    /// MOBIL's incentives to change to the left and to the right [m/s^2].
     ///
     /// European rule: for a change to the left only the new follower counts, for a change to the right only the old
-    /// one. Above 60 km/h no driver expects to be faster than the traffic on its left.
+    /// one. Above `no_passing_right_speed`, 60 km/h, no driver passes on the right. `accel` is the acceleration behind
+    /// the present leader [m/s^2].
     #[inline(always)]
     fn mobil_incentives(self, beliefs: &Beliefs<S>, accel: F32<S>) -> MobilIncentives<S> {
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
@@ -135,31 +140,31 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let accel_right = acc_accel(constants, &driver, &beliefs.steady_leader(RIGHT_LEADER));
         let accel_left = self.limit_accel(accel_left);
         let accel_right = self.limit_accel(accel_right);
-        // No driver passes on the right at speed, so the left lane limits both accelerations.
-        let keeps_behind_left = speed.simd_gt(constants.no_passing_right_speed);
-        let reference_accel = select(keeps_behind_left, min(accel, accel_left), accel);
-        let accel_right = select(keeps_behind_left, min(accel_right, accel), accel_right);
+        // Such a driver accelerates no more than the next lane on its left allows: the left lane limits its present
+        // acceleration, and the present lane limits its acceleration in the right lane.
+        let never_passes_right = speed.simd_gt(constants.no_passing_right_speed);
+        let reference_accel = select(never_passes_right, min(accel, accel_left), accel);
+        let accel_right = select(never_passes_right, min(accel_right, accel), accel_right);
         let length = 2.0 * vehicle.half_length;
-        // The new follower, with the driver ahead of it and without: it then follows the left leader.
+        // The new follower is behind the left leader now, and behind the driver after the change.
         let (follower_gap, follower_closing) = (gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]);
-        let new_follower_accel =
+        let new_follower_accel_after =
             self.imposed_accel_on_follower(speed, follower_gap, follower_closing);
-        let new_follower_accel_without = self.imposed_accel_on_follower(
+        let new_follower_accel_now = self.imposed_accel_on_follower(
             speed - closing_speed[LEFT_LEADER],
             follower_gap + gap[LEFT_LEADER] + length,
             follower_closing + closing_speed[LEFT_LEADER],
         );
-        // The old follower, with the driver ahead of it and without: it then follows the leader.
-        let old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length;
-        let old_follower_accel =
+        // The old follower is behind the driver now, and behind the driver's leader after the change.
+        let old_follower_accel_now =
             self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
-        let old_follower_accel_without = self.imposed_accel_on_follower(
+        let old_follower_accel_after = self.imposed_accel_on_follower(
             speed - closing_speed[LEADER],
-            old_follower_gap,
+            gap[FOLLOWER] + gap[LEADER] + length,
             closing_speed[FOLLOWER] + closing_speed[LEADER],
         );
-        let new_follower_change = new_follower_accel - new_follower_accel_without;
-        let old_follower_change = old_follower_accel_without - old_follower_accel;
+        let new_follower_change = new_follower_accel_after - new_follower_accel_now;
+        let old_follower_change = old_follower_accel_after - old_follower_accel_now;
         let to_left = accel_left - reference_accel + vehicle.politeness * new_follower_change;
         let to_right = accel_right - accel + vehicle.politeness * old_follower_change;
         MobilIncentives {
@@ -168,9 +173,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Whether a lane change endangers neither the driver nor the new follower, now and soon.
+    /// Whether a lane change endangers neither the driver nor the new follower.
     ///
-    /// `leader_role` is the role of the leader in the new lane; its follower has the next number.
+    /// The new follower is judged as it is now, and as `anticipated_follower` expects it. `leader_role` is the role of
+    /// the leader in the new lane. The follower there has the next number.
     #[inline(always)]
     fn is_safe_lane_change(self, beliefs: &Beliefs<S>, leader_role: usize) -> Mask<S> {
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
@@ -185,13 +191,16 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             self.imposed_accel_on_follower(speed, later_gap, later_closing_speed),
         );
         let accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, &leader);
+        // `min_rear_gap` is the least gap to the leader, too.
         let has_space =
             rear_gap.simd_gt(constants.min_rear_gap) & leader.gap.simd_gt(constants.min_rear_gap);
         has_space & rear_accel.simd_ge(-vehicle.safe_decel) & accel.simd_ge(-vehicle.safe_decel)
     }
 }
 
-/// Gap [m] and closing speed [m/s] of a follower that accelerates for some seconds.
+/// Gap [m] and closing speed [m/s] of a follower after it has accelerated for `foresight`.
+///
+/// In this time, 2 s, the follower cannot react yet to a driver that starts to change lanes.
 #[inline(always)]
 pub fn anticipated_follower<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -229,8 +238,8 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
         & has_left_lane
         & incentives.to_left.simd_gt(vehicle.lane_change_threshold)
         & driver.is_safe_lane_change(beliefs, LEFT_LEADER);
-    // A driver that would soon have to pull out again stays, whatever the speeds: it cannot tell the speed of a distant
-    // vehicle.
+    // The right lane must be free far ahead, or the driver would soon have to pull out again. Speeds do not count,
+    // because a driver cannot judge the speed of a distant vehicle.
     let is_free_ahead =
         beliefs.gap[RIGHT_LEADER].simd_gt(constants.free_ahead_time * state.motion.vx[slot]);
     let to_right = can_change
@@ -265,8 +274,8 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Whether another driver that indicates for the same gap from its other side goes first.
     ///
-    /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left. `side` is the
-    /// side to which this driver wants to move, as `Controls::indicator`.
+    /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left (a choice of
+    /// this model). `side` is the side to which this driver wants to move: 1 left, -1 right, 0 for neither.
     #[inline(always)]
     pub fn gives_way(self, bodies: &[VisibleBody<S>; N], side: F32<S>) -> Mask<S> {
         let (motion, slot) = (&self.state.motion, self.slot);
@@ -275,31 +284,32 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         for other_slot in 0..self.params.num_slots_in_use {
             let body = &bodies[other_slot];
             let distance_ahead = nearest_image(self.params, motion.s[other_slot] - motion.s[slot]);
-            // The other driver wants the same lane, from two lanes away, towards this driver.
-            let claims_same_lane = body.claimed_side.simd_eq(-side)
+            // Another driver wants the same lane if it is two lanes away and moves towards this driver.
+            let wants_same_lane = body.claimed_side.simd_eq(-side)
                 & body.lane.simd_eq(bodies[slot].lane + 2.0 * side)
                 & side.simd_ne(0.0);
             let is_close = distance_ahead.abs().simd_lt(max_distance);
             let goes_first =
                 distance_ahead.simd_gt(0.0) | (distance_ahead.simd_eq(0.0) & side.simd_lt(0.0));
-            gives_way |= claims_same_lane & is_close & goes_first;
+            gives_way |= wants_same_lane & is_close & goes_first;
         }
         gives_way
     }
 
-    /// Direction of the lane change that is under way, or of the last one.
+    /// Direction of the last lane change, and whether it crosses a whole lane.
     #[inline(always)]
     pub fn lane_change_direction(self) -> LaneChangeDirection<S> {
         let (state, slot) = (self.state, self.slot);
         let (right_edge, left_edge) = lane_borders(self.params, state.lane_choice.lane[slot], 0.0);
-        let distance = 0.5 * (right_edge + left_edge) - state.path.coefficients[slot][0];
+        let start_d = state.path.coefficients[slot][0]; // Lateral position at which the path began [m].
+        let distance = 0.5 * (right_edge + left_edge) - start_d;
         LaneChangeDirection {
             is_to_left: distance.simd_gt(0.0),
             is_whole_lane: distance.abs().simd_gt(0.5 * (left_edge - right_edge)),
         }
     }
 
-    /// Whether the driver may change lanes by MOBIL: no wreck, and a pause after the last lane change.
+    /// Whether the driver may change lanes by MOBIL: a pause after its last lane change is over.
     #[inline(always)]
     fn is_ready_for_lane_change(self) -> Mask<S> {
         let (state, slot) = (self.state, self.slot);
@@ -312,8 +322,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether the driver cancels a lane change that has become dangerous.
     ///
-    /// A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth until they left the
-    /// road.
+    /// No driver cancels the way back of a cancelled lane change. Without this rule vehicles swung back and forth until
+    /// they left the road.
     #[inline(always)]
     fn cancels_lane_change(
         self,
@@ -354,7 +364,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Store the wanted side; return whether the driver has wanted it for its indicator lead time.
 ///
-/// A driver that does not check its mirrors keeps its side.
+/// `side` is the side of the wanted lane change: 1 left, -1 right, 0 for none. A driver that does not check its mirrors
+/// now keeps its side. `run::step` adds the time between decisions to `time_wanted`.
 #[inline(always)]
 fn update_wanted_side<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -364,15 +375,15 @@ fn update_wanted_side<S: Simd, const N: usize>(
     checks_mirrors: Mask<S>,
 ) -> Mask<S> {
     let choice = &mut state.lane_choice;
-    let is_same = side.simd_eq(choice.wanted_side[slot]) & side.simd_ne(0.0);
+    let is_unchanged = side.simd_eq(choice.wanted_side[slot]) & side.simd_ne(0.0);
     assign_where(
         &mut choice.time_wanted[slot],
-        checks_mirrors & !is_same,
+        checks_mirrors & !is_unchanged,
         splat(params.simd, 0.0),
     );
     assign_where(&mut choice.wanted_side[slot], checks_mirrors, side);
     let lead_time = params.vehicles[slot].indicator_lead_time;
-    checks_mirrors & is_same & choice.time_wanted[slot].simd_ge(lead_time)
+    checks_mirrors & is_unchanged & choice.time_wanted[slot].simd_ge(lead_time)
 }
 
 /// 1 to the left, -1 to the right, 0 for neither.
@@ -388,8 +399,8 @@ fn signed_side<S: Simd, const N: usize>(
 
 /// Start lane changes of the vehicle in `slot`, with the indicator if the driver uses it.
 ///
-/// A lane change takes the driver's usual time, or less if the vehicle would reach its leader before it has left the
-/// lane.
+/// A lane change takes the driver's usual time, or less if the vehicle would reach its old leader before it has left
+/// the old lane.
 #[inline(always)]
 pub fn start_lane_changes<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -406,17 +417,19 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
     let lane_step = signed_side(params, moves.to_left, moves.to_right);
     state.lane_choice.lane[slot] += lane_step;
     let (right_edge, left_edge) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
-    let leader = context.beliefs.steady_leader(LEADER);
-    let time_to_leader = leader.gap / at_least(leader.closing_speed, MIN_CLOSING_SPEED);
-    // The vehicle is to be clear of its leader's lane at this share of the path, with time to spare.
-    let shortened = at_least(
-        (time_to_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
+    // The beliefs are from before the lane change: `LEADER` is the leader in the old lane.
+    let old_leader = context.beliefs.steady_leader(LEADER);
+    let time_to_old_leader = old_leader.gap / at_least(old_leader.closing_speed, MIN_CLOSING_SPEED);
+    // The vehicle leaves the old lane at `lane_cleared_share` of the duration. This must be `lane_clearance_time`
+    // before it would reach the old leader.
+    let shortened_duration = at_least(
+        (time_to_old_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
         constants.min_lane_change_duration,
     );
     let mut duration = select(
         moves.is_cancelled,
         constants.abort_duration_share * vehicle.lane_change_duration,
-        min(vehicle.lane_change_duration, shortened),
+        min(vehicle.lane_change_duration, shortened_duration),
     );
     if let Some(urgent_duration) = moves.urgent_duration {
         duration = select(urgent_duration.simd_gt(0.0), urgent_duration, duration);
@@ -430,5 +443,6 @@ pub fn start_lane_changes<S: Simd, const N: usize>(
         splat(params.simd, 0.0),
         state.lane_choice.wanted_side[slot],
     );
+    // Draws whether the driver will look over its shoulder before its next lane change.
     draw_shoulder_check(state, params, slot, is_moving, context.decision_index);
 }

@@ -1,6 +1,9 @@
 """Lane changes by MOBIL: incentives, safety, cancelling, and the start of a lane change.
 
-On one-way roads all drivers but the ego decide by MOBIL. Every lane change starts here.
+MOBIL (Kesting, Treiber, Helbing 2007) weighs a driver's gain in acceleration against the loss of
+its followers. On one-way roads all drivers but the ego decide by it. `start_lane_changes` starts
+the lane changes of all drivers. Left is the overtaking side. During a lane change the driver's lane
+is the one that it enters, and its old lane the one that it leaves.
 """
 
 from dataclasses import dataclass
@@ -35,11 +38,12 @@ from overtaking.sim.reference.steering import start_path
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters, VehicleParameters
 
-_MIN_CLOSING_SPEED = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].
+# Keeps the time until a gap is closed finite. It matters only at gaps below about a metre [m/s].
+_MIN_CLOSING_SPEED = np.float32(0.1)
 
 
 class MobilIncentives(NamedTuple):
-    """Incentives to change lanes [m/s^2]."""
+    """Gain in acceleration by a lane change, less the weighted loss of a follower [m/s^2]."""
 
     to_left: F32
     to_right: F32
@@ -53,7 +57,7 @@ class LaneClaims(NamedTuple):
 
 
 class LaneChangeDirection(NamedTuple):
-    """Direction of the last lane change, (vehicle, simulation)."""
+    """Direction of the lane change that is under way, or of the last one, (vehicle, simulation)."""
 
     is_to_left: Mask
     is_whole_lane: Mask  # Whether it crosses a whole lane; a cancelled lane change does not.
@@ -87,11 +91,11 @@ class LaneChangeRisk:
         time_gap: Time gap that it asks for, behind its leader and for its follower [s].
         acceptable_imposed_decel: Braking that it may impose on a follower when it starts a lane
             change, positive [m/s^2].
-        leader: Leader in the lane that is entered.
-        follower_gap: Gap to the follower in the lane that is entered [m].
+        leader: Leader in the new lane.
+        follower_gap: Gap to the follower in the new lane [m].
         follower_closing_speed: Speed of that follower minus the driver's [m/s].
-        old_leader: Leader in the lane that is left.
-        old_follower_gap: Gap to the follower in the lane that is left [m].
+        old_leader: Leader in the old lane.
+        old_follower_gap: Gap to the follower in the old lane [m].
     """
 
     vehicle: VehicleParameters
@@ -106,11 +110,11 @@ class LaneChangeRisk:
 
 
 def lane_change_is_dangerous(constants: ModelConstants, risk: LaneChangeRisk) -> Mask:
-    """Whether the lane that is entered has become dangerous, and the old one still has space.
+    """Whether the new lane has become dangerous, and the old one still has space.
 
-    Going back needs clearly more danger than refusing to start: `abort_imposed_factor` times the
-    braking that the driver may impose on a follower, or `abort_factor` times its own comfortable
-    braking.
+    A driver goes back only for clearly more danger than keeps it from starting: more than
+    `abort_imposed_factor` times the braking that it may impose on a follower, or `abort_factor`
+    times its own comfortable braking.
 
     Args:
         constants: Constants of the model.
@@ -136,14 +140,16 @@ def lane_change_is_dangerous(constants: ModelConstants, risk: LaneChangeRisk) ->
 def imposed_accel_on_follower(
     params: StepParameters, vehicle: VehicleParameters, speed: F32, gap: F32, closing_speed: F32
 ) -> F32:
-    """Acceleration that a driver would impose on a follower, by its own time gap [m/s^2].
+    """Acceleration that a vehicle in front would impose on a follower, as a driver sees it [m/s^2].
+
+    The driver assumes that the follower is like itself and keeps the same time gap.
 
     Args:
         params: Parameters of the batch.
-        vehicle: Parameters of the driver in front.
-        speed: Its speed [m/s].
-        gap: Gap to the follower [m].
-        closing_speed: Speed of the follower minus the driver's [m/s].
+        vehicle: Parameters of the driver that judges.
+        speed: Speed of the vehicle in front, which may be the driver's own [m/s].
+        gap: Gap from that vehicle to the follower [m].
+        closing_speed: Speed of the follower minus `speed` [m/s].
     """
     driver = Leader(gap=gap, closing_speed=closing_speed)
     follower_speed = speed + closing_speed
@@ -160,7 +166,7 @@ def mobil_incentives(
     """MOBIL's incentives to change to the left and to the right [m/s^2].
 
     European rule: for a change to the left only the new follower counts, for a change to the right
-    only the old one. Above 60 km/h no driver expects to be faster than the traffic on its left.
+    only the old one. Above `no_passing_right_speed`, 60 km/h, no driver passes on the right.
 
     Args:
         params: Parameters of the batch.
@@ -180,37 +186,37 @@ def mobil_incentives(
         return minimum(acc_accel(constants, driver, leader), accel_limit)
 
     accel_left, accel_right = accel_behind(LEFT_LEADER), accel_behind(RIGHT_LEADER)
-    # No driver passes on the right at speed, so the left lane limits both accelerations.
-    keeps_behind_left = speed > constants.no_passing_right_speed
-    reference_accel = np.where(keeps_behind_left, minimum(accel, accel_left), accel)
-    accel_right = np.where(keeps_behind_left, minimum(accel_right, accel), accel_right)
+    # Such a driver accelerates no more than the next lane on its left allows: the left lane limits
+    # its present acceleration, and the present lane limits its acceleration in the right lane.
+    never_passes_right = speed > constants.no_passing_right_speed
+    reference_accel = np.where(never_passes_right, minimum(accel, accel_left), accel)
+    accel_right = np.where(never_passes_right, minimum(accel_right, accel), accel_right)
     length = TWO * vehicle.half_length
-    # The new follower, with the driver ahead of it and without: it then follows the left leader.
+    # The new follower is behind the left leader now, and behind the driver after the change.
     follower_gap, follower_closing = gap[LEFT_FOLLOWER], closing_speed[LEFT_FOLLOWER]
-    new_follower_accel = imposed_accel_on_follower(
+    new_follower_accel_after = imposed_accel_on_follower(
         params, vehicle, speed, follower_gap, follower_closing
     )
-    new_follower_accel_without = imposed_accel_on_follower(
+    new_follower_accel_now = imposed_accel_on_follower(
         params,
         vehicle,
         speed - closing_speed[LEFT_LEADER],
         follower_gap + gap[LEFT_LEADER] + length,
         follower_closing + closing_speed[LEFT_LEADER],
     )
-    # The old follower, with the driver ahead of it and without: it then follows the leader.
-    old_follower_gap = gap[FOLLOWER] + gap[LEADER] + length
-    old_follower_accel = imposed_accel_on_follower(
+    # The old follower is behind the driver now, and behind the driver's leader after the change.
+    old_follower_accel_now = imposed_accel_on_follower(
         params, vehicle, speed, gap[FOLLOWER], closing_speed[FOLLOWER]
     )
-    old_follower_accel_without = imposed_accel_on_follower(
+    old_follower_accel_after = imposed_accel_on_follower(
         params,
         vehicle,
         speed - closing_speed[LEADER],
-        old_follower_gap,
+        gap[FOLLOWER] + gap[LEADER] + length,
         closing_speed[FOLLOWER] + closing_speed[LEADER],
     )
-    new_follower_change = new_follower_accel - new_follower_accel_without
-    old_follower_change = old_follower_accel_without - old_follower_accel
+    new_follower_change = new_follower_accel_after - new_follower_accel_now
+    old_follower_change = old_follower_accel_after - old_follower_accel_now
     to_left = accel_left - reference_accel + vehicle.politeness * new_follower_change
     to_right = accel_right - accel + vehicle.politeness * old_follower_change
     return MobilIncentives(to_left - vehicle.keep_right_bias, to_right + vehicle.keep_right_bias)
@@ -219,13 +225,15 @@ def mobil_incentives(
 def is_safe_lane_change(
     params: StepParameters, driver: Follower, beliefs: Beliefs, leader_role: int
 ) -> Mask:
-    """Whether a lane change endangers neither the driver nor the new follower, now and soon.
+    """Whether a lane change endangers neither the driver nor the new follower.
+
+    The new follower is judged as it is now, and as `anticipated_follower` expects it.
 
     Args:
         params: Parameters of the batch.
         driver: The drivers, of all vehicles or of one.
         beliefs: Beliefs of the drivers about their neighbours.
-        leader_role: Role of the leader in the new lane; the follower has the next number.
+        leader_role: Role of the leader in the new lane. The follower there has the next number.
     """
     constants, vehicle, speed = params.constants, driver.vehicle, driver.speed
     gap, closing_speed = beliefs.gap[leader_role], beliefs.closing_speed[leader_role]
@@ -239,13 +247,17 @@ def is_safe_lane_change(
     )
     leader = Leader(gap=gap, closing_speed=closing_speed)
     accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, leader)
+    # `min_rear_gap` is the least gap to the leader, too.
     has_space = (rear_gap > constants.min_rear_gap) & (gap > constants.min_rear_gap)
     is_safe_for_follower = minimum(rear_accel_now, rear_accel_soon) >= -vehicle.safe_decel
     return has_space & is_safe_for_follower & (accel >= -vehicle.safe_decel)
 
 
 def anticipated_follower(params: StepParameters, gap: F32, closing_speed: F32) -> tuple[F32, F32]:
-    """Gap [m] and closing speed [m/s] of a follower that accelerates for some seconds."""
+    """Gap [m] and closing speed [m/s] of a follower after it has accelerated for `foresight`.
+
+    In this time, 2 s, the follower cannot react yet to a driver that starts to change lanes.
+    """
     constants = params.constants
     speed_gain = constants.foresight_accel * constants.foresight
     later_gap = gap - constants.foresight * (closing_speed + HALF * speed_gain)
@@ -258,14 +270,14 @@ def change_lanes_by_mobil(
     """Let all drivers but the ego change lanes where it pays and is safe, or cancel in danger.
 
     Args:
-        state: State at a decision.
+        state: `controls.indicator`, `lane_choice` and `path` change.
         params: Parameters of the batch.
         context: Perception of the drivers at this decision.
         accel: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
     """
     vehicles, beliefs, choice = params.vehicles, context.beliefs, state.lane_choice
     checks_mirrors = context.checks_mirrors
-    # Before any indicator changes, so that all drivers decide by the same state.
+    # The claims are from before any indicator changes: all drivers decide by the same state.
     claims = lane_claims(state)
     driver = Follower(
         vehicle=vehicles,
@@ -279,8 +291,8 @@ def change_lanes_by_mobil(
     has_right_lane = choice.lane >= ONE
     is_safe_left = is_safe_lane_change(params, driver, beliefs, LEFT_LEADER)
     is_safe_right = is_safe_lane_change(params, driver, beliefs, RIGHT_LEADER)
-    # A driver that would soon have to pull out again stays, whatever the speeds: it cannot tell the
-    # speed of a distant vehicle.
+    # The right lane must be free far ahead, or the driver would soon have to pull out again. Speeds
+    # do not count, because a driver cannot judge the speed of a distant vehicle.
     is_free_ahead = beliefs.gap[RIGHT_LEADER] > params.constants.free_ahead_time * state.motion.vx
     pays_left = incentives.to_left > vehicles.lane_change_threshold
     pays_right = incentives.to_right > vehicles.lane_change_threshold
@@ -313,9 +325,10 @@ def update_wanted_side(
     Args:
         state: Its `lane_choice` changes.
         params: Parameters of the batch.
-        side: Side of the wanted lane change, as `Controls.indicator`.
+        side: Side of the wanted lane change: 1 left, -1 right, 0 for none.
         checks_mirrors: Whether drivers check their mirrors now; the others keep their side.
     """
+    # `simulation.perceive` adds the time between decisions to `time_wanted`.
     choice = state.lane_choice
     is_unchanged = (side == choice.wanted_side) & (side != 0)
     decides = checks_mirrors.copy()
@@ -335,31 +348,34 @@ def lane_claims(state: State) -> LaneClaims:
 def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
     """Whether another driver that indicates for the same gap from its other side goes first.
 
-    The driver farther ahead goes first, and of two that are abreast the one that moves to the left.
+    The driver farther ahead goes first, and of two that are abreast the one that moves to the left
+    (a choice of this model).
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        side: Side to which drivers want to move, as `Controls.indicator`, (vehicle, simulation).
+        side: Side to which drivers want to move: 1 left, -1 right, 0 for neither, (vehicle,
+            simulation).
         claims: `lane_claims` at the start of the decision.
     """
-    reach = params.constants.claim_time * state.motion.vx
-    # The other driver wants the same lane, from two lanes away, towards this driver.
-    other_lane = state.lane_choice.lane + TWO * side
+    max_distance = params.constants.claim_time * state.motion.vx
+    # Another driver wants the same lane if it is two lanes away and moves towards this driver.
+    lane_beyond = state.lane_choice.lane + TWO * side
     must_wait = np.zeros(state.motion.s.shape, bool)
-    for claimed_lane, claimed_side, s in zip(*claims, state.motion.s, strict=True):
-        distance_ahead = nearest_image(params, s - state.motion.s)
-        is_same_gap = (claimed_side == -side) & (claimed_lane == other_lane) & (side != 0)
-        is_near = np.abs(distance_ahead) < reach
+    for other_lane, other_side, other_s in zip(*claims, state.motion.s, strict=True):
+        distance_ahead = nearest_image(params, other_s - state.motion.s)
+        wants_same_lane = (other_side == -side) & (other_lane == lane_beyond) & (side != 0)
+        is_close = np.abs(distance_ahead) < max_distance
         goes_first = (distance_ahead > 0) | ((distance_ahead == 0) & (side < 0))
-        must_wait = must_wait | (is_same_gap & is_near & goes_first)
+        must_wait = must_wait | (wants_same_lane & is_close & goes_first)
     return must_wait
 
 
 def lane_change_direction(state: State, params: StepParameters) -> LaneChangeDirection:
     """Direction of the last lane change, and whether it crosses a whole lane."""
-    right_edge, left_edge = lane_borders(state, params, 0.0)
-    distance = HALF * (right_edge + left_edge) - state.path.coefficients[0]
+    right_edge, left_edge = lane_borders(state, params, offset=0.0)
+    start_d = state.path.coefficients[0]  # Lateral position at which the path began [m].
+    distance = HALF * (right_edge + left_edge) - start_d
     return LaneChangeDirection(
         is_to_left=distance > 0, is_whole_lane=np.abs(distance) > HALF * (left_edge - right_edge)
     )
@@ -370,8 +386,8 @@ def _cancels_lane_change(
 ) -> Mask:
     """Whether drivers cancel a lane change that has become dangerous.
 
-    A cancelled lane change is not cancelled again: otherwise vehicles cancelled back and forth
-    until they left the road.
+    No driver cancels the way back of a cancelled lane change. Without this rule vehicles swung
+    back and forth until they left the road.
     """
     vehicles, constants = params.vehicles, params.constants
     gap, closing_speed = beliefs.gap, beliefs.closing_speed
@@ -394,13 +410,13 @@ def _cancels_lane_change(
     )
     is_dangerous = lane_change_is_dangerous(constants, risk)
     is_early = state.path.elapsed < constants.abort_until * state.path.duration
-    is_driven = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
-    is_driven[EGO_SLOT] = False
-    return is_dangerous & is_early & direction.is_whole_lane & is_driven
+    has_mobil_driver = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
+    has_mobil_driver[EGO_SLOT] = False
+    return is_dangerous & is_early & direction.is_whole_lane & has_mobil_driver
 
 
 def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
-    """Whether drivers may change lanes by MOBIL: not the ego, no wreck, a pause after the last."""
+    """Whether drivers by MOBIL may change lanes: a pause after their last lane change is over."""
     has_finished = state.path.elapsed >= state.path.duration
     has_paused = state.lane_choice.time_since_lane_change >= params.constants.cooldown
     is_sound = state.motion.is_wreck == 0
@@ -414,8 +430,8 @@ def start_lane_changes(
 ) -> None:
     """Start lane changes, with the indicator of drivers that use it.
 
-    A lane change takes the driver's usual time, or less if the vehicle would reach its leader
-    before it has left the lane.
+    A lane change takes the driver's usual time, or less if the vehicle would reach its old leader
+    before it has left the old lane.
     """
     vehicles, constants, choice = params.vehicles, params.constants, state.lane_choice
     beliefs = context.beliefs
@@ -424,19 +440,21 @@ def start_lane_changes(
         moves.to_left | moves.to_right,
     )
     choice.lane = choice.lane + lane_step
-    right_edge, left_edge = lane_borders(state, params, 0.0)
-    time_to_leader = beliefs.gap[LEADER] / maximum(
+    right_edge, left_edge = lane_borders(state, params, offset=0.0)
+    # The beliefs are from before the lane change: `LEADER` is the leader in the old lane.
+    time_to_old_leader = beliefs.gap[LEADER] / maximum(
         beliefs.closing_speed[LEADER], _MIN_CLOSING_SPEED
     )
-    # The vehicle is to be clear of its leader's lane at this share of the path, with time to spare.
-    shortened = maximum(
-        (time_to_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
+    # The vehicle leaves the old lane at `lane_cleared_share` of the duration. This must be
+    # `lane_clearance_time` before it would reach the old leader.
+    shortened_duration = maximum(
+        (time_to_old_leader - constants.lane_clearance_time) / constants.lane_cleared_share,
         constants.min_lane_change_duration,
     )
     duration = np.where(
         moves.is_cancelled,
         constants.abort_duration_share * vehicles.lane_change_duration,
-        minimum(vehicles.lane_change_duration, shortened),
+        minimum(vehicles.lane_change_duration, shortened_duration),
     )
     if moves.urgent_duration is not None:
         duration = np.where(moves.urgent_duration > 0, moves.urgent_duration, duration)
@@ -445,6 +463,7 @@ def start_lane_changes(
         is_moving, lane_step * vehicles.uses_indicator, state.controls.indicator
     )
     choice.wanted_side = np.where(is_moving, ZERO, choice.wanted_side)
+    # Draws whether the driver will look over its shoulder before its next lane change.
     draw_shoulder_check(state, params, is_moving, context.decision_index)
 
 
