@@ -1,4 +1,7 @@
-//! The nearest vehicles around each vehicle; the twin of `overtaking.sim.reference.neighbour_search`.
+//! Search for the six neighbours of each vehicle among those that travel in its direction; the twin of
+//! `overtaking.sim.reference.neighbour_search`.
+//!
+//! Left is the overtaking side. During a lane change a vehicle's own lane is the one that it enters.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -9,7 +12,7 @@ use crate::road_conditions::value_of_lane;
 use crate::state::{FAR, NO_SLOT, NUM_ROLES};
 use crate::vehicle_handle::VehicleHandle;
 
-/// The own lane, the next one to the left and the next one to the right, from the own [lanes].
+/// The vehicle's own lane, the left and the right one, in the order of the roles [lanes].
 const LANE_OFFSETS: [f32; 3] = [0.0, 1.0, -1.0];
 
 /// Neighbours that are searched for at a decision.
@@ -32,13 +35,13 @@ pub struct Neighbours<S: Simd> {
     pub gap: [F32<S>; NUM_ROLES],
     /// Distance of the centres along the road, never negative [m].
     pub distance: [F32<S>; NUM_ROLES],
-    /// Lateral position of the neighbour minus the own one, positive to the left [m].
+    /// Lateral position of the neighbour minus the driver's, positive to the left [m].
     pub lateral_distance: [F32<S>; NUM_ROLES],
-    /// Half of its length [m].
+    /// Half of the neighbour's length [m].
     pub half_length: [F32<S>; NUM_ROLES],
-    /// Right border of the own lane [m].
+    /// Right border of the driver's lane [m].
     pub lane_right_edge: F32<S>,
-    /// Left border of the own lane [m].
+    /// Left border of the driver's lane [m].
     pub lane_left_edge: F32<S>,
 }
 
@@ -61,16 +64,19 @@ impl<S: Simd> Neighbours<S> {
 /// The body of a vehicle as other drivers see it.
 #[derive(Clone, Copy)]
 pub struct VisibleBody<S: Simd> {
+    /// Whether the slot holds a vehicle.
     exists: Mask<S>,
+    /// Lateral position of the body's right side [m].
     right_side: F32<S>,
+    /// Lateral position of the body's left side [m].
     left_side: F32<S>,
     /// Whether it changes lanes and other drivers can see that.
     pub visibly_changes_lane: Mask<S>,
     /// Lane that it drives in or changes to.
     pub lane: F32<S>,
-    /// Side to which it indicates without moving over yet, as `Controls::indicator`.
+    /// Side to which it indicates before it moves over: 1 left, -1 right, 0 for neither.
     pub claimed_side: F32<S>,
-    /// One over the intensity of the lamps that a follower sees: tail lamps, or stop lamps [1/cd].
+    /// One over the intensity of the brightest lamps that a follower sees, tail or stop lamps [1/cd].
     pub inverse_rear_lamp: F32<S>,
 }
 
@@ -78,7 +84,7 @@ impl<S: Simd> VisibleBody<S> {
     /// No vehicle.
     pub fn no_vehicle(simd: S) -> Self {
         let zero = splat(simd, 0.0);
-        let never = zero.simd_lt(zero);
+        let never = zero.simd_lt(zero); // False in every simulation.
         Self {
             exists: never,
             right_side: zero,
@@ -113,13 +119,17 @@ impl<S: Simd> VisibleBody<S> {
                 indicator,
                 splat(handle.params.simd, 0.0),
             ),
+            // A wreck counts only where its body is. Without this rule a wreck with its indicator on counted in its new
+            // lane however far away it slid, and drivers braked in a free lane.
             visibly_changes_lane: (is_sound & is_changing_lane) & (indicates | has_visibly_moved),
             inverse_rear_lamp: select(brakes, at_most(lamp, constants.inverse_stop_lamp), lamp),
         }
     }
 }
 
-/// Right and left border of the lane that is `offset` lanes to the left of `lane` [m].
+/// Right and left border of the lane `offset` lanes to the left of `lane` [m].
+///
+/// Outside the road both borders are the edge of the road.
 #[inline(always)]
 pub fn lane_borders<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -133,7 +143,7 @@ pub fn lane_borders<S: Simd, const N: usize>(
     )
 }
 
-/// A distance along the road; on a ring the one to the nearest image [m].
+/// A signed distance along the road; on a ring road the shorter way round [m].
 #[inline(always)]
 pub fn nearest_image<S: Simd, const N: usize>(params: &Params<S, N>, distance: F32<S>) -> F32<S> {
     if !params.is_ring {
@@ -172,10 +182,11 @@ impl<S: Simd> NearestVehicle<S> {
     }
 }
 
-/// The part of a lane that a body has to reach into to be in that lane.
+/// The part of a lane that a body must overlap to count in that lane.
 struct LaneStrip<S: Simd> {
-    /// Borders of the lane, moved inwards by `corridor_margin` [m].
+    /// Right border of the lane plus `corridor_margin` [m].
     right_edge: F32<S>,
+    /// Left border of the lane minus `corridor_margin` [m].
     left_edge: F32<S>,
     /// Index of the lane.
     lane: F32<S>,
@@ -184,7 +195,12 @@ struct LaneStrip<S: Simd> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Find the leaders in the first `NUM_LANES` of `LANE_OFFSETS`, and if `FINDS_FOLLOWERS` also the followers there.
     ///
-    /// All other roles get `NO_SLOT`, and their gaps keep old values.
+    /// `TWO_WAY` is whether the road has oncoming traffic. All other roles get `NO_SLOT`, and their gaps keep old
+    /// values.
+    ///
+    /// A vehicle counts in every lane that its body overlaps by more than `corridor_margin`; one that straddles a line
+    /// counts in both lanes. It also counts in the lane to which it changes: at once if it indicates, otherwise when it
+    /// visibly moves over. Without this rule, two drivers that move to one gap from both sides see each other too late.
     #[inline(always)]
     pub fn find_neighbours<
         const NUM_LANES: usize,
@@ -206,15 +222,17 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             (right_edge_beside, right_edge),
         ];
         neighbours.slot = [splat(params.simd, NO_SLOT); NUM_ROLES];
-        let num_ends = if FINDS_FOLLOWERS { 2 } else { 1 };
+        let num_roles_per_lane = if FINDS_FOLLOWERS { 2 } else { 1 };
         for index in 0..NUM_LANES {
             let nearest = self.nearest_in_lane::<FINDS_FOLLOWERS, TWO_WAY>(
                 bodies,
                 edges[index],
                 LANE_OFFSETS[index],
             );
-            for (end, vehicle) in nearest.into_iter().enumerate().take(num_ends) {
-                let role = 2 * index + end;
+            for (role_in_lane, vehicle) in nearest.into_iter().enumerate().take(num_roles_per_lane)
+            {
+                // Roles come in pairs of leader and follower, in the order of the lanes.
+                let role = 2 * index + role_in_lane;
                 let NearestVehicle { slot, distance } = vehicle;
                 let [half_length, d] = each_at_slot!(params, slot, |j| [
                     params.vehicles[j].half_length,
@@ -234,7 +252,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// The nearest vehicle ahead and, if `FINDS_FOLLOWERS`, the nearest one behind in the lane between these edges,
-    /// `offset` lanes to the left of the own one.
+    /// `offset` lanes to the left of the vehicle's own lane.
     ///
     /// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
     #[inline(always)]
@@ -251,8 +269,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             lane: state.lane_choice.lane[slot] + offset,
         };
         let mut nearest = [NearestVehicle::no_vehicle(params.simd); 2];
-        // Two loops leave out the vehicle itself without a branch for each vehicle. The slot counts as a vector beside
-        // them, which saves a conversion, and `min(N)` lets the compiler drop the checks of the bounds.
+        // Two loops leave out the vehicle itself without a branch for each vehicle. `other_slot` is `j` as a vector:
+        // counting it up saves a conversion. `min(N)` lets the compiler drop the checks of the bounds. The lower slot
+        // wins a tie.
         let mut other_slot = splat(params.simd, 0.0);
         for j in 0..slot.min(N) {
             let other = (j, other_slot, &bodies[j]);
@@ -277,20 +296,20 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         [ahead, behind]: &mut [NearestVehicle<S>; 2],
     ) {
         let (state, params, slot) = (self.state, self.params, self.slot);
-        let distance = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
-        let overlaps = body.left_side.simd_gt(lane_strip.right_edge)
+        let distance_ahead = nearest_image(params, state.motion.s[j] - state.motion.s[slot]);
+        let overlaps_lane = body.left_side.simd_gt(lane_strip.right_edge)
             & body.right_side.simd_lt(lane_strip.left_edge);
         let changes_to_lane =
             body.visibly_changes_lane & state.lane_choice.lane[j].simd_eq(lane_strip.lane);
-        let mut is_in_lane = body.exists & (overlaps | changes_to_lane);
+        let mut counts_in_lane = body.exists & (overlaps_lane | changes_to_lane);
         if TWO_WAY {
             let travel_sign = params.vehicles[j].travel_sign;
-            is_in_lane &= travel_sign.simd_eq(self.vehicle().travel_sign);
+            counts_in_lane &= travel_sign.simd_eq(self.vehicle().travel_sign);
         }
-        let is_ahead = distance.simd_ge(0.0);
-        ahead.consider(other_slot, distance, is_in_lane & is_ahead);
+        let is_ahead = distance_ahead.simd_ge(0.0);
+        ahead.consider(other_slot, distance_ahead, counts_in_lane & is_ahead);
         if FINDS_FOLLOWERS {
-            behind.consider(other_slot, -distance, is_in_lane & !is_ahead);
+            behind.consider(other_slot, -distance_ahead, counts_in_lane & !is_ahead);
         }
     }
 }

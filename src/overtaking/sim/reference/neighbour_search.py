@@ -1,4 +1,8 @@
-"""Search for the six neighbours of each vehicle, by lane, ahead and behind, in its direction."""
+"""Search for the six neighbours of each vehicle among those that travel in its direction.
+
+Arrays have shape (vehicle, simulation) unless stated. Left is the overtaking side. During a lane
+change a vehicle's own lane is the one that it enters.
+"""
 
 import numpy as np
 
@@ -9,11 +13,14 @@ from overtaking.sim.reference.state import FAR, NO_SLOT, State, value_at_slot
 from overtaking.world.step_parameters import StepParameters
 
 _LANE_OFFSETS = (0.0, 1.0, -1.0)
-"""The vehicle's own lane, the left and the right one, in the order of the roles."""
+"""The vehicle's own lane, the left and the right one, in the order of the roles [lanes]."""
 
 
 def lane_borders(state: State, params: StepParameters, offset: float) -> tuple[F32, F32]:
-    """Right and left border of the lane `offset` lanes to the left of each vehicle's lane [m]."""
+    """Right and left border of the lane `offset` lanes to the left of each vehicle's lane [m].
+
+    Outside the road both borders are the edge of the road.
+    """
     boundaries, num_boundaries = params.road.boundaries, params.road.num_lanes + 1
     lane = state.lane_choice.lane
     right = value_of_lane(boundaries, lane + np.float32(offset), num_boundaries)
@@ -22,12 +29,12 @@ def lane_borders(state: State, params: StepParameters, offset: float) -> tuple[F
 
 
 def find_neighbours(state: State, params: StepParameters) -> Neighbours:
-    """The nearest vehicle ahead and behind in the own, the left and the right lane.
+    """The nearest vehicle ahead and behind in each vehicle's own, left and right lane.
 
-    A vehicle counts in every lane that its body overlaps by more than the margin, so one that
-    straddles a line counts in both lanes. It also counts in the lane that it changes to: at once if
-    it indicates, otherwise when it visibly moves over. Without this, two drivers that move to one
-    gap from both sides would see each other too late.
+    A vehicle counts in every lane that its body overlaps by more than `corridor_margin`; one that
+    straddles a line counts in both lanes. It also counts in the lane to which it changes: at once
+    if it indicates, otherwise when it visibly moves over. Without this rule, two drivers that move
+    to one gap from both sides see each other too late.
     """
     vehicles, motion, lane = params.vehicles, state.motion, state.lane_choice.lane
     borders = [lane_borders(state, params, offset) for offset in _LANE_OFFSETS]
@@ -42,13 +49,14 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
         changes_lane = visibly_changes_lane(state, params, other_slot)
         for k, offset in enumerate(_LANE_OFFSETS):
             changes_to_lane = changes_lane & (lane[other_slot] - lane == offset)
-            is_there = _is_in_lane(state, params, other_slot, borders[k]) | changes_to_lane
-            is_in_lane = is_candidate & is_there
-            is_leader = is_in_lane & (distance_ahead >= 0)
-            is_follower = is_in_lane & (distance_ahead < 0)
+            overlaps_lane = _overlaps_lane(state, params, other_slot, borders[k])
+            counts_in_lane = is_candidate & (overlaps_lane | changes_to_lane)
+            is_leader = counts_in_lane & (distance_ahead >= 0)
+            is_follower = counts_in_lane & (distance_ahead < 0)
             # Roles come in pairs of leader and follower, in the order of the lanes.
-            nearest.consider(2 * k, other_slot, is_leader, distance_ahead, lateral_distance)
-            nearest.consider(2 * k + 1, other_slot, is_follower, -distance_ahead, lateral_distance)
+            role = 2 * k
+            nearest.consider(role, other_slot, is_leader, distance_ahead, lateral_distance)
+            nearest.consider(role + 1, other_slot, is_follower, -distance_ahead, lateral_distance)
     half_length = value_at_slot(vehicles.half_length, nearest.slot)
     return Neighbours(
         slot=nearest.slot,
@@ -62,25 +70,27 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
 
 
 def nearest_image(params: StepParameters, distance: F32) -> F32:
-    """A distance along the road, on a ring road to the nearest image of the other vehicle [m]."""
+    """A signed distance along the road; on a ring road the shorter way round [m]."""
     simulations = params.simulations
     length, inverse_length = simulations.ring_length, simulations.inverse_ring_length
-    # On other roads the inverse length is 0, so the distance stays.
+    # On other roads the inverse length is 0, so the distance is unchanged.
     return distance - length * np.rint(distance * inverse_length)
 
 
 def visibly_changes_lane(state: State, params: StepParameters, slot: int) -> Mask:
     """Whether others can see to which lane the vehicle in a slot is changing, (simulation,)."""
-    # A wreck counts only where its body is. With its indicator on it stayed a neighbour in the lane
-    # that it had been changing to, however far it slid, and other drivers braked in a free lane.
+    # A wreck counts only where its body is. Without this rule a wreck with its indicator on counted
+    # in its new lane however far away it slid, and drivers braked in a free lane.
     elapsed, duration = state.path.elapsed[slot], state.path.duration[slot]
-    is_changing = (elapsed < duration) & (state.motion.is_wreck[slot] == 0)
-    has_moved = elapsed > params.constants.visible_fraction * duration
-    return is_changing & ((state.controls.indicator[slot] != 0) | has_moved)
+    is_changing_lane = (elapsed < duration) & (state.motion.is_wreck[slot] == 0)
+    has_visibly_moved = elapsed > params.constants.visible_fraction * duration
+    return is_changing_lane & ((state.controls.indicator[slot] != 0) | has_visibly_moved)
 
 
-def _is_in_lane(state: State, params: StepParameters, slot: int, borders: tuple[F32, F32]) -> Mask:
-    """Whether the body of the vehicle in a slot is between two borders, for each driver."""
+def _overlaps_lane(
+    state: State, params: StepParameters, slot: int, borders: tuple[F32, F32]
+) -> Mask:
+    """Whether the vehicle in a slot overlaps the lane between each driver's two borders."""
     d, half_width = state.motion.d[slot], params.vehicles.half_width[slot]
     margin = params.constants.corridor_margin
     right_border, left_border = borders
@@ -97,10 +107,10 @@ class _NearestByRole:
         self.lateral_distance = np.zeros((6, *shape), np.float32)
 
     def consider(
-        self, role: int, slot: int, mask: Mask, distance: F32, lateral_distance: F32
+        self, role: int, slot: int, is_candidate: Mask, distance: F32, lateral_distance: F32
     ) -> None:
         """Take a vehicle for a role where it is nearer; the lower slot wins a tie."""
-        is_nearer = mask & (distance < self.distance[role])
+        is_nearer = is_candidate & (distance < self.distance[role])
         self.distance[role] = np.where(is_nearer, distance, self.distance[role])
         self.slot[role] = np.where(is_nearer, np.float32(slot), self.slot[role])
         self.lateral_distance[role] = np.where(
