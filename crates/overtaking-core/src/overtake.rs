@@ -1,5 +1,8 @@
-//! The overtake as a state machine, for the ego and on two-way roads for all drivers; the twin of
+//! Overtaking as a state machine: follow, pull out, pass, return, or abort; the twin of
 //! `overtaking.sim.reference.overtake`.
+//!
+//! On one-way roads only the ego, the vehicle under study, goes through its stages, on two-way roads every driver. The
+//! target is the vehicle that a driver overtakes. All functions run at a decision, 20 times a second.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -20,15 +23,13 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// A decision of the egos of a block.
 pub struct EgoDecision<'a, S: Simd> {
-    /// Step of 10 ms at which it is made.
+    /// Index of the integration step of 10 ms.
     pub step: u32,
     /// Actions of an external driver; `None` if the model decides.
     pub action: Option<&'a EgoAction<S>>,
 }
 
 /// Let the ego of every simulation decide, or carry out the action of an external driver.
-///
-/// The ego keeps its intention until it checks its mirrors again.
 #[inline(always)]
 pub fn decide_ego<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -39,7 +40,8 @@ pub fn decide_ego<S: Simd, const N: usize>(
 ) {
     // Not `then` with a closure: it would be compiled as a function of its own, without the SIMD features.
     let continuation = if params.road.directions.has_oncoming_traffic {
-        // Also with an external driver: the model controls the pedals that the action does not set.
+        // The state of the pass is also updated for an external driver: where its action leaves the pedals to the
+        // model, the model brakes to abort and accelerates to return urgently.
         Some(update_pass_continuation(state, params, EGO_SLOT, context))
     } else {
         None
@@ -53,7 +55,7 @@ pub fn decide_ego<S: Simd, const N: usize>(
         recorder.record_manoeuvres(state, params, context, &intent, decision.step);
     }
 
-    // The next stage is stored last: the calls in between read the present one.
+    // The next stage is stored last, because the functions called before that read the present one.
     let next_stage = state
         .vehicle(params, EGO_SLOT)
         .next_stage(&context.neighbours, &intent);
@@ -93,7 +95,8 @@ pub fn decide_other<S: Simd, const N: usize>(
         .vehicle(params, slot)
         .next_stage(&context.neighbours, &intent);
     carry_out_intent(state, params, slot, context, &intent);
-    // After an overtake the driver follows again, and waits anew for the next one.
+    // After an overtake the driver follows again, and its waiting time starts at 0. The ego stays `DONE`: a simulation
+    // has one completed overtake at most.
     let is_done = next_stage.simd_eq(stage::DONE);
     assign_where(
         &mut state.overtake.time_waiting[slot],
@@ -104,7 +107,7 @@ pub fn decide_other<S: Simd, const N: usize>(
     set_stage(state, params, slot, next_stage);
 }
 
-/// How the driver in `slot` goes on with its pass, also stored in the state.
+/// Decide whether the driver in `slot` completes or aborts its pass, and store it.
 #[inline(always)]
 fn update_pass_continuation<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -122,7 +125,7 @@ fn update_pass_continuation<S: Simd, const N: usize>(
     continuation
 }
 
-/// Store the stage, and restart its time if it is another one.
+/// Store the stage, and set the time in it to 0 where it is new.
 #[inline(always)]
 fn set_stage<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -139,7 +142,7 @@ fn set_stage<S: Simd, const N: usize>(
     state.overtake.stage[slot] = stage;
 }
 
-/// Count the time that the driver in `slot` spends close behind a leader that is slower than it desires to drive.
+/// Count the time that the driver in `slot` spends close behind a leader slower than it wants to drive.
 #[inline(always)]
 fn count_waiting_time<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -154,12 +157,12 @@ fn count_waiting_time<S: Simd, const N: usize>(
         & beliefs.is_detected[LEADER]
         & is_close
         & driver.desired_speed().simd_gt(leader_speed);
-    let longer = state.overtake.time_waiting[slot] + params.constants.decision;
-    assign_where(&mut state.overtake.time_waiting[slot], waits, longer);
+    let longer_time = state.overtake.time_waiting[slot] + params.constants.decision;
+    assign_where(&mut state.overtake.time_waiting[slot], waits, longer_time);
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Stage after this decision; a later rule below overrides an earlier one.
+    /// Stage after this decision. Of the rules below, the last that applies wins.
     #[inline(always)]
     fn next_stage(self, neighbours: &Neighbours<S>, intent: &Intent<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -200,10 +203,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         stage
     }
 
-    /// Duration of the driver's lane change if it must abort or return urgently, else 0 [s].
+    /// Duration of an urgent lane change, 0 for a driver without urgency [s].
     ///
-    /// Wheels turn only so far: two arcs of a turning circle of 11 m are 8 m long for a lane of 3.5 m, and drivers take
-    /// twice that. With shorter changes, vehicles that had slowed to 9 km/h swung across their lane and left the road.
+    /// At low speed the turning circle limits it: on a turning circle of 11 m a vehicle needs 8 m of road to move over
+    /// by a lane of 3.5 m. Drivers take twice that, `min_change_distance`, because wheels take time to turn. In shorter
+    /// lane changes, vehicles that had slowed to 9 km/h swung across their lane and left the road.
     #[inline(always)]
     fn urgent_change_duration(self) -> F32<S> {
         let (overtake, params, slot) = (&self.state.overtake, self.params, self.slot);
@@ -231,6 +235,7 @@ fn carry_out_intent<S: Simd, const N: usize>(
     assign_where(target_slot, intent.starts_pull_out, neighbour_slot[LEADER]);
     // Not `then` with a closure: it would be compiled as a function of its own, without the SIMD features.
     let urgent_duration = if params.road.directions.has_oncoming_traffic {
+        // The target of a driver that passes the next vehicle as well is now that vehicle.
         let passes_next = state.vehicle(params, slot).overtakes_next_vehicle(context);
         let target_slot = &mut state.overtake.target_slot[slot];
         assign_where(target_slot, passes_next, neighbour_slot[RIGHT_LEADER]);
@@ -248,7 +253,9 @@ fn carry_out_intent<S: Simd, const N: usize>(
     set_indicator(state, params, slot, intent, moves.to_left | moves.to_right);
 }
 
-/// Indicate an intention while it lasts; during a lane change its own indicator stays on.
+/// Set the indicator by the driver's intention: 1 left, -1 right, 0 off.
+///
+/// During a lane change the indicator with which it started stays on.
 #[inline(always)]
 fn set_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -262,7 +269,8 @@ fn set_indicator<S: Simd, const N: usize>(
         params.vehicles[slot].uses_indicator,
     );
     let controls = &mut state.controls;
-    // The indicator stays on through a short doubt, until `time_indicating` has run down.
+    // When the intention ends, `time_indicating` runs down, and the indicator stays on until it is 0. A short doubt
+    // thus does not switch it off.
     let is_on = state.overtake.time_indicating[slot].simd_gt(0.0);
     let indicator = select(is_on, controls.indicator[slot], zero);
     let indicator = select(intent.wants_to_return, -uses_indicator, indicator);
@@ -272,7 +280,9 @@ fn set_indicator<S: Simd, const N: usize>(
     assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
 }
 
-/// End the simulation some time after the overtake, or at the deadline without an attempt.
+/// End the simulation some time after the overtake, or from the deadline on while following.
+///
+/// An ego that indicates a pull-out at the deadline goes on with its attempt.
 #[inline(always)]
 fn set_end_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -281,15 +291,15 @@ fn set_end_step<S: Simd, const N: usize>(
     next_stage: F32<S>,
     step: u32,
 ) {
-    let (constants, now) = (&params.constants, splat(params.simd, step as f32));
+    let (constants, this_step) = (&params.constants, splat(params.simd, step as f32));
     let is_completed =
         next_stage.simd_eq(stage::DONE) & state.overtake.stage[EGO_SLOT].simd_ne(stage::DONE);
-    let last_step = now + (constants.after_overtake / constants.step).round_ties_even();
+    let last_step = this_step + (constants.after_overtake / constants.step).round_ties_even();
     let end_step = min(state.end_step, last_step);
     assign_where(&mut state.end_step, is_completed, end_step);
     let makes_no_attempt =
         state.vehicle(params, EGO_SLOT).is_in_stage(stage::FOLLOW) & !intent.wants_to_pull_out;
-    let is_over = makes_no_attempt & now.simd_ge(params.simulations.deadline_step);
-    let end_step = min(state.end_step, now);
+    let is_over = makes_no_attempt & this_step.simd_ge(params.simulations.deadline_step);
+    let end_step = min(state.end_step, this_step);
     assign_where(&mut state.end_step, is_over, end_step);
 }

@@ -1,6 +1,9 @@
 """Overtaking as a state machine: follow, pull out, pass, return, or abort.
 
-The ego goes through it, and on two-way roads every driver; `slots` selects the rows of the arrays.
+On one-way roads only the ego, the vehicle under study, goes through its stages, on two-way roads
+every driver. `slots` selects the drivers: an int gives arrays of shape (simulation,), a slice
+(vehicle, simulation). The target is the vehicle that a driver overtakes. All functions run at a
+decision, 20 times a second.
 """
 
 import numpy as np
@@ -46,17 +49,16 @@ def decide_ego(
 ) -> None:
     """Let the ego of every simulation decide, or carry out the action of an external driver.
 
-    The ego keeps its intention until it checks its mirrors again.
-
     Args:
         state: It changes.
         params: Parameters of the batch.
         context: Perception of the drivers at this decision.
-        step: Index of the integration step.
+        step: Index of the integration step of 10 ms.
         action: Action of an external driver; None if the model's driver decides.
-        recorder: Records the ego's percepts; None without a recording.
+        recorder: Records the ego's beliefs at its manoeuvres; None without a recording.
     """
-    # Also with an external driver: the model controls the pedals that the action does not set.
+    # The state of the pass is also updated for an external driver: where its action leaves the
+    # pedals to the model, the model brakes to abort and accelerates to return urgently.
     continuation = _update_pass_continuation(state, params, context, EGO_SLOT)
     if action is None:
         intent = form_intent(state, params, context, EGO_SLOT, continuation)
@@ -65,7 +67,7 @@ def decide_ego(
     _count_waiting_time(state, params, context.beliefs, EGO_SLOT)
     if recorder is not None:
         recorder.record_manoeuvres(state, context, intent, step)
-    # The next stage is stored last: the calls in between read the present one.
+    # The next stage is stored last, because the functions called before that read the present one.
     next_stage = _next_stage(state, params, context.neighbours, EGO_SLOT, intent)
     _carry_out_intent(state, params, context, EGO_SLOT, intent)
     has_attempted = state.overtake.has_attempted
@@ -83,7 +85,8 @@ def decide_others(state: State, params: StepParameters, context: DecisionContext
     _count_waiting_time(state, params, context.beliefs, OTHERS)
     next_stage = _next_stage(state, params, context.neighbours, OTHERS, intent)
     _carry_out_intent(state, params, context, OTHERS, intent)
-    # After an overtake they follow again, and wait anew for the next one.
+    # After an overtake they follow again, and their waiting time starts at 0. The ego stays `DONE`:
+    # a simulation has one completed overtake at most.
     is_done = next_stage == np.float32(Stage.DONE)
     time_waiting = state.overtake.time_waiting
     time_waiting[OTHERS] = np.where(is_done, ZERO, time_waiting[OTHERS])
@@ -91,7 +94,7 @@ def decide_others(state: State, params: StepParameters, context: DecisionContext
 
 
 def _set_stage(state: State, slots: SlotSelection, stage: F32) -> None:
-    """Store the stage, and restart its time if it is another one."""
+    """Store the stage, and set the time in it to 0 where it is new."""
     overtake = state.overtake
     is_new = stage != overtake.stage[slots]
     overtake.time_in_stage[slots] = np.where(is_new, ZERO, overtake.time_in_stage[slots])
@@ -101,7 +104,7 @@ def _set_stage(state: State, slots: SlotSelection, stage: F32) -> None:
 def _update_pass_continuation(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> PassContinuation | None:
-    """How drivers go on with their pass, also stored in the state; None on one-way roads."""
+    """Decide whether drivers complete or abort their pass, and store it; None on one-way roads."""
     if context.oncoming is None:
         return None
     continuation = decide_pass_continuation(state, params, context, slots)
@@ -115,8 +118,9 @@ def _update_pass_continuation(
 def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSelection) -> F32:
     """Duration of an urgent lane change, 0 for drivers without urgency, (vehicle, simulation) [s].
 
-    Wheels turn only so far: two arcs of a turning circle of 11 m are 8 m long for a lane of 3.5 m,
-    and drivers take twice that. With shorter changes, vehicles that had slowed to 9 km/h swung
+    At low speed the turning circle limits it: on a turning circle of 11 m a vehicle needs 8 m of
+    road to move over by a lane of 3.5 m. Drivers take twice that, `min_change_distance`, because
+    wheels take time to turn. In shorter lane changes, vehicles that had slowed to 9 km/h swung
     across their lane and left the road.
     """
     overtake, constants = state.overtake, params.constants
@@ -132,7 +136,7 @@ def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSe
 def _count_waiting_time(
     state: State, params: StepParameters, beliefs: Beliefs, slots: SlotSelection
 ) -> None:
-    """Count the time that drivers spend close behind a leader slower than they want to be."""
+    """Count the time that drivers spend close behind a leader slower than they want to drive."""
     constants, speed = params.constants, state.motion.vx[slots]
     is_close = beliefs.gap[LEADER, slots] < constants.waiting_time_gap * speed
     leader_speed = speed - beliefs.closing_speed[LEADER, slots]
@@ -152,7 +156,7 @@ def _next_stage(
     slots: SlotSelection,
     intent: Intent,
 ) -> F32:
-    """Stage after this decision; a later rule below overrides an earlier one."""
+    """Stage after this decision. Of the rules below, the last that applies wins."""
     centre = HALF * (neighbours.lane_right_edge[slots] + neighbours.lane_left_edge[slots])
     is_near_centre = np.abs(state.motion.d[slots] - centre) < params.constants.settled_offset
     is_back_in_lane = intent.has_finished_lane_change & is_near_centre
@@ -184,12 +188,13 @@ def _carry_out_intent(
     intent: Intent,
 ) -> None:
     """Start the intended lane changes with their indicator, and store the target."""
-    slot, target_slot = context.neighbours.slot, state.overtake.target_slot[slots]
-    target_slot = np.where(intent.starts_pull_out, slot[LEADER, slots], target_slot)
+    neighbour_slot, target_slot = context.neighbours.slot, state.overtake.target_slot[slots]
+    target_slot = np.where(intent.starts_pull_out, neighbour_slot[LEADER, slots], target_slot)
     urgent_duration = None
     if params.road.has_oncoming_traffic:
+        # The target of a driver that passes the next vehicle as well is now that vehicle.
         passes_next = overtakes_next_vehicle(state, params, context, slots)
-        target_slot = np.where(passes_next, slot[RIGHT_LEADER, slots], target_slot)
+        target_slot = np.where(passes_next, neighbour_slot[RIGHT_LEADER, slots], target_slot)
         urgent_duration = _urgent_change_durations(state, params, slots)
     state.overtake.target_slot[slots] = target_slot
     to_left, to_right, is_cancelled = (np.zeros(state.motion.s.shape, bool) for _ in range(3))
@@ -209,11 +214,15 @@ def _carry_out_intent(
 def _set_indicator(
     state: State, params: StepParameters, intent: Intent, is_moving: Mask, slots: SlotSelection
 ) -> None:
-    """Indicate an intention while it lasts; during a lane change its own indicator stays on."""
+    """Set the indicator by the driver's intention: 1 left, -1 right, 0 off.
+
+    During a lane change the indicator with which it started stays on.
+    """
     overtake, controls = state.overtake, state.controls
     uses_indicator = params.vehicles.uses_indicator[slots]
     time_indicating = overtake.time_indicating[slots]
-    # The indicator stays on through a short doubt, until `time_indicating` has run down.
+    # When the intention ends, `time_indicating` runs down, and the indicator stays on until it is
+    # 0. A short doubt thus does not switch it off.
     indicator = np.where(time_indicating > 0, controls.indicator[slots], ZERO)
     indicator = np.where(intent.wants_to_return, -uses_indicator, indicator)
     indicator = np.where(intent.wants_to_pull_out, uses_indicator, indicator)
@@ -225,12 +234,15 @@ def _set_indicator(
 def _set_end_step(
     state: State, params: StepParameters, intent: Intent, next_stage: F32, step: int
 ) -> None:
-    """End the simulation some time after the overtake, or at the deadline without an attempt."""
+    """End the simulation some time after the overtake, or from the deadline on while following.
+
+    An ego that indicates a pull-out at the deadline goes on with its attempt.
+    """
     constants, stage_done = params.constants, np.float32(Stage.DONE)
-    now = np.float32(step)
+    this_step = np.float32(step)
     is_completed = (next_stage == stage_done) & (state.overtake.stage[EGO_SLOT] != stage_done)
-    last_step = now + np.rint(constants.after_overtake / constants.step)
+    last_step = this_step + np.rint(constants.after_overtake / constants.step)
     state.end_step = np.where(is_completed, minimum(state.end_step, last_step), state.end_step)
     makes_no_attempt = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & ~intent.wants_to_pull_out
-    is_over = makes_no_attempt & (now >= params.simulations.deadline_step)
-    state.end_step = np.where(is_over, minimum(state.end_step, now), state.end_step)
+    is_over = makes_no_attempt & (this_step >= params.simulations.deadline_step)
+    state.end_step = np.where(is_over, minimum(state.end_step, this_step), state.end_step)
