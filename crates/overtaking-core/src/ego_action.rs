@@ -1,4 +1,10 @@
-//! Actions of an external driver of the ego; the twin of `overtaking.sim.reference.ego_action`.
+//! Actions of an external driver, a program that drives the ego in place of the model's driver; the twin of
+//! `overtaking.sim.reference.ego_action`.
+//!
+//! The parts of an action depend on its kind (`ActionKind`): a move, or an acceleration and then a wheel angle, a lane
+//! change or a move. A move is a constant of `ego_move`. A lane change is 1 to the left, -1 to the right, 0 for no
+//! change; left is the overtaking side. The model operates pedals and steering where the action has no part for them. A
+//! request that is impossible now has no effect.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -31,7 +37,7 @@ macro_rules! declare_action_kinds {
                 }
             }
 
-            /// Number of integer steps in one SI unit, for each part of the action.
+            /// Steps of a part's resolution in one SI unit, for each part of the action.
             fn scales(self) -> [f32; MAX_ACTION_PARTS] {
                 match self {
                     $(Self::$kind => $scales,)*
@@ -54,25 +60,25 @@ impl ActionKind {
 pub struct ActionLog<'a> {
     /// Meaning of the numbers.
     pub kind: ActionKind,
-    /// Integer steps of each part, (simulation, decision, part).
+    /// Each part as a number of steps of its resolution, (simulation, decision, part).
     pub values: &'a [i32],
-    /// Number of decisions of each simulation, at least one. After them the last action stays.
+    /// Number of decisions of each simulation, at least one. After them the last action holds.
     pub decisions: usize,
 }
 
 impl ActionLog<'_> {
-    /// The actions in the simulations of a block at a decision.
+    /// The actions in the simulations of a block at a decision; after the end of the record, its last actions.
     pub(crate) fn action_at<S: Simd>(
         &self,
         simd: S,
         simulations: &[usize; SIMD_LANES],
         decision_index: usize,
     ) -> EgoAction<S> {
-        let last_index = decision_index.min(self.decisions - 1);
+        let recorded_index = decision_index.min(self.decisions - 1);
         let scales = self.kind.scales();
         let values = core::array::from_fn(|part| {
             let steps = simulations.map(|simulation| {
-                let row = simulation * self.decisions + last_index;
+                let row = simulation * self.decisions + recorded_index;
                 self.values[row * MAX_ACTION_PARTS + part] as f32
             });
             F32::simd_from(simd, steps) / scales[part]
@@ -145,6 +151,8 @@ impl<S: Simd> EgoAction<S> {
     }
 
     /// Manoeuvres that the action cancels if they are under way.
+    ///
+    /// A lane change as a part of the action cancels one to the other side. Only a move can cancel a pass.
     #[inline(always)]
     fn requested_cancels(&self) -> RequestedCancels<S> {
         if let Some(code) = self.move_code() {
@@ -159,31 +167,35 @@ impl<S: Simd> EgoAction<S> {
         RequestedCancels {
             pull_out: side.simd_lt(0.0),
             return_: side.simd_gt(0.0),
-            // Only a move can give up a pass: false in each simulation.
-            passing: side.simd_ne(side),
+            passing: side.simd_ne(side), // False in each simulation.
         }
     }
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Whether the ego follows or passes, is not changing lanes, and has a lane on its left.
+    ///
+    /// A passing ego may change to yet another lane on its left.
     #[inline(always)]
     pub fn can_pull_out(self) -> Mask<S> {
         let is_ready = self.is_in_stage(stage::FOLLOW) | self.is_in_stage(stage::PASS);
         let lane = self.state.lane_choice.lane[self.slot];
-        let has_lane = lane.simd_lt((self.params.road.num_lanes - 1) as f32);
-        is_ready & self.has_finished_lane_change() & has_lane
+        let has_left_lane = lane.simd_lt((self.params.road.num_lanes - 1) as f32);
+        is_ready & self.has_finished_lane_change() & has_left_lane
     }
 
-    /// Whether the ego follows or passes and has a lane on its right; a passing ego may turn back at once.
+    /// Whether the ego follows or passes and has a lane on its right.
+    ///
+    /// A passing ego need not have finished its lane change: after it has cancelled a return, it may return again at
+    /// once.
     #[inline(always)]
     pub fn can_return(self) -> Mask<S> {
         let follows = self.is_in_stage(stage::FOLLOW) & self.has_finished_lane_change();
-        let has_lane = self.state.lane_choice.lane[self.slot].simd_ge(1.0);
-        (follows | self.is_in_stage(stage::PASS)) & has_lane
+        let has_right_lane = self.state.lane_choice.lane[self.slot].simd_ge(1.0);
+        (follows | self.is_in_stage(stage::PASS)) & has_right_lane
     }
 
-    /// Whether the ego changes lane now. A move says so itself; other actions wait for the indicator lead time.
+    /// Whether the ego starts a wanted lane change now: by its move, else after its indicator lead time.
     #[inline(always)]
     fn moves_over_now(self, action: &EgoAction<S>) -> Mask<S> {
         if let Some(code) = action.move_code() {
@@ -195,6 +207,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 }
 
 /// Intent of the ego: the request of the external driver, where it is possible.
+///
+/// The function also updates the wanted side and the time of indicating.
 #[inline(always)]
 pub fn intent_from_action<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -205,10 +219,10 @@ pub fn intent_from_action<S: Simd, const N: usize>(
         return intent_from_position(state, params);
     }
     let side = action.requested_side();
-    // A driver that changes to the other side must indicate anew for the whole lead time.
-    let turns_round = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
+    // A driver that now wants the other side must indicate for the whole lead time again.
+    let wants_other_side = (state.lane_choice.wanted_side[EGO_SLOT] * side).simd_lt(0.0);
     let time_indicating = &mut state.overtake.time_indicating[EGO_SLOT];
-    *time_indicating = select(turns_round, splat(params.simd, 0.0), *time_indicating);
+    *time_indicating = select(wants_other_side, splat(params.simd, 0.0), *time_indicating);
     let ego = state.vehicle(params, EGO_SLOT);
     let wants_to_pull_out = ego.can_pull_out() & side.simd_gt(0.0);
     let wants_to_return = ego.can_return() & side.simd_lt(0.0);
@@ -232,10 +246,10 @@ pub fn intent_from_action<S: Simd, const N: usize>(
     }
 }
 
-/// Set the ego's indicator if the action names a side.
+/// Set the ego's indicator, whether or not the model's driver uses its indicator.
 ///
-/// An action with a wheel angle steers by that angle, so its lane change only sets the indicator. A move that names a
-/// side sets it whether or not the scenario's driver uses indicators.
+/// Only two kinds of action contain the indicator. In `AccelMove` a move with a side sets it. In `AccelSteerSignal` the
+/// lane change only sets the indicator, because the wheel angle changes lanes; 0 switches it off.
 #[inline(always)]
 pub fn set_requested_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -260,20 +274,22 @@ pub fn set_requested_indicator<S: Simd, const N: usize>(
 
 /// Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 ///
-/// Its lane changes are known only once the centre has crossed a line, so it wants nothing before.
+/// Its lane changes are known only once the centre has crossed a line, so it has no wish before.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
 ) -> Intent<S> {
-    let mut lane = splat(params.simd, 0.0);
+    let mut present_lane = splat(params.simd, 0.0);
     for index in 1..params.road.num_lanes {
+        // `boundaries[index]` is the right border of lane `index`.
         let is_beyond = state.motion.d[EGO_SLOT].simd_ge(params.road.boundaries[index]);
-        lane = select(is_beyond, splat(params.simd, index as f32), lane);
+        present_lane = select(is_beyond, splat(params.simd, index as f32), present_lane);
     }
-    let is_left_of_lane = lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
-    let is_right_of_lane = lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
-    let no_wish = lane.simd_ne(lane); // False in every lane.
+    // `lane_choice.lane` is the lane at the last decision.
+    let has_crossed_left_line = present_lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
+    let has_crossed_right_line = present_lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
+    let no_wish = present_lane.simd_ne(present_lane); // False in each simulation.
     update_indicator(state, params, EGO_SLOT, no_wish, no_wish);
     let ego = state.vehicle(params, EGO_SLOT);
     let pulls_out = ego.is_in_stage(stage::PULL_OUT);
@@ -281,10 +297,10 @@ fn intent_from_position<S: Simd, const N: usize>(
     Intent {
         wants_to_pull_out: no_wish,
         wants_to_return: no_wish,
-        starts_pull_out: is_left_of_lane & !goes_back,
-        starts_return: is_right_of_lane & !pulls_out,
-        cancels_pull_out: is_right_of_lane & pulls_out,
-        cancels_return: is_left_of_lane & goes_back,
+        starts_pull_out: has_crossed_left_line & !goes_back,
+        starts_return: has_crossed_right_line & !pulls_out,
+        cancels_pull_out: has_crossed_right_line & pulls_out,
+        cancels_return: has_crossed_left_line & goes_back,
         has_passed_target: ego.has_passed_target(),
         has_finished_lane_change: ego.has_finished_lane_change(),
     }

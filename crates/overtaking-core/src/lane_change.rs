@@ -280,7 +280,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn gives_way(self, bodies: &[VisibleBody<S>; N], side: F32<S>) -> Mask<S> {
         let (motion, slot) = (&self.state.motion, self.slot);
         let max_distance = self.params.constants.claim_time * motion.vx[slot];
-        let mut gives_way = side.simd_ne(side); // False in every lane.
+        let mut gives_way = side.simd_ne(side); // False in each simulation.
         for other_slot in 0..self.params.num_slots_in_use {
             let body = &bodies[other_slot];
             let distance_ahead = nearest_image(self.params, motion.s[other_slot] - motion.s[slot]);

@@ -1,4 +1,16 @@
-"""Actions of an external driver of the ego, carried out as far as that is possible."""
+"""Actions of an external driver, a program that drives the ego in place of the model's driver.
+
+The parts of an action depend on its kind (`ACTION_KINDS`):
+    decision: `move`
+    accel_lane: `accel`, `lane_change`
+    accel_steer: `accel`, `wheel_angle`
+    accel_move: `accel`, `move`
+    accel_steer_signal: `accel`, `wheel_angle`, `lane_change`
+
+`move` is a `Move`. `lane_change` is 1 to the left, -1 to the right, 0 for no change; left is the
+overtaking side. The model operates pedals and steering where the action has no part for them. A
+request that is impossible now has no effect.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -29,14 +41,14 @@ class EgoAction:
 
     Attributes:
         kind: A name in `ACTION_KINDS`.
-        values: Its numbers in SI units, each of shape (simulation,).
+        values: Its parts in SI units, each of shape (simulation,).
     """
 
     kind: str
     values: tuple[F32, ...]
 
     def value(self, name: str) -> F32 | None:
-        """The number of a part of the action; None if its kind does not have the part."""
+        """The part with this name; None if the kind of the action does not have it."""
         names = [part.name for part in ACTION_KINDS[self.kind]]
         return self.values[names.index(name)] if name in names else None
 
@@ -55,7 +67,7 @@ class RequestedCancels(NamedTuple):
 
 
 def action_at(actions: Actions | None, decision_index: int) -> EgoAction | None:
-    """The action at a decision; after the last recorded one, the last one."""
+    """The action at a decision; after the end of the record, its last action."""
     if actions is None:
         return None
     row = actions.values[:, min(decision_index, actions.values.shape[1] - 1)]
@@ -63,16 +75,32 @@ def action_at(actions: Actions | None, decision_index: int) -> EgoAction | None:
 
 
 def action_from_integers(kind: str, integers: NDArray[np.int32]) -> EgoAction:
-    """An action from multiples of the resolution of each part, shape (simulation, part)."""
-    scales = [np.float32(round(1.0 / part.resolution)) for part in ACTION_KINDS[kind]]
-    values = (integers[:, k].astype(np.float32) / scale for k, scale in enumerate(scales))
+    """An action from its recorded integers.
+
+    Args:
+        kind: A name in `ACTION_KINDS`.
+        integers: Each part as a number of steps of its resolution, shape (simulation, part).
+    """
+    # Divisors, because float32 holds 1000 exactly, but not a resolution of 0.001.
+    steps_per_unit = [np.float32(round(1.0 / part.resolution)) for part in ACTION_KINDS[kind]]
+    values = (integers[:, k].astype(np.float32) / steps for k, steps in enumerate(steps_per_unit))
     return EgoAction(kind=kind, values=tuple(values))
 
 
 def with_requested_accel(
     action: EgoAction | None, leader_accel: F32, old_leader_accel: F32
 ) -> tuple[F32, F32]:
-    """Both accelerations of `apply_pedals`, for the ego replaced by the action's, if it has one."""
+    """Replace the ego's accelerations behind both leaders by the part `accel` of the action.
+
+    Args:
+        action: Action of an external driver; None if the model's driver decides.
+        leader_accel: Acceleration behind the leader, (vehicle, simulation) [m/s^2].
+        old_leader_accel: Acceleration behind the leader in the old lane, from which the vehicle
+            moves, same shape [m/s^2].
+
+    Returns:
+        Both accelerations, unchanged if the action has no such part.
+    """
     ego_accel = None if action is None else action.value("accel")
     if ego_accel is None:
         return leader_accel, old_leader_accel
@@ -87,10 +115,11 @@ def requested_wheel_angle(action: EgoAction | None) -> F32 | None:
 
 
 def set_requested_indicator(state: State, action: EgoAction) -> None:
-    """Set the ego's indicator if the action names a side.
+    """Set the ego's indicator, whether or not the model's driver uses its indicator.
 
-    With a wheel angle, the lane of the action only sets the indicator. A `Move` that names a side
-    sets it whether or not the scenario's driver uses indicators.
+    Only two kinds of action contain the indicator. In "accel_move" a `Move` with a side sets it. In
+    "accel_steer_signal" `lane_change` only sets the indicator, because the wheel angle changes
+    lanes; 0 switches it off.
     """
     if action.kind not in ("accel_move", "accel_steer_signal"):
         return
@@ -100,29 +129,41 @@ def set_requested_indicator(state: State, action: EgoAction) -> None:
 
 
 def can_pull_out(state: State, params: StepParameters) -> Mask:
-    """Whether the ego has a lane on its left and is not changing lanes, (simulation,)."""
+    """Whether the ego follows or passes, is not changing lanes, and has a lane on its left.
+
+    Returns:
+        Shape (simulation,). A passing ego may change to yet another lane on its left.
+    """
     follows = state.is_in_stage(Stage.FOLLOW, EGO_SLOT)
     is_ready = follows | state.is_in_stage(Stage.PASS, EGO_SLOT)
-    has_lane = state.lane_choice.lane[EGO_SLOT] < np.float32(params.road.num_lanes - 1)
-    return is_ready & state.has_finished_lane_change(EGO_SLOT) & has_lane
+    has_left_lane = state.lane_choice.lane[EGO_SLOT] < np.float32(params.road.num_lanes - 1)
+    return is_ready & state.has_finished_lane_change(EGO_SLOT) & has_left_lane
 
 
 def can_return(state: State) -> Mask:
-    """Whether the ego follows or passes and has a lane on its right, (simulation,)."""
+    """Whether the ego follows or passes and has a lane on its right.
+
+    Returns:
+        Shape (simulation,). A passing ego need not have finished its lane change: after it has
+        cancelled a return, it may return again at once.
+    """
     follows = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & state.has_finished_lane_change(EGO_SLOT)
-    has_lane = state.lane_choice.lane[EGO_SLOT] >= ONE
-    return (follows | state.is_in_stage(Stage.PASS, EGO_SLOT)) & has_lane
+    has_right_lane = state.lane_choice.lane[EGO_SLOT] >= ONE
+    return (follows | state.is_in_stage(Stage.PASS, EGO_SLOT)) & has_right_lane
 
 
 def intent_from_action(state: State, params: StepParameters, action: EgoAction) -> Intent:
-    """Intent of the ego: the request of the external driver, where it is possible."""
+    """Intent of the ego: the request of the external driver, where it is possible.
+
+    The function also updates the wanted side and the time of indicating.
+    """
     if action.steers_wheels:
         return _intent_from_position(state, params)
     side = _requested_side(action)
-    # A driver that changes to the other side must indicate anew for the whole lead time.
-    turns_round = state.lane_choice.wanted_side[EGO_SLOT] * side < 0
+    # A driver that now wants the other side must indicate for the whole lead time again.
+    wants_other_side = state.lane_choice.wanted_side[EGO_SLOT] * side < 0
     state.overtake.time_indicating[EGO_SLOT] = np.where(
-        turns_round, ZERO, state.overtake.time_indicating[EGO_SLOT]
+        wants_other_side, ZERO, state.overtake.time_indicating[EGO_SLOT]
     )
     wants_to_pull_out = can_pull_out(state, params) & (side > 0)
     wants_to_return = can_return(state) & (side < 0)
@@ -153,7 +194,7 @@ def _requested_side(action: EgoAction) -> F32:
 
 
 def _moves_over_now(state: State, params: StepParameters, action: EgoAction) -> Mask:
-    """Whether the ego moves over now: by its `Move`, else after its indicator lead time."""
+    """Whether the ego starts a wanted lane change now: by its `Move`, else after its lead time."""
     if (move := action.value("move")) is None:
         lead_time = params.vehicles.indicator_lead_time[EGO_SLOT]
         return state.overtake.time_indicating[EGO_SLOT] > lead_time
@@ -161,7 +202,10 @@ def _moves_over_now(state: State, params: StepParameters, action: EgoAction) -> 
 
 
 def _requested_cancels(action: EgoAction) -> RequestedCancels:
-    """Manoeuvres that the action cancels if they are under way."""
+    """Manoeuvres that the action cancels if they are under way.
+
+    A `lane_change` cancels a lane change to the other side. Only a `Move` can cancel a pass.
+    """
     if (side := action.value("lane_change")) is not None:
         return RequestedCancels(
             pull_out=side < 0, return_=side > 0, passing=np.zeros(side.shape, np.bool_)
@@ -173,14 +217,16 @@ def _requested_cancels(action: EgoAction) -> RequestedCancels:
 def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 
-    Its lane changes are known only once the centre has crossed a line, so it wants nothing before.
+    Its lane changes are known only once the centre has crossed a line, so it has no wish before.
     """
     road, d = params.road, state.motion.d[EGO_SLOT]
-    lane = np.zeros_like(state.overtake.stage[EGO_SLOT])
+    present_lane = np.zeros_like(state.overtake.stage[EGO_SLOT])
     for k in range(1, road.num_lanes):
-        lane = np.where(d >= road.boundaries[k], np.float32(k), lane)
-    is_left_of_lane = lane > state.lane_choice.lane[EGO_SLOT]
-    is_right_of_lane = lane < state.lane_choice.lane[EGO_SLOT]
+        # `boundaries[k]` is the right border of lane k.
+        present_lane = np.where(d >= road.boundaries[k], np.float32(k), present_lane)
+    # `lane_choice.lane` is the lane at the last decision.
+    has_crossed_left_line = present_lane > state.lane_choice.lane[EGO_SLOT]
+    has_crossed_right_line = present_lane < state.lane_choice.lane[EGO_SLOT]
     pulls_out = state.is_in_stage(Stage.PULL_OUT, EGO_SLOT)
     returns = state.is_in_stage(Stage.RETURN, EGO_SLOT)
     goes_back = returns | state.is_in_stage(Stage.ABORT, EGO_SLOT)
@@ -189,10 +235,10 @@ def _intent_from_position(state: State, params: StepParameters) -> Intent:
     return Intent(
         wants_to_pull_out=no_wish,
         wants_to_return=no_wish,
-        starts_pull_out=is_left_of_lane & ~goes_back,
-        starts_return=is_right_of_lane & ~pulls_out,
-        cancels_pull_out=is_right_of_lane & pulls_out,
-        cancels_return=is_left_of_lane & goes_back,
+        starts_pull_out=has_crossed_left_line & ~goes_back,
+        starts_return=has_crossed_right_line & ~pulls_out,
+        cancels_pull_out=has_crossed_right_line & pulls_out,
+        cancels_return=has_crossed_left_line & goes_back,
         has_passed_target=has_passed_target(state, params, EGO_SLOT),
         has_finished_lane_change=state.has_finished_lane_change(EGO_SLOT),
     )
