@@ -183,14 +183,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Acceleration that the driver wants, behind its leader and behind the leader in its old lane [m/s^2].
     ///
-    /// `leader_accel` is the acceleration behind the leader, with all other limits [m/s^2].
+    /// `leader_accel` is the acceleration behind the leader, less for oncoming traffic and in a pass [m/s^2].
     #[inline(always)]
     pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
         min(leader_accel, self.accel_behind_old_leader(context))
     }
 }
 
-/// Constant deceleration with which a gap [m] lasts for a time [s] [m/s^2].
+/// Constant deceleration [m/s^2] with which a gap [m] lasts for a time [s].
 ///
 /// It is negative where the gap lasts without braking. Where the closing speed would fall to 0 before that time, it is
 /// the deceleration with which the gap is just used up.

@@ -9,11 +9,11 @@ use crate::names::{ModelConstants, VehicleParams};
 
 /// Keeps the stopping acceleration of `cah_accel` finite behind a leader at rest [m^2/s^2].
 const MIN_STOPPING_TERM: f32 = 1e-3;
-// In `iidm_accel`, the free acceleration approaches 0 near the desired speed, and the exponent of z approaches
-// infinity. These limits suffice: z^1000 is below 0.0001 for z < 0.99.
+// Near the desired speed the free acceleration of `iidm_accel` approaches 0, and the exponent of z, the desired gap
+// over the gap, approaches infinity. z^1000 is below 0.0001 for z < 0.99.
 const MIN_FREE_ACCEL: f32 = 1e-3; // [m/s^2]
 const MAX_EXPONENT: f32 = 1000.0;
-/// Keeps the logarithm of desired gap over gap finite [1].
+/// Keeps the logarithm of z finite [1].
 const MIN_GAP_RATIO: f32 = 1e-6;
 
 /// A driver behind a leader.
@@ -88,7 +88,7 @@ pub fn acc_accel<S: Simd>(
             if !stop_lamps_are_on.any_true() {
                 return accel;
             }
-            // Every formula of the model that divides by speed divides by at least `slip_speed`, 3 m/s.
+            // Formulas that divide by the vehicle's speed divide by at least `slip_speed`, 3 m/s.
             let time_gap_below_max = constants.stop_lamp_max_time_gap
                 - leader.gap / at_least(follower.speed, constants.slip_speed);
             let reaction_share = clamp_to(
@@ -165,7 +165,7 @@ fn iidm_accel<S: Simd>(
     let speed_ratio = follower.speed / follower.desired_speed;
     // The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give both branches the same
     // slope there. `following.free_exponent` in `model.toml` sets only the second exponent: change the fourth power
-    // here together with it.
+    // here together with it. Powers use `exp` and `log`.
     let square = speed_ratio * speed_ratio;
     let free_accel_below = vehicle.accel * (one - square * square);
     let interaction = vehicle.accel * (one - z * z);

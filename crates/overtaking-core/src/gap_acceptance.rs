@@ -115,8 +115,8 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
     let relative_wait = state.overtake.time_waiting[slot] * vehicle.inverse_patience;
     let patience_left = at_least(exp(-relative_wait), constants.patience_floor);
     let gap_factor = vehicle.gap_demand_factor * patience_left;
-    // A driver that has waited also imposes harder braking on its follower. Two limits remain: `max_imposed_decel` by
-    // UN R157, and the braking that the believed friction allows.
+    // A driver that has waited also imposes harder braking on its follower. Two limits remain: `max_imposed_decel`,
+    // 6 m/s^2 by UN Regulation 157, and the braking that the believed friction allows (`max_assumed_decel`).
     let imposed_decel = at_most(
         vehicle.safe_decel / at_least(gap_factor, MIN_GAP_FACTOR),
         constants.max_imposed_decel,
@@ -161,7 +161,9 @@ pub fn is_scripted<S: Simd, const N: usize>(params: &Params<S, N>) -> Mask<S> {
     params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0)
 }
 
-/// Acceleration that a leader imposes on the driver, by the time gap that the driver asks for now [m/s^2].
+/// Acceleration, never positive, that a leader imposes on the driver [m/s^2].
+///
+/// It follows from the time gap that the driver asks for now.
 #[inline(always)]
 fn imposed_accel_on_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -173,9 +175,10 @@ fn imposed_accel_on_driver<S: Simd, const N: usize>(
     imposed_accel(&params.constants, vehicle, inputs.speed, time_gap, leader)
 }
 
-/// Acceleration that the driver imposes on a follower, by the time gap that the driver asks for now [m/s^2].
+/// Acceleration, never positive, that the driver imposes on a follower [m/s^2].
 ///
-/// `gap` is the gap to the follower [m], and `closing_speed` the speed of the follower minus the driver's [m/s].
+/// It follows from the time gap that the driver asks for now: it assumes that the follower is like itself. `gap` is the
+/// gap to the follower [m], and `closing_speed` the speed of the follower minus the driver's [m/s].
 #[inline(always)]
 fn imposed_accel_by_driver<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -208,14 +211,15 @@ fn wants_to_overtake<S: Simd, const N: usize>(
         .gap
         .simd_lt(vehicle.pull_out_ttc * leader.closing_speed);
     let kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor;
-    // `close_time_gap` is a factor: within 1.5 of its time gaps a driver is held up by the leader.
+    // `close_time_gap` is a factor: a leader within 1.5 time gaps holds the driver up.
     let near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap;
     let is_near = leader.gap.simd_lt(near_gap);
     inputs.beliefs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
 }
 
-/// Whether the lane on the left looks free enough and, on one-way roads, faster.
+/// Whether the lane on the left looks free enough and, on one-way roads, better.
 ///
+/// It is better if its leader is faster, farther away by `waiting_time_gap`, or not detected.
 /// On two-way roads the left lane is the opposing lane. A leader there is overtaking too, and the driver waits for it.
 /// `accepts_oncoming_gap` judges oncoming vehicles.
 #[inline(always)]
@@ -341,6 +345,7 @@ pub fn form_intent<S: Simd, const N: usize>(
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
+        // An urgent return does not wait for the indicator lead time.
         may_return = (may_return | continuation.must_return_urgently) & !falls_back;
         cancels_pull_out |= falls_back;
         // On two-way roads no driver cancels a return: it cannot stay in the opposing lane. The result is false in each

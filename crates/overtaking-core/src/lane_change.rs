@@ -72,8 +72,9 @@ pub struct LaneChangeRisk<'a, S: Simd> {
 
 /// Whether the new lane has become dangerous, and the old one still has space.
 ///
-/// A driver goes back only for clearly more danger than keeps it from starting: more than `abort_imposed_factor` times
-/// the braking that it may impose on a follower, or `abort_factor` times its own comfortable braking.
+/// The limits are clearly above those for starting a lane change. The new lane is dangerous if its follower must brake
+/// harder than `abort_imposed_factor` times the acceptable braking, or if the driver must brake harder than
+/// `abort_factor` times its comfortable braking.
 #[inline(always)]
 pub fn lane_change_is_dangerous<S: Simd>(
     constants: &ModelConstants,
@@ -91,6 +92,7 @@ pub fn lane_change_is_dangerous<S: Simd>(
     let endangers_follower = follower_accel.simd_lt(-max_imposed_decel);
     let accel = imposed_accel(constants, vehicle, speed, risk.time_gap, &risk.leader);
     let must_brake_hard = accel.simd_lt(-(constants.abort_factor * vehicle.decel));
+    // Back in the old lane the driver only needs to avoid a contact with its old leader.
     let old_leader_accel = cah_accel(constants, speed, &risk.old_leader);
     let can_brake = old_leader_accel.simd_ge(-vehicle.max_assumed_decel);
     let has_space_behind = risk.old_follower_gap.simd_gt(constants.min_rear_gap);
@@ -140,8 +142,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let accel_right = acc_accel(constants, &driver, &beliefs.steady_leader(RIGHT_LEADER));
         let accel_left = self.limit_accel(accel_left);
         let accel_right = self.limit_accel(accel_right);
-        // Such a driver accelerates no more than the next lane on its left allows: the left lane limits its present
-        // acceleration, and the present lane limits its acceleration in the right lane.
+        // A driver that never passes on the right accelerates no more than the next lane on its left allows. The left
+        // lane limits the acceleration in the present lane, and the present lane limits the acceleration in the right
+        // lane.
         let never_passes_right = speed.simd_gt(constants.no_passing_right_speed);
         let reference_accel = select(never_passes_right, min(accel, accel_left), accel);
         let accel_right = select(never_passes_right, min(accel_right, accel), accel_right);
@@ -309,7 +312,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Whether the driver may change lanes by MOBIL: a pause after its last lane change is over.
+    /// Whether the driver may change lanes by MOBIL: the pause after its last lane change is over.
     #[inline(always)]
     fn is_ready_for_lane_change(self) -> Mask<S> {
         let (state, slot) = (self.state, self.slot);
@@ -364,8 +367,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Store the wanted side; return whether the driver has wanted it for its indicator lead time.
 ///
-/// `side` is the side of the wanted lane change: 1 left, -1 right, 0 for none. A driver that does not check its mirrors
-/// now keeps its side. `run::step` adds the time between decisions to `time_wanted`.
+/// `side` is the side of the wanted lane change: 1 left, -1 right, 0 for neither. A driver that does not check its
+/// mirrors now keeps its side. `run::step` adds the time between decisions to `time_wanted`.
 #[inline(always)]
 fn update_wanted_side<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -274,14 +274,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // wins a tie.
         let mut other_slot = splat(params.simd, 0.0);
         for j in 0..slot.min(N) {
-            let other = (j, other_slot, &bodies[j]);
-            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(other, &lane_strip, &mut nearest);
+            let candidate = (j, other_slot, &bodies[j]);
+            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(candidate, &lane_strip, &mut nearest);
             other_slot += 1.0;
         }
         other_slot += 1.0;
         for j in slot + 1..params.num_slots_in_use.min(N) {
-            let other = (j, other_slot, &bodies[j]);
-            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(other, &lane_strip, &mut nearest);
+            let candidate = (j, other_slot, &bodies[j]);
+            self.compare_distance::<FINDS_FOLLOWERS, TWO_WAY>(candidate, &lane_strip, &mut nearest);
             other_slot += 1.0;
         }
         nearest

@@ -280,7 +280,7 @@ fn set_indicator<S: Simd, const N: usize>(
     assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
 }
 
-/// End the simulation some time after the overtake, or from the deadline on while following.
+/// End the simulation some time after the overtake, or at the deadline without an attempt.
 ///
 /// An ego that indicates a pull-out at the deadline goes on with its attempt.
 #[inline(always)]

@@ -29,7 +29,7 @@ from overtaking.sim.reference.steering import start_path
 from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import StepParameters
 
-# Keeps the time until vehicles meet finite. Moving vehicles approach each other faster [m/s].
+# Keeps the time until vehicles meet finite. It matters only if both nearly stand [m/s].
 _MIN_CLOSING_SPEED = np.float32(0.1)
 
 # Keeps the braking finite right before vehicles meet. It matters only below 1.6 m/s: at higher
@@ -152,7 +152,7 @@ def accel_behind_old_leader(state: State, params: StepParameters, context: Decis
 
 
 def _braking_until_clear(constants: ModelConstants, gap: F32, closing_speed: F32, time: F32) -> F32:
-    """Constant deceleration with which a gap [m] lasts for a time [s] [m/s^2].
+    """Constant deceleration [m/s^2] with which a gap [m] lasts for a time [s].
 
     It is negative where the gap lasts without braking. Where the closing speed would fall to 0
     before that time, it is the deceleration with which the gap is just used up.
@@ -179,7 +179,8 @@ def apply_pedals(
     Args:
         state: Its `controls` change.
         params: Parameters of the batch.
-        leader_accel: Acceleration behind the leader, with all other limits [m/s^2].
+        leader_accel: Acceleration behind the leader, less for oncoming traffic and in a pass
+            [m/s^2].
         old_leader_accel: Acceleration behind the leader in the old lane [m/s^2].
 
     Source:

@@ -12,12 +12,12 @@ from overtaking.world.step_parameters import VehicleParameters
 # Keeps the stopping acceleration of `cah_accel` finite behind a leader at rest [m^2/s^2].
 _MIN_STOPPING_TERM = np.float32(1e-3)
 
-# In `iidm_accel`, the free acceleration approaches 0 near the desired speed, and the exponent of z
-# approaches infinity. These limits suffice: z^1000 is below 0.0001 for z < 0.99.
+# Near the desired speed the free acceleration of `iidm_accel` approaches 0, and the exponent of z,
+# the desired gap over the gap, approaches infinity. z^1000 is below 0.0001 for z < 0.99.
 _MIN_FREE_ACCEL = np.float32(1e-3)  # [m/s^2]
 _MAX_EXPONENT = np.float32(1000.0)
 
-_MIN_GAP_RATIO = np.float32(1e-6)  # Keeps the logarithm of desired gap over gap finite.
+_MIN_GAP_RATIO = np.float32(1e-6)  # Keeps the logarithm of z finite.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     speed_ratio = follower.speed / follower.desired_speed
     # The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give
     # both branches the same slope there. `following.free_exponent` in `model.toml` sets only the
-    # second exponent: change the fourth power here together with it.
+    # second exponent: change the fourth power here together with it. Powers use `exp` and `log`.
     square = speed_ratio * speed_ratio
     free_accel_below = vehicle.accel * (ONE - square * square)
     decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))
@@ -159,7 +159,7 @@ def acc_accel(constants: ModelConstants, follower: Follower, leader: Leader) -> 
     iidm = iidm_accel(constants, follower, leader)
     accel = blend_iidm_with_cah(constants, follower.vehicle, iidm, cah)
     max_time_gap = constants.stop_lamp_max_time_gap
-    # Every formula of the model that divides by speed divides by at least `slip_speed`, 3 m/s.
+    # Formulas that divide by the vehicle's speed divide by at least `slip_speed`, 3 m/s.
     time_gap_below_max = max_time_gap - leader.gap / maximum(speed, constants.slip_speed)
     reaction_share = clamp(
         time_gap_below_max / (max_time_gap - constants.stop_lamp_full_time_gap), ZERO, ONE

@@ -149,7 +149,8 @@ def gap_acceptance_inputs(
     patience_left = maximum(exp(-relative_wait), constants.patience_floor)
     gap_factor = vehicle.gap_demand_factor * patience_left
     # A driver that has waited also imposes harder braking on its follower. Two limits remain:
-    # `max_imposed_decel` by UN R157, and the braking that the believed friction allows.
+    # `max_imposed_decel`, 6 m/s^2 by UN Regulation 157, and the braking that the believed friction
+    # allows (`max_assumed_decel`).
     imposed_decel = minimum(
         vehicle.safe_decel / maximum(gap_factor, _MIN_GAP_FACTOR), constants.max_imposed_decel
     )
@@ -201,7 +202,10 @@ def true_closing_speed_to_leader(state: State, neighbours: Neighbours) -> F32:
 def imposed_accel_on_driver(
     params: StepParameters, inputs: GapAcceptanceInputs, leader: Leader
 ) -> F32:
-    """Acceleration that a leader imposes on drivers, by the time gap they ask for now [m/s^2]."""
+    """Acceleration, never positive, that a leader imposes on drivers [m/s^2].
+
+    It follows from the time gap that the drivers ask for now.
+    """
     time_gap = inputs.vehicle.time_gap * inputs.gap_factor
     return imposed_accel(params.constants, inputs.vehicle, inputs.speed, time_gap, leader)
 
@@ -209,7 +213,10 @@ def imposed_accel_on_driver(
 def imposed_accel_by_driver(
     params: StepParameters, inputs: GapAcceptanceInputs, gap: F32, closing_speed: F32
 ) -> F32:
-    """Acceleration that drivers impose on a follower, by the time gap they ask for now [m/s^2].
+    """Acceleration, never positive, that drivers impose on a follower [m/s^2].
+
+    It follows from the time gap that the drivers ask for now: they assume that the follower is like
+    themselves.
 
     Args:
         params: Parameters of the batch.
@@ -230,15 +237,16 @@ def wants_to_overtake(params: StepParameters, inputs: GapAcceptanceInputs) -> Ma
     is_slow = speed_gain > vehicle.min_speed_gain * inputs.patience_left
     is_reached_soon = leader.gap < vehicle.pull_out_ttc * leader.closing_speed
     kept_time_gap = vehicle.time_gap * inputs.tall_vehicle_gap_factor
-    # `close_time_gap` is a factor: within 1.5 of its time gaps a driver is held up by the leader.
+    # `close_time_gap` is a factor: a leader within 1.5 time gaps holds the driver up.
     near_gap = params.constants.close_time_gap * kept_time_gap * inputs.speed + vehicle.min_gap
     is_near = leader.gap < near_gap
     return inputs.is_detected[LEADER] & is_slow & (is_reached_soon | is_near)
 
 
 def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -> Mask:
-    """Whether the lane on the left looks free enough and, on one-way roads, faster.
+    """Whether the lane on the left looks free enough and, on one-way roads, better.
 
+    It is better if its leader is faster, farther away by `waiting_time_gap`, or not detected.
     On two-way roads the left lane is the opposing lane. A leader there is overtaking too, and the
     driver waits for it. `accepts_oncoming_gap` judges oncoming vehicles.
     """
@@ -357,6 +365,7 @@ def form_intent(
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
+        # An urgent return does not wait for the indicator lead time.
         may_return = (has_indicated | continuation.must_return_urgently) & ~falls_back
         cancels_pull_out = cancels_pull_out | falls_back
         # On two-way roads no driver cancels a return: it cannot stay in the opposing lane.

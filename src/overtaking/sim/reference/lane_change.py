@@ -53,7 +53,7 @@ class LaneClaims(NamedTuple):
     """Lanes that drivers claim by their indicators, (vehicle, simulation)."""
 
     lane: F32  # Lane of the vehicle.
-    side: F32  # Side that it indicates before it moves over, as `Controls.indicator`.
+    side: F32  # Side that it indicates before it moves over: 1 left, -1 right, 0 for neither.
 
 
 class LaneChangeDirection(NamedTuple):
@@ -112,9 +112,9 @@ class LaneChangeRisk:
 def lane_change_is_dangerous(constants: ModelConstants, risk: LaneChangeRisk) -> Mask:
     """Whether the new lane has become dangerous, and the old one still has space.
 
-    A driver goes back only for clearly more danger than keeps it from starting: more than
-    `abort_imposed_factor` times the braking that it may impose on a follower, or `abort_factor`
-    times its own comfortable braking.
+    The limits are clearly above those for starting a lane change. The new lane is dangerous if its
+    follower must brake harder than `abort_imposed_factor` times the acceptable braking, or if the
+    driver must brake harder than `abort_factor` times its comfortable braking.
 
     Args:
         constants: Constants of the model.
@@ -131,6 +131,7 @@ def lane_change_is_dangerous(constants: ModelConstants, risk: LaneChangeRisk) ->
     endangers_follower = follower_accel < -max_imposed_decel
     accel = imposed_accel(constants, vehicle, speed, risk.time_gap, risk.leader)
     must_brake_hard = accel < -(constants.abort_factor * vehicle.decel)
+    # Back in the old lane the driver only needs to avoid a contact with its old leader.
     old_leader_accel = cah_accel(constants, speed, risk.old_leader)
     can_brake = old_leader_accel >= -vehicle.max_assumed_decel
     has_space_behind = risk.old_follower_gap > constants.min_rear_gap
@@ -151,9 +152,9 @@ def imposed_accel_on_follower(
         gap: Gap from that vehicle to the follower [m].
         closing_speed: Speed of the follower minus `speed` [m/s].
     """
-    driver = Leader(gap=gap, closing_speed=closing_speed)
+    front_vehicle = Leader(gap=gap, closing_speed=closing_speed)
     follower_speed = speed + closing_speed
-    return imposed_accel(params.constants, vehicle, follower_speed, vehicle.time_gap, driver)
+    return imposed_accel(params.constants, vehicle, follower_speed, vehicle.time_gap, front_vehicle)
 
 
 def mobil_incentives(
@@ -173,7 +174,7 @@ def mobil_incentives(
         driver: The drivers, of all vehicles or of one.
         beliefs: Beliefs of the drivers about their neighbours.
         accel: Acceleration behind the present leader [m/s^2].
-        accel_limit: Largest acceleration of the drivers in any lane [m/s^2].
+        accel_limit: Largest acceleration in any lane, for a lower speed limit ahead [m/s^2].
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
@@ -186,8 +187,9 @@ def mobil_incentives(
         return minimum(acc_accel(constants, driver, leader), accel_limit)
 
     accel_left, accel_right = accel_behind(LEFT_LEADER), accel_behind(RIGHT_LEADER)
-    # Such a driver accelerates no more than the next lane on its left allows: the left lane limits
-    # its present acceleration, and the present lane limits its acceleration in the right lane.
+    # A driver that never passes on the right accelerates no more than the next lane on its left
+    # allows. The left lane limits the acceleration in the present lane, and the present lane limits
+    # the acceleration in the right lane.
     never_passes_right = speed > constants.no_passing_right_speed
     reference_accel = np.where(never_passes_right, minimum(accel, accel_left), accel)
     accel_right = np.where(never_passes_right, minimum(accel_right, accel), accel_right)
@@ -325,7 +327,7 @@ def update_wanted_side(
     Args:
         state: Its `lane_choice` changes.
         params: Parameters of the batch.
-        side: Side of the wanted lane change: 1 left, -1 right, 0 for none.
+        side: Side of the wanted lane change: 1 left, -1 right, 0 for neither.
         checks_mirrors: Whether drivers check their mirrors now; the others keep their side.
     """
     # `simulation.perceive` adds the time between decisions to `time_wanted`.
@@ -416,7 +418,7 @@ def _cancels_lane_change(
 
 
 def _is_ready_for_lane_change(state: State, params: StepParameters) -> Mask:
-    """Whether drivers by MOBIL may change lanes: a pause after their last lane change is over."""
+    """Whether MOBIL drivers may change lanes: the pause after their last lane change is over."""
     has_finished = state.path.elapsed >= state.path.duration
     has_paused = state.lane_choice.time_since_lane_change >= params.constants.cooldown
     is_sound = state.motion.is_wreck == 0

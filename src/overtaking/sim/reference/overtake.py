@@ -234,7 +234,7 @@ def _set_indicator(
 def _set_end_step(
     state: State, params: StepParameters, intent: Intent, next_stage: F32, step: int
 ) -> None:
-    """End the simulation some time after the overtake, or from the deadline on while following.
+    """End the simulation some time after the overtake, or at the deadline without an attempt.
 
     An ego that indicates a pull-out at the deadline goes on with its attempt.
     """
