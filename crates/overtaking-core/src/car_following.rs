@@ -173,8 +173,7 @@ fn iidm_accel<S: Simd>(
         2.0 * vehicle.accel / at_least(free_accel_below, MIN_FREE_ACCEL),
         MAX_EXPONENT,
     );
-    let z_power = exp(exponent * log(clamp_to(z, MIN_GAP_RATIO, 1.0)));
-    let blended = free_accel_below * (one - z_power);
+    let blended = free_accel_below * (one - exp(exponent * log(clamp_to(z, MIN_GAP_RATIO, 1.0))));
     let accel_below = select(z.simd_ge(one), interaction, blended);
     let is_below = speed_ratio.simd_le(one);
     if is_below.all_true() {

@@ -243,9 +243,9 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     if params.road.directions.has_oncoming_traffic {
         return is_free_behind & has_no_leader;
     }
-    let left_leader_speed = inputs.speed - leader.closing_speed;
-    let speed_gain = left_leader_speed - inputs.leader_speed;
-    let is_faster = speed_gain.simd_gt(vehicle.min_speed_gain * inputs.patience_left);
+    // Speed of the left leader minus the speed of the present leader.
+    let is_faster = ((inputs.speed - leader.closing_speed) - inputs.leader_speed)
+        .simd_gt(vehicle.min_speed_gain * inputs.patience_left);
     let extra_gap = constants.waiting_time_gap * inputs.speed;
     let is_far = leader.gap.simd_gt(beliefs.gap[LEADER] + extra_gap);
     is_free_ahead & is_free_behind & (is_faster | is_far | has_no_leader)

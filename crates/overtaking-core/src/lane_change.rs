@@ -159,11 +159,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             follower_closing + closing_speed[LEFT_LEADER],
         );
         // The old follower is behind the driver now, and behind the driver's leader after the change.
+        let old_follower_gap_after = gap[FOLLOWER] + gap[LEADER] + length;
         let old_follower_accel_now =
             self.imposed_accel_on_follower(speed, gap[FOLLOWER], closing_speed[FOLLOWER]);
         let old_follower_accel_after = self.imposed_accel_on_follower(
             speed - closing_speed[LEADER],
-            gap[FOLLOWER] + gap[LEADER] + length,
+            old_follower_gap_after,
             closing_speed[FOLLOWER] + closing_speed[LEADER],
         );
         let new_follower_change = new_follower_accel_after - new_follower_accel_now;
@@ -304,8 +305,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     pub fn lane_change_direction(self) -> LaneChangeDirection<S> {
         let (state, slot) = (self.state, self.slot);
         let (right_edge, left_edge) = lane_borders(self.params, state.lane_choice.lane[slot], 0.0);
-        let start_d = state.path.coefficients[slot][0]; // Lateral position at which the path began [m].
-        let distance = 0.5 * (right_edge + left_edge) - start_d;
+        // `coefficients[slot][0]` is the lateral position at which the path began.
+        let distance = 0.5 * (right_edge + left_edge) - state.path.coefficients[slot][0];
         LaneChangeDirection {
             is_to_left: distance.simd_gt(0.0),
             is_whole_lane: distance.abs().simd_gt(0.5 * (left_edge - right_edge)),

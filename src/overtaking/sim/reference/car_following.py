@@ -88,8 +88,7 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     exponent = minimum(
         TWO * vehicle.accel / maximum(free_accel_below, _MIN_FREE_ACCEL), _MAX_EXPONENT
     )
-    z_power = exp(exponent * log(clamp(z, _MIN_GAP_RATIO, ONE)))
-    blended = free_accel_below * (ONE - z_power)
+    blended = free_accel_below * (ONE - exp(exponent * log(clamp(z, _MIN_GAP_RATIO, ONE))))
     accel_below = np.where(z >= ONE, interaction, blended)
     accel_above = np.where(z >= ONE, free_accel_above + interaction, free_accel_above)
     return np.where(speed_ratio <= ONE, accel_below, accel_above)

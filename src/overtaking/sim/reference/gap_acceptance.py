@@ -266,8 +266,8 @@ def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -
     has_no_leader = ~inputs.is_detected[LEFT_LEADER]
     if params.road.has_oncoming_traffic:
         return is_free_behind & has_no_leader
-    left_leader_speed = inputs.speed - leader.closing_speed
-    speed_gain = left_leader_speed - inputs.leader_speed
+    # Speed of the left leader minus the speed of the present leader.
+    speed_gain = (inputs.speed - leader.closing_speed) - inputs.leader_speed
     is_faster = speed_gain > vehicle.min_speed_gain * inputs.patience_left
     extra_gap = constants.waiting_time_gap * inputs.speed
     is_far = leader.gap > inputs.gap[LEADER] + extra_gap

@@ -207,6 +207,7 @@ def mobil_incentives(
         follower_closing + closing_speed[LEFT_LEADER],
     )
     # The old follower is behind the driver now, and behind the driver's leader after the change.
+    old_follower_gap_after = gap[FOLLOWER] + gap[LEADER] + length
     old_follower_accel_now = imposed_accel_on_follower(
         params, vehicle, speed, gap[FOLLOWER], closing_speed[FOLLOWER]
     )
@@ -214,7 +215,7 @@ def mobil_incentives(
         params,
         vehicle,
         speed - closing_speed[LEADER],
-        gap[FOLLOWER] + gap[LEADER] + length,
+        old_follower_gap_after,
         closing_speed[FOLLOWER] + closing_speed[LEADER],
     )
     new_follower_change = new_follower_accel_after - new_follower_accel_now
@@ -376,8 +377,8 @@ def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaim
 def lane_change_direction(state: State, params: StepParameters) -> LaneChangeDirection:
     """Direction of the last lane change, and whether it crosses a whole lane."""
     right_edge, left_edge = lane_borders(state, params, offset=0.0)
-    start_d = state.path.coefficients[0]  # Lateral position at which the path began [m].
-    distance = HALF * (right_edge + left_edge) - start_d
+    # `coefficients[0]` is the lateral position at which the path began.
+    distance = HALF * (right_edge + left_edge) - state.path.coefficients[0]
     return LaneChangeDirection(
         is_to_left=distance > 0, is_whole_lane=np.abs(distance) > HALF * (left_edge - right_edge)
     )
