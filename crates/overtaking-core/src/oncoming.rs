@@ -1,5 +1,9 @@
-//! Vehicles of the other direction, and the beliefs of drivers about them; the twin of
+//! Oncoming vehicles on two-way roads: search, visibility and beliefs of drivers; the twin of
 //! `overtaking.sim.reference.oncoming`.
+//!
+//! Each vehicle has a frame of its own direction of travel. In it lane 0 is the lane of that direction, and the
+//! opposing lane is on the left, the overtaking side. Values of type `F32<S>` and `Mask<S>` have one element for each
+//! simulation of a block; comments call such an element a SIMD lane.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -25,7 +29,7 @@ const IN_ANY_LANE: usize = 0;
 /// Index in `Attention::oncoming_slot` of the nearest oncoming vehicle in the driver's own lane.
 const IN_OWN_LANE: usize = 1;
 
-/// The nearest oncoming vehicle of a driver, and what the driver believes about it.
+/// An oncoming vehicle ahead of a driver, and the driver's beliefs about it.
 #[derive(Clone, Copy)]
 pub struct OncomingVehicle<S: Simd> {
     /// Slot of the vehicle, or `NO_SLOT`.
@@ -40,7 +44,7 @@ pub struct OncomingVehicle<S: Simd> {
     pub believed_gap: F32<S>,
     /// Believed closing speed, the expected one without a detected vehicle [m/s].
     pub closing_speed: F32<S>,
-    /// How far the driver sees along the opposing lane [m].
+    /// Sight distance in the lane of the vehicle: the opposing lane, or the driver's own [m].
     pub sight_distance: F32<S>,
 }
 
@@ -60,7 +64,7 @@ pub struct OncomingTraffic<S: Simd> {
 }
 
 impl<S: Simd> OncomingVehicle<S> {
-    /// No vehicle.
+    /// A value before the first decision, without a vehicle.
     pub fn no_vehicle(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -77,7 +81,7 @@ impl<S: Simd> OncomingVehicle<S> {
 }
 
 impl<S: Simd> OncomingTraffic<S> {
-    /// An empty road.
+    /// A value before the first decision: an empty road.
     pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -91,10 +95,11 @@ impl<S: Simd> OncomingTraffic<S> {
     }
 }
 
-/// Update what a driver believes about oncoming vehicles, and how long it has seen them.
+/// Update the beliefs of a driver about oncoming vehicles in `context.oncoming`, and the time for which they are in
+/// view.
 ///
-/// The time in view is counted at every decision. The belief about the nearest vehicle in any lane stays as it was at
-/// decisions at which the driver decides by it in no simulation of the block.
+/// The time in view is updated at every decision. To save time, the belief about the nearest vehicle in any lane is
+/// updated only at decisions at which the driver decides by it in a simulation of the block.
 #[inline(always)]
 pub fn observe_oncoming<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -123,7 +128,7 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
         oncoming.leader_pulls_out = leader_slot.simd_ge(0.0) & indicator.simd_gt(0.0);
     }
     if nearest_in_own_lane.slot.simd_ge(0.0).any_true() {
-        // Along its own lane only the road limits the driver's sight.
+        // Bends and crests limit the view along the driver's own lane; in the model, a leader does not.
         let sight_distance = state.road.sight_distance[slot];
         let sighting =
             state
@@ -138,15 +143,15 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
             in_own_lane.believed_gap / at_least(in_own_lane.closing_speed, MIN_CLOSING_SPEED);
     } else {
         update_time_in_view(state, params, slot, IN_OWN_LANE, nearest_in_own_lane.slot);
-        oncoming.meets_in_own_lane = certain & !certain; // False in every lane.
+        oncoming.meets_in_own_lane = certain & !certain; // False in every SIMD lane.
     }
     oncoming.is_being_passed = search.is_being_passed(state.vehicle(params, slot));
 }
 
 /// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
 ///
-/// Without a visible vehicle it needs the shortest time of detection: until the view has stayed empty for so long, the
-/// driver is not certain that no vehicle is coming, and does not pull out.
+/// Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver pulls out the moment a
+/// bend or a truck stops hiding the road.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -166,7 +171,7 @@ fn is_certain<S: Simd, const N: usize>(
     state.attention.oncoming_time_in_view[slot][lanes].simd_ge(needed_time)
 }
 
-/// Count for how long the driver in `slot` has had the same vehicle, or no vehicle, in view.
+/// Count the time for which the driver in `slot` has had the same vehicle, or no vehicle, in view.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -176,18 +181,19 @@ fn update_time_in_view<S: Simd, const N: usize>(
     slot_in_view: F32<S>,
 ) {
     let constants = &params.constants;
-    let known_slot = &mut state.attention.oncoming_slot[slot][lanes];
+    let slot_at_last_look = &mut state.attention.oncoming_slot[slot][lanes];
     let time_in_view = &mut state.attention.oncoming_time_in_view[slot][lanes];
-    let is_known = slot_in_view.simd_eq(*known_slot);
-    let longer = select(
-        is_known,
+    let is_unchanged = slot_in_view.simd_eq(*slot_at_last_look);
+    let time = select(
+        is_unchanged,
         *time_in_view + constants.decision,
         splat(params.simd, 0.0),
     );
-    let is_first_look = known_slot.simd_eq(NEVER_LOOKED);
+    // Drivers have watched the traffic before the first frame.
+    let is_first_look = slot_at_last_look.simd_eq(NEVER_LOOKED);
     let initial_time = splat(params.simd, constants.initial_time_in_view);
-    *time_in_view = select(is_first_look, initial_time, longer);
-    *known_slot = slot_in_view;
+    *time_in_view = select(is_first_look, initial_time, time);
+    *slot_at_last_look = slot_in_view;
 }
 
 /// Visibility of one oncoming vehicle for a driver.
@@ -198,11 +204,11 @@ struct Sighting<S: Simd> {
     half_lengths: F32<S>,
     /// Gap between the front bumpers [m].
     gap: F32<S>,
-    /// Distance over the range at which it can be seen [1].
+    /// Distance over the range at which light and weather show the vehicle [1].
     sight_range_ratio: F32<S>,
     /// Whether the driver can see the vehicle.
     is_visible: Mask<S>,
-    /// How far the driver sees along the lane of that vehicle [m].
+    /// Sight distance in the lane of the vehicle [m].
     sight_distance: F32<S>,
 }
 
@@ -216,10 +222,10 @@ pub struct NearestOncoming<S: Simd> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Second oncoming vehicle of the ego, and what the driver of the model would believe about it.
+    /// The oncoming vehicle behind the nearest one, and the driver's beliefs about it.
     ///
-    /// That driver decides by the nearest one alone; only external drivers observe the second. It is detected together
-    /// with the nearest one, wherever it is visible.
+    /// The model's drivers decide by the nearest vehicle alone; external drivers also observe the second. A driver
+    /// detects the second together with the nearest, if it can see the second.
     #[inline(always)]
     pub fn observe_second_oncoming(self, context: &DriverContext<S>) -> OncomingVehicle<S> {
         let nearest = &context.oncoming.nearest;
@@ -264,13 +270,18 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Closing speed that the driver expects of an oncoming vehicle [m/s].
+    /// Closing speed if oncoming vehicles drive as fast as usual [m/s].
     #[inline(always)]
     pub fn expected_closing_speed(self) -> F32<S> {
         self.road_velocity().0 + self.params.simulations.expected_oncoming_speed
     }
 
-    /// The oncoming vehicle as the driver believes, or assumes if it sees no vehicle.
+    /// Beliefs of a driver about an oncoming vehicle, and its assumptions without one.
+    ///
+    /// The driver extrapolates the motion that it saw a reaction delay ago. It misjudges the distance by a slowly
+    /// varying factor; the error fades as contact comes near. It expects the usual speed until the vehicle looms, that
+    /// is until its image visibly grows. A driver that has detected no vehicle assumes one at the range to which
+    /// drivers look.
     #[inline(always)]
     fn believe(
         self,
@@ -296,10 +307,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             vehicle.reaction_delay,
         );
         let seen_motion = extrapolate_motion(state, params, sighting.slot, delay, decision_index);
+        // The frame of the oncoming vehicle counts stations from the other end of the road.
         let distance = (params.road.directions.length - seen_motion.s) - state.motion.s[slot];
         let gap = distance - sighting.half_lengths;
         let looming = self.sense_looming(gap, speed + seen_motion.speed, width);
-        // Small vehicles look farther away.
+        // Two-wheelers look farther away.
         let size_factor = select(
             two_wheeler.simd_gt(0.0),
             splat(params.simd, constants.two_wheeler_distance_factor),
@@ -323,21 +335,22 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// How far the driver sees along the opposing lane: by the road, the weather, and past a tall leader [m].
+    /// Sight distance along the opposing lane: the smallest of those that the road, the weather and a tall leader leave
+    /// [m].
     #[inline(always)]
     fn sight_distance(self, neighbours: &Neighbours<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, road) = (&params.constants, &params.road);
         let (s, _) = self.road_position();
         let is_oncoming = self.vehicle().travel_sign.simd_lt(0.0);
-        let mut by_road = splat(params.simd, 0.0);
+        let mut stated_by_map = splat(params.simd, 0.0);
         let directions = &road.directions;
         for (table, applies) in [
             (&directions.sight_along, !is_oncoming),
             (&directions.sight_against, is_oncoming),
         ] {
             if applies.any_true() {
-                by_road = select(applies, interpolate_knots(table, s), by_road);
+                stated_by_map = select(applies, interpolate_knots(table, s), stated_by_map);
             }
         }
         let leader_slot = neighbours.slot[LEADER];
@@ -349,25 +362,25 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             neighbours.distance[LEADER] - neighbours.half_length[LEADER],
             MIN_SIGHT_LINE,
         );
-        // The line of sight passes the leader's rear corner on the side of the opposing lane.
-        let corner = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset;
-        let opposing_centre = 0.5
+        // The line of sight begins at the driver's eye, which is beside the middle of the vehicle, and passes the
+        // leader's rear corner on the side of the opposing lane. Offsets are lateral distances from the eye.
+        let corner_offset = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset;
+        let opposing_lane_d = 0.5
             * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
-        let opposing_offset = opposing_centre - state.motion.d[slot] - constants.eye_offset;
-        let is_hidden = leader_slot.simd_ge(0.0)
+        let lane_offset = opposing_lane_d - state.motion.d[slot] - constants.eye_offset;
+        let hides_lane = leader_slot.simd_ge(0.0)
             & blocks_view.simd_gt(0.0)
-            & corner.simd_gt(0.0)
-            & opposing_offset.simd_gt(0.0);
-        let past_leader = select(
-            is_hidden,
-            opposing_offset * (distance_to_rear / at_least(corner, MIN_SIGHT_LINE)),
-            splat(params.simd, FAR),
-        );
-        let by_road = min(by_road, state.road.sight_distance[slot]);
+            & corner_offset.simd_gt(0.0)
+            & lane_offset.simd_gt(0.0);
+        // By similar triangles the line of sight meets the middle of the opposing lane at this distance.
+        let distance = lane_offset * (distance_to_rear / at_least(corner_offset, MIN_SIGHT_LINE));
+        let past_leader = select(hides_lane, distance, splat(params.simd, FAR));
+        // `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states sight distances.
+        let by_road = min(stated_by_map, state.road.sight_distance[slot]);
         min(min(by_road, past_leader), params.simulations.oncoming_sight)
     }
 
-    /// The oncoming vehicle in the simulations that have a vehicle in this slot, no vehicle in the others.
+    /// The oncoming vehicle of this driver, without one in simulations in which this slot is empty.
     #[inline(always)]
     fn where_vehicle_exists(self, oncoming: NearestOncoming<S>) -> NearestOncoming<S> {
         let (simd, exists) = (self.params.simd, self.vehicle().valid.simd_gt(0.0));
@@ -378,7 +391,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// The quantity of a table at stations [m]; 0 before the first station of the table.
+/// The quantity of a table at stations; the first station of a table is far before the road.
 #[inline(always)]
 fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
     let KnotTable {
@@ -394,7 +407,7 @@ fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
     result
 }
 
-/// A vehicle in the coordinates of oncoming vehicles, which follow their direction of travel.
+/// A vehicle in the frame of the other direction of travel.
 #[derive(Clone, Copy)]
 struct OppositeView<S: Simd> {
     /// Station of the centre [m].
@@ -405,25 +418,24 @@ struct OppositeView<S: Simd> {
     left_side: F32<S>,
     /// Index of the lane, from the right.
     lane: F32<S>,
-    /// Whether it is on the road, in any lane.
+    /// Whether a part of the vehicle is on the road, in any lane.
     on_road: Mask<S>,
 }
 
 impl<S: Simd> OppositeView<S> {
-    /// Whether a part of the body lies between the edges of a lane or a road.
+    /// Whether a part of the body lies between the edges [m] of a lane or a road.
     #[inline(always)]
     fn overlaps(&self, (right_edge, left_edge): (F32<S>, F32<S>)) -> Mask<S> {
         self.left_side.simd_gt(right_edge) & self.right_side.simd_lt(left_edge)
     }
 }
 
-/// The vehicles of a two-way road as the other direction sees them, and sets of slots that shorten the search.
+/// The vehicles of a two-way road in the frame of the other direction, and sets of slots that shorten the search.
 ///
-/// A set is a number of 32 bits with bit k for slot k. It has the slots for which a condition holds in any simulation
-/// of the block.
+/// A set is a number of 32 bits: bit k is set if the condition holds for slot k in any simulation of the block.
 #[derive(Clone, Copy)]
 pub struct OncomingSearch<S: Simd, const N: usize> {
-    /// Each vehicle in the coordinates of the other direction.
+    /// Each vehicle in the frame of the other direction.
     as_seen_by_oncoming: [OppositeView<S>; N],
     /// Slots of vehicles that drive along the road.
     slots_along: u32,
@@ -438,7 +450,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> OncomingSearch<S, N> {
-    /// An empty road.
+    /// A value before the first update: an empty road.
     pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -459,7 +471,9 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         }
     }
 
-    /// Update the views and the sets of slots for this decision.
+    /// Compute the views and the sets of slots at this decision.
+    ///
+    /// A vehicle is in a lane that its body overlaps by more than `corridor_margin`.
     #[inline(always)]
     pub fn update(
         &mut self,
@@ -509,7 +523,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
 
     /// The nearest oncoming vehicle of a driver in any lane, and the nearest in its own lane.
     ///
-    /// A vehicle that visibly changes to the driver's lane counts as being there.
+    /// A vehicle is in each lane that its body overlaps by more than a margin, and in the lane to which it visibly
+    /// changes.
     #[inline(always)]
     fn nearest_oncoming(
         &self,
@@ -524,7 +539,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             distance: splat(params.simd, FAR),
         };
         let [mut nearest, mut in_own_lane] = [no_vehicle; 2];
-        // The vehicle in this slot may drive along the road in one simulation and against it in another.
+        // The vehicle in a slot may drive along the road in one simulation and against it in another.
         let mut oncoming_slots = 0;
         for (own_slots, opposite_slots) in [
             (self.slots_along, self.slots_against),
@@ -544,7 +559,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             nearest.slot = select(is_nearer, other_slot, nearest.slot);
             nearest.distance = select(is_nearer, distance, nearest.distance);
         }
-        // A driver that keeps to the first lane meets only vehicles that have left theirs.
+        // In lane 0 a driver meets only vehicles that are in this lane or change to it; skipping the others saves time.
         if lane.simd_eq(0.0).all_true() {
             oncoming_slots &= self.off_lane_slots;
         }
@@ -576,9 +591,12 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         ]
     }
 
-    /// The nearest oncoming vehicle of a driver in any lane that is not in `except_slot`.
+    /// The nearest oncoming vehicle of a driver in any lane, without the vehicle in `excluded_slot`.
     #[inline(always)]
-    fn nearest_except(driver: VehicleHandle<'_, S, N>, except_slot: F32<S>) -> NearestOncoming<S> {
+    fn nearest_except(
+        driver: VehicleHandle<'_, S, N>,
+        excluded_slot: F32<S>,
+    ) -> NearestOncoming<S> {
         let (state, params) = (driver.state, driver.params);
         let bodies = core::array::from_fn(|j| {
             if j < params.num_slots_in_use {
@@ -590,18 +608,20 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         let mut search = Self::no_vehicles(params.simd);
         search.update(state, params, &bodies);
         for j in 0..params.num_slots_in_use {
-            search.as_seen_by_oncoming[j].on_road &= except_slot.simd_ne(j as i32 as f32);
+            search.as_seen_by_oncoming[j].on_road &= excluded_slot.simd_ne(j as i32 as f32);
         }
         let [nearest, _] = search.nearest_oncoming(driver, &bodies);
         nearest
     }
 
-    /// Whether another vehicle passes the driver and the driver notices it.
+    /// Whether another vehicle passes the driver on the left, near enough for the driver to notice.
+    ///
+    /// The vehicle may still be behind, or already ahead, by less than `passed_awareness_margin`.
     #[inline(always)]
     fn is_being_passed(&self, driver: VehicleHandle<'_, S, N>) -> Mask<S> {
         let (state, params, slot) = (driver.state, driver.params, driver.slot);
         let vehicle = driver.vehicle();
-        let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot]; // False in every lane.
+        let mut is_being_passed = self.overtakes[slot] & !self.overtakes[slot]; // False in every SIMD lane.
         for j in (0..params.num_slots_in_use).filter(|j| self.overtaking_slots >> *j & 1 == 1) {
             let overtaker = &params.vehicles[j];
             let gap = (state.motion.s[slot] - state.motion.s[j]).abs()

@@ -1,4 +1,8 @@
-"""Oncoming vehicles: search, visibility and beliefs of drivers."""
+"""Oncoming vehicles on two-way roads: search, visibility and beliefs of drivers.
+
+Each vehicle has a frame of its own direction of travel. In it lane 0 is the lane of that direction,
+and the opposing lane is on the left, the overtaking side.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -34,7 +38,7 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world.step_parameters import StepParameters
 
-# Where drivers look for oncoming vehicles: rows of `Attention.oncoming_slot`.
+# Rows of `Attention.oncoming_slot`: the nearest vehicle in any lane, and in the driver's own lane.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
 
 
@@ -42,7 +46,7 @@ class NearestOncoming(NamedTuple):
     """The nearest oncoming vehicle of each driver, (vehicle, simulation)."""
 
     slot: F32  # `NO_SLOT` without a vehicle.
-    distance: F32  # Distance of the centres along the road [m].
+    distance: F32  # Distance of the centres along the road, `FAR` without a vehicle [m].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +57,8 @@ class Sighting:
         slot: Slot of the vehicle, or `NO_SLOT`.
         half_lengths: Half of the lengths of both vehicles [m].
         gap: Gap between the front bumpers [m].
-        sight_range_ratio: Distance over the range at which the vehicle can be seen [1].
-        is_visible: Whether it can be seen.
+        sight_range_ratio: Distance over the range at which light and weather show the vehicle [1].
+        is_visible: Whether the driver can see the vehicle.
         sight_distance: Sight distance in the lane of the vehicle [m].
     """
 
@@ -71,28 +75,38 @@ def observe_oncoming(
 ) -> OncomingTraffic:
     """The oncoming vehicles that matter to each driver, and its beliefs about them.
 
-    Updates the time in view. The nearest vehicle in any lane limits a pass; for the nearest in its
-    own lane the driver brakes and moves to the edge.
+    The function updates the time in view in `state.attention`. The nearest vehicle in any lane
+    limits a pass; for the nearest in its own lane the driver brakes and moves to the edge.
+
+    Args:
+        state: State at a decision.
+        params: Parameters of the batch.
+        neighbours: Neighbours of the drivers in the same direction.
+        decision_index: Index of this decision, 20 per second.
 
     Source:
         Farber and Silver 1967, ARRB 1978 (drivers expect a usual speed); Levulis 2015 (small
         oncoming vehicles look farther away).
     """
-    no_exception = np.full_like(state.motion.s, NO_SLOT)
-    nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, no_exception)
+    no_slot = np.full_like(state.motion.s, NO_SLOT)
+    nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, no_slot)
     sight_distance = _sight_distance(state, params, neighbours)
-    any_lane = _sighting(state, params, neighbours, nearest_in_any_lane, sight_distance)
-    # A tall leader hides the opposing lane, not the driver's own lane.
+    any_lane_sighting = _sighting(state, params, neighbours, nearest_in_any_lane, sight_distance)
+    # Bends and crests limit the view along the driver's own lane; in the model, a leader does not.
     own_sight_distance = state.road.sight_distance
-    own_lane = _sighting(state, params, neighbours, nearest_in_own_lane, own_sight_distance)
-    update_time_in_view(state, params, _IN_ANY_LANE, any_lane)
-    update_time_in_view(state, params, _IN_OWN_LANE, own_lane)
-    knows_any_lane = _is_certain(state, params, any_lane, _IN_ANY_LANE)
-    knows_own_lane = _is_certain(state, params, own_lane, _IN_OWN_LANE)
+    own_lane_sighting = _sighting(
+        state, params, neighbours, nearest_in_own_lane, own_sight_distance
+    )
+    update_time_in_view(state, params, _IN_ANY_LANE, any_lane_sighting)
+    update_time_in_view(state, params, _IN_OWN_LANE, own_lane_sighting)
+    is_certain_of_any_lane = _is_certain(state, params, any_lane_sighting, _IN_ANY_LANE)
+    is_certain_of_own_lane = _is_certain(state, params, own_lane_sighting, _IN_OWN_LANE)
     leader = neighbours.slot[LEADER]
     return OncomingTraffic(
-        nearest=_believe(state, params, any_lane, knows_any_lane, decision_index),
-        in_own_lane=_believe(state, params, own_lane, knows_own_lane, decision_index),
+        nearest=_believe(state, params, any_lane_sighting, is_certain_of_any_lane, decision_index),
+        in_own_lane=_believe(
+            state, params, own_lane_sighting, is_certain_of_own_lane, decision_index
+        ),
         is_being_passed=is_being_passed(state, params),
         leader_pulls_out=(leader >= 0) & (value_at_slot(state.controls.indicator, leader) > 0),
     )
@@ -103,8 +117,8 @@ def observe_second_oncoming(
 ) -> OncomingVehicle:
     """The oncoming vehicle behind the nearest one, and each driver's beliefs about it.
 
-    The model's drivers decide by the nearest alone; an external driver observes the second one,
-    too. It is detected together with the nearest, if it can be seen.
+    The model's drivers decide by the nearest vehicle alone; external drivers also observe the
+    second. A driver detects the second together with the nearest, if it can see the second.
     """
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     first = context.oncoming.nearest
@@ -114,30 +128,39 @@ def observe_second_oncoming(
 
 
 def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours) -> F32:
-    """Sight distance along the opposing lane: by road, weather, and past a tall leader [m]."""
+    """Sight distance along the opposing lane [m].
+
+    The smallest of the distances that the road, the weather and a tall leader leave.
+    """
     vehicles, constants, road = params.vehicles, params.constants, params.road
     s, _ = state.road_position(params)
     along, against = (_interpolate_knots(table, s) for table in road.sight)
-    by_road = np.where(vehicles.travel_sign < 0, against, along)
+    stated_by_map = np.where(vehicles.travel_sign < 0, against, along)
     leader = neighbours.slot[LEADER]
-    # Lateral offsets from the driver's eye, which is beside the middle of the vehicle. The line of
-    # sight passes the leader's rear corner on the side of the opposing lane.
-    rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    # The line of sight begins at the driver's eye, which is beside the middle of the vehicle, and
+    # passes the leader's rear corner on the side of the opposing lane. Offsets are lateral
+    # distances from the eye.
+    distance_to_rear = maximum(
+        neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE
+    )
     half_width = value_at_slot(vehicles.half_width, leader)
     corner_offset = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset
     opposing_lane_d = HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.num_own_lanes])
     lane_offset = opposing_lane_d - state.motion.d - constants.eye_offset
     is_tall = (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0)
-    hides = is_tall & (corner_offset > 0) & (lane_offset > 0)
-    # By similar triangles it meets the middle of the opposing lane at this distance.
-    distance = lane_offset * (rear / maximum(corner_offset, MIN_SIGHT_LINE))
-    past_leader = np.where(hides, distance, FAR)
-    by_bends = minimum(by_road, state.road.sight_distance)
-    return minimum(minimum(by_bends, past_leader), params.simulations.oncoming_sight)
+    hides_lane = is_tall & (corner_offset > 0) & (lane_offset > 0)
+    # By similar triangles the line of sight meets the middle of the opposing lane at this distance.
+    distance = lane_offset * (distance_to_rear / maximum(corner_offset, MIN_SIGHT_LINE))
+    past_leader = np.where(hides_lane, distance, FAR)
+    # `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states
+    # sight distances.
+    by_road = minimum(stated_by_map, state.road.sight_distance)
+    return minimum(minimum(by_road, past_leader), params.simulations.oncoming_sight)
 
 
 def _interpolate_knots(table: F32, s: F32) -> F32:
-    """Sight distance at stations by a table of `RoadParameters.sight` [m]."""
+    """Sight distance at stations, by the table of one direction in `RoadParameters.sight` [m]."""
+    # The first station of a table is far before the road, so every `s` has a knot behind it.
     stations, values, slopes = table
     knot = np.searchsorted(stations, s, side="right") - 1
     return values[knot] + (s - stations[knot]) * slopes[knot]
@@ -155,9 +178,9 @@ def _sighting(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        neighbours: Neighbours of the drivers.
-        oncoming: The vehicle.
-        sight_distance: Sight distance in the lane of the vehicle [m].
+        neighbours: Neighbours of the drivers; spray of the leader dims the view.
+        oncoming: The oncoming vehicle.
+        sight_distance: Sight distance in the lane of the oncoming vehicle [m].
     """
     vehicles, slot = params.vehicles, oncoming.slot
     half_lengths = value_at_slot(vehicles.half_length, slot) + vehicles.half_length
@@ -181,22 +204,22 @@ def _sighting(
 def update_time_in_view(
     state: State, params: StepParameters, lanes: int, sighting: Sighting
 ) -> None:
-    """Count the time for which each driver has seen the same vehicle, or none.
+    """Count the time for which each driver has had the same vehicle, or no vehicle, in view.
 
     Args:
-        state: Its `attention` changes.
+        state: The function updates its `attention`.
         params: Parameters of the batch.
-        lanes: `_IN_ANY_LANE` or `_IN_OWN_LANE`.
+        lanes: Row of the attention, `_IN_ANY_LANE` or `_IN_OWN_LANE`.
         sighting: Visibility of the nearest vehicle in these lanes.
     """
     attention, constants = state.attention, params.constants
     slot = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
-    longer = attention.oncoming_time_in_view[lanes] + constants.decision
-    time = np.where(slot == attention.oncoming_slot[lanes], longer, ZERO)
+    longer_time = attention.oncoming_time_in_view[lanes] + constants.decision
+    time = np.where(slot == attention.oncoming_slot[lanes], longer_time, ZERO)
     # Drivers have watched the traffic before the first frame.
-    is_first = attention.oncoming_slot[lanes] == NEVER_LOOKED
+    is_first_look = attention.oncoming_slot[lanes] == NEVER_LOOKED
     attention.oncoming_time_in_view[lanes] = np.where(
-        is_first, constants.initial_time_in_view, time
+        is_first_look, constants.initial_time_in_view, time
     )
     attention.oncoming_slot[lanes] = slot
 
@@ -207,12 +230,12 @@ def _is_certain(state: State, params: StepParameters, sighting: Sighting, lanes:
     Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver
     pulls out the moment a bend or a truck stops hiding the road.
     """
-    needed = np.where(
+    needed_time = np.where(
         sighting.is_visible,
         detection_time(params, sighting.sight_range_ratio),
         params.simulations.detection_time,
     )
-    return state.attention.oncoming_time_in_view[lanes] >= needed
+    return state.attention.oncoming_time_in_view[lanes] >= needed_time
 
 
 def _believe(
@@ -224,19 +247,21 @@ def _believe(
 ) -> OncomingVehicle:
     """Beliefs of drivers about an oncoming vehicle, and their assumptions without one.
 
-    Drivers know where it was one reaction delay ago. They misjudge the distance by a slowly varying
-    factor, and expect the usual speed until the vehicle looms.
+    Drivers extrapolate the motion that they saw a reaction delay ago. They misjudge the distance by
+    a slowly varying factor. They expect the usual speed until the vehicle looms, that is until its
+    image visibly grows. A driver that has detected no vehicle assumes one at the range to which
+    drivers look.
     """
     vehicles, slot = params.vehicles, sighting.slot
     own_speed, _ = state.road_velocity()
     delay = _reaction_delay(state, params, sighting)
     recalled = extrapolate_motion(state, params, slot, delay, decision_index)
-    # The oncoming vehicle counts its stations from the other end of the road.
+    # The frame of the oncoming vehicle counts stations from the other end of the road.
     gap = (params.road.length - recalled.s) - state.motion.s - sighting.half_lengths
     width = value_at_slot(vehicles.looming_width, slot)
     looming = sense_looming(state, params, gap, own_speed + recalled.speed, width)
     is_detected = sighting.is_visible & is_certain
-    believed_gap = _believed_distance(state, params, slot, gap, looming)
+    believed_gap = _believed_gap(state, params, slot, gap, looming)
     return OncomingVehicle(
         slot=slot,
         gap=sighting.gap,
@@ -258,10 +283,13 @@ def _reaction_delay(state: State, params: StepParameters, sighting: Sighting) ->
     return np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
 
 
-def _believed_distance(
+def _believed_gap(
     state: State, params: StepParameters, slot: F32, gap: F32, looming: Looming
 ) -> F32:
-    """Gap to the oncoming vehicle as drivers misjudge it; small vehicles look farther away [m]."""
+    """Gap to the oncoming vehicle as drivers misjudge it [m].
+
+    Two-wheelers look farther away. The error fades as contact comes near.
+    """
     is_two_wheeler = value_at_slot(params.vehicles.two_wheeler, slot) > 0
     size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, ONE)
     error = exp(params.simulations.oncoming_error * state.noise.distance_error)
@@ -271,29 +299,33 @@ def _believed_distance(
 def _believed_closing_speed(
     state: State, params: StepParameters, looming: Looming, is_detected: Mask
 ) -> F32:
-    """Closing speed that drivers believe: the expected one until the vehicle looms [m/s]."""
+    """Believed closing speed [m/s].
+
+    The expected speed until the vehicle looms, then increasingly the speed that looming shows.
+    """
     expected = expected_closing_speed(state, params)
     sensed = expected + looming.noticed_share * (looming.closing_speed - expected)
     return np.where(is_detected, sensed, expected)
 
 
 def expected_closing_speed(state: State, params: StepParameters) -> F32:
-    """Closing speed that drivers expect of oncoming vehicles, (vehicle, simulation) [m/s]."""
+    """Closing speed if oncoming vehicles drive as fast as usual, (vehicle, simulation) [m/s]."""
     own_speed, _ = state.road_velocity()
     return own_speed + params.simulations.expected_oncoming_speed
 
 
 def nearest_oncoming(
-    state: State, params: StepParameters, exception: F32
+    state: State, params: StepParameters, excluded_slot: F32
 ) -> tuple[NearestOncoming, NearestOncoming]:
     """The nearest oncoming vehicle of each driver in any lane, and the nearest in its own lane.
 
-    A vehicle that visibly changes to the driver's lane counts as being there.
+    A vehicle is in each lane that its body overlaps by more than a margin, and in the lane to which
+    it visibly changes.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        exception: Slot of a vehicle that does not count, for each driver.
+        excluded_slot: Slot of a vehicle that does not count, for each driver; `NO_SLOT` for none.
     """
     vehicles, constants, road = params.vehicles, params.constants, params.road
     lane, margin = state.lane_choice.lane, constants.corridor_margin
@@ -309,18 +341,18 @@ def nearest_oncoming(
             d - vehicles.half_width[other_slot],
             d + vehicles.half_width[other_slot],
         )
-        # The other vehicle counts its lanes from the other side of the road.
+        # The frame of the other vehicle counts lanes from the other side of the road.
         mirrored_lane = np.float32(road.num_lanes - 1) - state.lane_choice.lane[other_slot]
-        comes_over = visibly_changes_lane(state, params, other_slot) & (mirrored_lane == lane)
+        changes_to_lane = visibly_changes_lane(state, params, other_slot) & (mirrored_lane == lane)
         is_oncoming = (
             (vehicles.valid[other_slot] > 0)
             & (vehicles.travel_sign[other_slot] != vehicles.travel_sign)
             & (vehicles.valid > 0)
         )
-        is_ahead = is_oncoming & (distance_ahead >= 0) & (exception != np.float32(other_slot))
+        is_ahead = is_oncoming & (distance_ahead >= 0) & (excluded_slot != np.float32(other_slot))
         for lanes, (right, left) in enumerate(borders):
             is_there = (left_side > right + margin) & (right_side < left - margin)
-            is_there = is_there | comes_over if lanes == _IN_OWN_LANE else is_there
+            is_there = is_there | changes_to_lane if lanes == _IN_OWN_LANE else is_there
             is_nearer = is_ahead & is_there & (distance_ahead < distance[lanes])
             slot[lanes] = np.where(is_nearer, np.float32(other_slot), slot[lanes])
             distance[lanes] = np.where(is_nearer, distance_ahead, distance[lanes])
@@ -329,7 +361,11 @@ def nearest_oncoming(
 
 
 def is_being_passed(state: State, params: StepParameters) -> Mask:
-    """Whether another vehicle passes each driver on the left, so near that the driver notices."""
+    """Whether another vehicle passes each driver on the left, near enough for the driver to notice.
+
+    The vehicle may still be behind, or already ahead, by less than
+    `passed_awareness_margin`.
+    """
     vehicles, s, lane = params.vehicles, state.motion.s, state.lane_choice.lane
     overtakes, is_passed = state.is_overtaking(), np.zeros(s.shape, bool)
     for other_slot in range(len(s)):
