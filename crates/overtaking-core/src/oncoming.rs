@@ -306,11 +306,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             vehicle.urgent_reaction_delay,
             vehicle.reaction_delay,
         );
-        let seen_motion = extrapolate_motion(state, params, sighting.slot, delay, decision_index);
+        let recalled = extrapolate_motion(state, params, sighting.slot, delay, decision_index);
         // The frame of the oncoming vehicle counts stations from the other end of the road.
-        let distance = (params.road.directions.length - seen_motion.s) - state.motion.s[slot];
+        let distance = (params.road.directions.length - recalled.s) - state.motion.s[slot];
         let gap = distance - sighting.half_lengths;
-        let looming = self.sense_looming(gap, speed + seen_motion.speed, width);
+        let looming = self.sense_looming(gap, speed + recalled.speed, width);
         // Two-wheelers look farther away.
         let size_factor = select(
             two_wheeler.simd_gt(0.0),

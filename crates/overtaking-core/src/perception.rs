@@ -1,5 +1,8 @@
-//! Beliefs of each driver about its neighbours; the twin of `overtaking.sim.reference.perception`, which names the
-//! sources.
+//! Beliefs of drivers about their neighbours: detection, gap, closing speed and braking. The twin of
+//! `overtaking.sim.reference.perception`, which names the sources.
+//!
+//! A *role* is one of six places around a driver: the leaders and followers in its own, the left and the right lane. A
+//! vehicle *looms* to a driver while its image visibly grows.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -21,15 +24,15 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Gap below which a vehicle is as visible, and looms as much, as at this gap [m].
+/// A closer vehicle is as visible as at this gap, and looms as much [m].
 const NEAREST_GAP: f32 = 1.0;
-/// Gap beyond every limit of sight [m].
+/// Larger than every range of sight; keeps squares finite [m].
 const FARTHEST_GAP: f32 = 1e4;
-/// Largest optical depth: a contrast of e^-40 is invisible, and larger exponents would only overflow [1].
+/// Nothing is visible through this optical depth; the limit bounds the exponent [1].
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
-/// Smallest logarithm of a contrast over its threshold; a contrast this near its threshold cannot be seen any more [1].
+/// Smallest logarithm of a contrast over its threshold: the outline of a near vehicle shows even against the sun [1].
 const MIN_LOG_CONTRAST: f32 = 0.02;
-/// Keeps a quotient finite where drivers notice any looming at once [rad/s].
+/// Keeps a quotient finite where every looming counts [rad/s].
 const MIN_LOOMING: f32 = 1e-9;
 /// Smallest length of a line of sight, which keeps it finite alongside [m].
 pub const MIN_SIGHT_LINE: f32 = 0.1;
@@ -48,7 +51,7 @@ pub struct Beliefs<S: Simd> {
 }
 
 impl<S: Simd> Beliefs<S> {
-    /// Beliefs of a driver that has not looked yet.
+    /// A value before the first decision; `form_beliefs` overwrites it.
     #[inline(always)]
     pub fn without_neighbours(simd: S) -> Self {
         let zero = splat(simd, 0.0);
@@ -100,13 +103,13 @@ pub struct Looming<S: Simd> {
     pub exceeds_threshold: Mask<S>,
     /// Share of the closing speed that the driver notices, 0 to 1.
     pub noticed_share: F32<S>,
-    /// Share of the driver's misjudgements that is left; it falls to 0 as contact comes near [1].
+    /// Share of the driver's errors that is left; it falls to 0 before a contact [1].
     pub error_share: F32<S>,
-    /// Closing speed with the driver's misjudgement [m/s].
+    /// Closing speed with the driver's error [m/s].
     pub closing_speed: F32<S>,
 }
 
-/// Motion of a vehicle, extrapolated from when a driver saw it.
+/// Past motion of a vehicle, extrapolated to this decision.
 pub struct RecalledMotion<S: Simd> {
     /// Station now, if the speed has stayed the same [m].
     pub s: F32<S>,
@@ -116,7 +119,7 @@ pub struct RecalledMotion<S: Simd> {
     pub observed_at: F32<S>,
 }
 
-/// Store station and speed of all vehicles at this decision; drivers recall them after their reaction delay.
+/// Store the motion of all vehicles, which drivers recall after their reaction delay.
 #[inline(always)]
 pub fn record_history<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -136,7 +139,8 @@ pub fn record_history<S: Simd, const N: usize>(
     }
 }
 
-/// Draw whether the driver in `slot` looks over the shoulder before the next lane change.
+/// Draw whether the driver in `slot` looks over the shoulder before its next lane change, in the simulations of
+/// `is_drawn`.
 #[inline(always)]
 pub fn draw_shoulder_check<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -162,9 +166,9 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
     *checks_blind_spot = select(is_drawn, checks, *checks_blind_spot);
 }
 
-/// A leader that may block the view of the driver behind it.
+/// The leader of a driver, which may block the driver's view.
 struct TallLeader<S: Simd> {
-    /// Whether there is a leader that no driver sees over.
+    /// Whether the driver has a leader and cannot see over it.
     blocks_view: Mask<S>,
     /// Half the width of the leader [m].
     half_width: F32<S>,
@@ -186,7 +190,7 @@ impl<S: Simd> TallLeader<S> {
     }
 }
 
-/// Whether the leader hides the neighbour in `role`.
+/// Whether a tall leader stands between the driver and the neighbour ahead in `role`.
 #[inline(always)]
 fn is_occluded<S: Simd>(
     neighbours: &Neighbours<S>,
@@ -198,7 +202,7 @@ fn is_occluded<S: Simd>(
         MIN_SIGHT_LINE,
     );
     let distance = neighbours.distance[role];
-    // Lateral position at which the line of sight passes the rear of the leader.
+    // Lateral position, seen from the driver, at which the line of sight passes the leader's rear.
     let crossing =
         neighbours.lateral_distance[role] * (distance_to_rear / at_least(distance, MIN_SIGHT_LINE));
     let offset = (crossing - neighbours.lateral_distance[LEADER]).abs();
@@ -207,7 +211,10 @@ fn is_occluded<S: Simd>(
     leader.blocks_view & is_behind_body & is_other
 }
 
-/// Distance of a vehicle over the range at which it can be seen, by contrast or by lamps; below 1 it can be seen [1].
+/// Distance of a vehicle over the range at which it can be seen; up to 1 it can be seen [1].
+///
+/// The ratio is the smaller of two. By contrast it is the distance over the range of sight. By lamps it is the root of
+/// the eye's threshold over the illuminance; in clear air this root is a distance over a range, too.
 #[inline(always)]
 pub fn sight_range_ratio<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -225,6 +232,7 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
         sensitivity = simulation.log_contrast_sensitivity_ahead;
     }
     let log_contrast = at_least(conspicuity.log_contrast + sensitivity, MIN_LOG_CONTRAST);
+    // At night the contrast counts within the reach of the driver's low beam only.
     let ratio_by_contrast = max(
         depth / log_contrast,
         distance * simulation.inverse_lit_range,
@@ -237,7 +245,7 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
     min(ratio_by_contrast, ratio_by_lamp)
 }
 
-/// Time in view that a driver needs to detect a vehicle; it grows with its `sight_range_ratio` [s].
+/// Time in view until a driver detects a vehicle; it grows with the sight range ratio [s].
 #[inline(always)]
 pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32<S>) -> F32<S> {
     params.simulations.detection_time
@@ -249,8 +257,9 @@ struct Gaze<'a, S: Simd> {
     /// The role.
     role: usize,
     neighbours: &'a Neighbours<S>,
-    /// The leader, unless the driver looks at the leader itself.
+    /// The leader, if it may hide the neighbour; `None` if the role is the leader's.
     tall_leader: Option<&'a TallLeader<S>>,
+    /// Distance of the neighbour over the range at which it can be seen [1].
     sight_range_ratio: F32<S>,
     /// Whether the driver watches this role at every decision.
     watches_role: Mask<S>,
@@ -262,7 +271,10 @@ struct Gaze<'a, S: Simd> {
     known_times: &'a [F32<S>; NUM_ROLES],
 }
 
-/// Whether the driver in `slot` has detected the neighbour that it looks at; updates the time in view.
+/// Update the time in view of the neighbour in the role of `gaze`.
+///
+/// Returns whether the driver in `slot` looks at the neighbour now and has had it in view for the detection time, which
+/// grows towards the limit of sight.
 #[inline(always)]
 fn detect<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -273,25 +285,26 @@ fn detect<S: Simd, const N: usize>(
     let (constants, role) = (&params.constants, gaze.role);
     let neighbour_slot = gaze.neighbours.slot[role];
     let is_visible = is_visible(state.vehicle(params, slot), gaze);
-    // A glance counts as half a second in view, so what is hard to see takes several looks; a watched role gains 50 ms
-    // at each decision.
-    let time_step = select(
+    // A glance adds half a second, so a driver needs several glances for a vehicle that is hard to see. A watched
+    // vehicle gains the 50 ms of each decision.
+    let added_time = select(
         gaze.watches_role,
         splat(params.simd, constants.decision),
         splat(params.simd, constants.glance_time),
     );
-    // A neighbour that was in view in another role has changed lanes and stays known.
+    // The vehicle may have been in another role before: passing it, or changing lanes, does not restart its detection.
     let zero = splat(params.simd, 0.0);
-    let mut known_time = zero;
-    for (known_slot, time) in gaze.known_slots.iter().zip(gaze.known_times) {
+    let mut time_so_far = zero;
+    for (known_slot, known_time) in gaze.known_slots.iter().zip(gaze.known_times) {
         let is_known = neighbour_slot.simd_eq(*known_slot);
-        known_time = select(is_known, max(known_time, *time), known_time);
+        time_so_far = select(is_known, max(time_so_far, *known_time), time_so_far);
     }
+    // Drivers have watched the traffic before the first frame.
     let is_first_look = gaze.known_slots[role].simd_eq(NEVER_LOOKED);
     let time_in_view = select(
         is_first_look,
         splat(params.simd, constants.initial_time_in_view),
-        known_time + time_step,
+        time_so_far + added_time,
     );
     let time_in_view = select(is_visible, time_in_view, zero);
     let attention = &mut state.attention;
@@ -309,7 +322,7 @@ fn detect<S: Simd, const N: usize>(
     gaze.looks_at_role & is_visible & attention.time_in_view[slot][role].simd_ge(needed_time)
 }
 
-/// Whether the driver can see the neighbour that it looks at.
+/// Whether the driver can see the neighbour in the role of `gaze`: in range, not occluded, not in a blind spot.
 #[inline(always)]
 fn is_visible<S: Simd, const N: usize>(
     driver: VehicleHandle<'_, S, N>,
@@ -332,8 +345,8 @@ fn is_visible<S: Simd, const N: usize>(
     {
         is_visible &= !is_occluded(neighbours, leader, role);
     }
-    // The blind spot reaches from the rear bumper backwards; a leader is in it only alongside. A body that comes very
-    // near sideways is seen from the corner of the eye.
+    // The blind spot reaches from the rear bumper backwards; a leader is in it only alongside. The driver sees a
+    // body that is very near sideways from the corner of the eye.
     let is_beside = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
         & driver.state.lane_choice.checks_blind_spot[driver.slot].simd_eq(0.0);
     if is_beside.any_true() {
@@ -356,8 +369,8 @@ fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
 
 /// Station [m] and speed along the road [m/s] of the vehicles in `slot` at past decisions.
 ///
-/// Each simulation may ask for another slot and another decision, which the delays of its driver determine. The index
-/// into the history is computed in float32, which is exact for whole numbers of this size.
+/// Slot and decision may differ between the simulations of the block. The index into the history is computed in
+/// float32, which is exact for whole numbers of this size.
 #[inline(always)]
 fn recall_motion<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -387,7 +400,7 @@ fn recall_motion<S: Simd, const N: usize>(
     F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
-/// Motion that drivers expect of vehicles that they saw a reaction delay ago, at constant speed.
+/// Motion of vehicles as drivers saw it a reaction delay ago, extrapolated at constant speed.
 ///
 /// `slot` has the slots of the vehicles, and `delay` the reaction delay as a number of decisions.
 #[inline(always)]
@@ -412,19 +425,20 @@ pub fn extrapolate_motion<S: Simd, const N: usize>(
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Whether the driver checks mirrors and adjacent lanes now.
     ///
-    /// Drivers do so at an interval, but not all at once at the start; once more when they have indicated for long
-    /// enough, before they move over; and more often while they move over.
+    /// Drivers look once in each interval, once more when they have indicated for long enough, before they move over,
+    /// and more often in the first part of a lane change. The caller adds the looks in the opposing lane.
     #[inline(always)]
     pub fn checks_mirrors_now(self, decision_index: u32) -> Mask<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let interval = constants.glance_interval as u32;
-        // Slots look one after the other: the stagger of 7 and the interval of 20 decisions have no common factor.
-        // Looks drawn for each driver would save nothing: in a block of sixteen simulations some driver looks at every
-        // decision.
+        // The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20 decisions have
+        // no common factor. A block of sixteen simulations saves time where none of its sixteen drivers looks; with
+        // looks at random times one of them mostly would. Without looks in the first interval, no driver indicates or
+        // changes lanes in it.
         let staggered_index = decision_index + slot as u32 * constants.glance_stagger as u32;
         if decision_index >= interval && staggered_index.is_multiple_of(interval) {
-            return vehicle.valid.simd_eq(vehicle.valid); // True in every lane.
+            return vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
         }
         let has_indicated = if params.road.can_overtake(slot) {
             state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
@@ -435,11 +449,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if !decision_index.is_multiple_of(constants.glance_moving as u32) {
             return moves_over_soon;
         }
+        // As long as a driver may still cancel its lane change.
         let (elapsed, duration) = (state.path.elapsed[slot], state.path.duration[slot]);
         moves_over_soon | elapsed.simd_lt(constants.abort_until * duration)
     }
 
-    /// Extinction by the air around the driver, and by the spray behind its leader.
+    /// Extinction around the driver and in the spray ahead of it.
     #[inline(always)]
     pub fn extinction_ahead(
         self,
@@ -448,6 +463,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> Extinction<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, simulation) = (&params.constants, &params.simulations);
+        // A moving driver meets more rain drops.
         let air = simulation.fog_extinction
             + simulation.rain_extinction * (1.0 + state.motion.vx[slot] / constants.rain_speed);
         let film_path = value_of_lane(
@@ -459,14 +475,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if film.simd_le(0.0).all_true() {
             return Extinction { air, spray: zero };
         }
-        let relative_speed = leader_speed / constants.spray_speed;
+        // Spray grows with the film of water, up to a limit, and with the square of the leader's speed.
+        let speed_ratio = leader_speed / constants.spray_speed;
         let wetness = at_most(film / constants.spray_film, 1.0);
         let leader_slot = neighbours.slot[LEADER];
         let leader_spray = at_slot!(params, leader_slot, |j| params.vehicles[j].spray);
-        let spray = constants.spray_coefficient
-            * wetness
-            * (relative_speed * relative_speed)
-            * leader_spray;
+        let spray =
+            constants.spray_coefficient * wetness * (speed_ratio * speed_ratio) * leader_spray;
         let is_in_spray =
             leader_slot.simd_ge(0.0) & neighbours.gap[LEADER].simd_lt(constants.spray_reach);
         Extinction {
@@ -475,14 +490,20 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// How an approach looms to the driver. `width` is the looming width of the vehicle [m].
+    /// Looming of an approaching vehicle: the growth of its image, and what the driver notices of it.
+    ///
+    /// `gap` [m] is the gap to the vehicle, `closing_speed` [m/s] is positive while it shrinks, and `width` [m] is the
+    /// width of the vehicle, at night the distance between its lamps.
     #[inline(always)]
     pub fn sense_looming(self, gap: F32<S>, closing_speed: F32<S>, width: F32<S>) -> Looming<S> {
         let (constants, simulation) = (&self.params.constants, &self.params.simulations);
         let distance = at_least(gap, NEAREST_GAP);
-        let expansion = width * closing_speed.abs() / (distance * distance);
-        let excess = expansion - constants.looming_threshold;
+        // Rate of change of the visual angle w / s of a width w at a distance s.
+        let expansion_rate = width * closing_speed.abs() / (distance * distance);
+        let excess = expansion_rate - constants.looming_threshold;
+        // From the threshold to this much above it, drivers notice a growing share of the approach.
         let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
+        // Nearer than this, errors fade: there the time to contact is below `error_fade_time`.
         let fading_distance = at_least(closing_speed * constants.error_fade_time, NEAREST_GAP);
         let error_share = at_most(distance / fading_distance, 1.0);
         let speed_error = simulation.speed_error * self.state.noise.speed_error[self.slot];
@@ -495,10 +516,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Update what the driver in `slot` believes about its six neighbours.
+/// Update the beliefs of the driver in `slot` about its six neighbours, in `context.beliefs`.
 ///
-/// Drivers watch the leader, and while they change lanes also the vehicles ahead on either side. They see the other
-/// neighbours only when they check mirrors and adjacent lanes.
+/// Drivers watch the leader, and while they change lanes also the vehicles ahead on either side. They glance at the
+/// other neighbours when they check mirrors and adjacent lanes, and ignore them between two glances.
+///
+/// Drivers extrapolate the motion that they saw a reaction delay ago. They misjudge distance and closing speed by
+/// slowly varying factors. They believe in a closing speed of 0 below the threshold of looming, and in a growing share
+/// of the true one above it. The errors fade as contact comes near, because the growth of the image shows the time to
+/// contact.
 #[inline(always)]
 pub fn form_beliefs<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -519,7 +545,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     let leader_speed = at_slot!(params, neighbours.slot[LEADER], |j| state.motion.vx[j]);
     let driver = state.vehicle(params, slot);
     let extinction = driver.extinction_ahead(neighbours, leader_speed);
-    let always = vehicle.valid.simd_eq(vehicle.valid); // True in every lane.
+    let always = vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
     let is_changing_lane = driver.is_changing_lane();
     // Beliefs about roles that no driver of the block looks at are not computed.
     let is_needed = |role: usize| {
@@ -527,7 +553,8 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             || checks_mirrors.any_true()
             || (is_leader_role(role) && is_changing_lane.any_true())
     };
-    // Before a contact with the leader drivers react faster. Only the leader is watched all the time.
+    // Drivers react faster if contact with the leader is near, but not to the other roles, which they do not always
+    // watch.
     let is_imminent = neighbours.gap[LEADER]
         .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
     let (own_speed, _) = driver.road_velocity();
@@ -536,11 +563,11 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
     let known_slots = state.attention.slot_in_view[slot];
     let known_times = state.attention.time_in_view[slot];
-    // In a loop of its own, so that the CPU works on the exponentials and roots of several roles at once.
+    // A separate loop, so that the CPU works on the exponentials and roots of several roles at once.
     let mut sight_range_ratios = [zero; NUM_ROLES];
     for role in (0..NUM_ROLES).filter(|role| is_needed(*role)) {
         let (neighbour_slot, is_ahead) = (neighbours.slot[role], is_leader_role(role));
-        // Ahead the rear lamps count, behind the headlamps.
+        // The driver sees the rear lamps of vehicles ahead and the headlamps of vehicles behind.
         let [log_contrast, inverse_lamp_intensity] = if is_ahead {
             each_at_slot!(params, neighbour_slot, |j| [
                 params.vehicles[j].log_contrast,
@@ -572,6 +599,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             _ => !always,
         };
         let looks_at_role = checks_mirrors | watches_role;
+        // Without a neighbour in any simulation the rest would change nothing but the attention.
         if neighbour_slot.simd_lt(0.0).all_true() {
             let attention = &mut state.attention;
             assign_where(
@@ -606,17 +634,17 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             ),
             _ => vehicle.reaction_delay,
         };
-        let seen_motion =
+        let recalled =
             extrapolate_motion(state, params, neighbour_slot, delay, context.decision_index);
         let (distance, closing_speed) = if is_ahead {
             (
-                seen_motion.s - state.motion.s[slot],
-                own_speed - seen_motion.speed,
+                recalled.s - state.motion.s[slot],
+                own_speed - recalled.speed,
             )
         } else {
             (
-                state.motion.s[slot] - seen_motion.s,
-                seen_motion.speed - own_speed,
+                state.motion.s[slot] - recalled.s,
+                recalled.speed - own_speed,
             )
         };
         let half_lengths = neighbours.half_length[role] + vehicle.half_length;
@@ -626,7 +654,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             .vehicle(params, slot)
             .sense_looming(gap, closing_speed, looming_width);
         if is_ahead {
-            let accel = believed_braking(state, params, neighbour_slot, &seen_motion, &looming);
+            let accel = believed_braking(state, params, neighbour_slot, &recalled, &looming);
             beliefs.accel[role] = select(is_detected, accel, zero);
         }
         let relative_gap_error = (distance_factor - 1.0) * looming.error_share;
@@ -637,27 +665,28 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     }
 }
 
-/// Acceleration of a vehicle ahead as a driver perceived it a reaction delay ago, never positive [m/s^2].
+/// Believed acceleration of vehicles ahead a reaction delay ago, never positive [m/s^2].
 ///
-/// Stop lamps show that a vehicle brakes, but not how hard; drivers perceive that once the vehicle looms.
+/// Stop lamps show that a vehicle brakes; only looming shows how hard. Until the vehicle looms, drivers assume at least
+/// the deceleration `lamp_decel`.
 #[inline(always)]
 fn believed_braking<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
     slot: F32<S>,
-    seen_motion: &RecalledMotion<S>,
+    recalled: &RecalledMotion<S>,
     looming: &Looming<S>,
 ) -> F32<S> {
     let constants = &params.constants;
-    let earlier = at_least(seen_motion.observed_at - constants.brake_memory, 0.0);
+    let earlier = at_least(recalled.observed_at - constants.brake_memory, 0.0);
     let (_, earlier_speed) = recall_motion(state, params.simd, earlier, slot);
     let accel = at_most(
-        (seen_motion.speed - earlier_speed) / (constants.brake_memory * constants.decision),
+        (recalled.speed - earlier_speed) / (constants.brake_memory * constants.decision),
         0.0,
     );
-    let shows_lamps_only = accel.simd_lt(-constants.stop_lamp_decel) & !looming.exceeds_threshold;
+    let sees_lamps_only = accel.simd_lt(-constants.stop_lamp_decel) & !looming.exceeds_threshold;
     select(
-        shows_lamps_only,
+        sees_lamps_only,
         at_most(accel, -constants.lamp_decel),
         accel,
     )

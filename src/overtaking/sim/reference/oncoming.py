@@ -325,7 +325,7 @@ def nearest_oncoming(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        excluded_slot: Slot of a vehicle that does not count, for each driver; `NO_SLOT` for none.
+        excluded_slot: Slot of a vehicle that does not count, or `NO_SLOT`, (vehicle, simulation).
     """
     vehicles, constants, road = params.vehicles, params.constants, params.road
     lane, margin = state.lane_choice.lane, constants.corridor_margin

@@ -1,4 +1,8 @@
-"""Beliefs of drivers about their neighbours: detection, gap, closing speed and braking."""
+"""Beliefs of drivers about their neighbours: detection, gap, closing speed and braking.
+
+A *role* is one of six places around a driver: the leaders and followers in its own, the left and
+the right lane. A vehicle *looms* to a driver while its image visibly grows.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,7 +27,7 @@ from overtaking.sim.reference.state import (
 from overtaking.world import road_surface
 from overtaking.world.step_parameters import StepParameters
 
-# Closer vehicles are as visible as at this gap, and loom as much [m].
+# A closer vehicle is as visible as at this gap, and looms as much [m].
 _NEAREST_GAP = np.float32(1.0)
 _FARTHEST_GAP = np.float32(1e4)  # Larger than every range of sight; keeps squares finite [m].
 _MAX_OPTICAL_DEPTH = np.float32(40.0)  # Nothing is visible through it; bounds the exponent [1].
@@ -45,16 +49,16 @@ class Conspicuity(NamedTuple):
     """How well a vehicle can be seen, (vehicle, simulation)."""
 
     log_contrast: F32  # Logarithm of its contrast.
-    inverse_lamp_intensity: F32  # [1/cd]
+    inverse_lamp_intensity: F32  # One over the luminous intensity of its lamps [1/cd].
 
 
 class Looming(NamedTuple):
     """How an approach looms to each driver, (vehicle, simulation)."""
 
-    exceeds_threshold: Mask
+    exceeds_threshold: Mask  # Whether the image grows fast enough for the driver to notice.
     noticed_share: F32  # Share of the closing speed that the driver notices, 0 to 1.
-    error_share: F32  # Share of misjudgements that is left as contact comes near, 0 to 1.
-    closing_speed: F32  # With the driver's error [m/s].
+    error_share: F32  # Share of the driver's errors that is left; falls to 0 before a contact.
+    closing_speed: F32  # Closing speed with the driver's error [m/s].
 
 
 class RecalledMotion(NamedTuple):
@@ -70,8 +74,8 @@ class Gaze:
     """Where drivers look at one decision.
 
     Attributes:
-        extinction: Extinction around each driver, and of the spray ahead.
-        watches_role: Whether the driver watches this role all the time, (vehicle, simulation).
+        extinction: Extinction around each driver, and in the spray ahead.
+        watches_role: Whether the driver watches this role at every decision, (vehicle, simulation).
         looks_at_role: Whether the driver looks at this role now, (vehicle, simulation).
         known_slots: Vehicle in each role at the last look, (role, vehicle, simulation).
         known_times: Time for which that vehicle had been in view, same shape [s].
@@ -85,7 +89,7 @@ class Gaze:
 
 
 def record_history(state: State, decision_index: int) -> None:
-    """Record the motion of all vehicles; drivers react to it after their reaction delay."""
+    """Store the motion of all vehicles, which drivers recall after their reaction delay."""
     speed, _ = state.road_velocity()
     row = decision_index % HISTORY_LENGTH
     state.attention.past_s[row], state.attention.past_speed[row] = state.motion.s, speed
@@ -94,8 +98,9 @@ def record_history(state: State, decision_index: int) -> None:
 def checks_mirrors_now(state: State, params: StepParameters, decision_index: int) -> Mask:
     """Whether drivers check mirrors and adjacent lanes now, (vehicle, simulation).
 
-    They do so at an interval, once more when they have indicated for long enough, before they move
-    over, and more often in the first part of a lane change. In the opposing lane they always do.
+    Drivers look once in each interval, once more when they have indicated for long enough, before
+    they move over, more often in the first part of a lane change, and at every decision in the
+    opposing lane.
 
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
@@ -103,19 +108,21 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     vehicles, constants, choice = params.vehicles, params.constants, state.lane_choice
     all_slots = np.arange(len(state.motion.s))[:, None]
     interval = int(constants.glance_interval)
-    # Drivers look one after the other: the stagger of 7 and the interval of 20 decisions have no
-    # common factor. Looks at random times would not make the engine faster: in a block of sixteen
-    # simulations some driver would look at every decision.
+    # The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20
+    # decisions have no common factor. The engine, which computes sixteen simulations at once, saves
+    # time where none of sixteen drivers looks; with looks at random times one of them mostly would.
     is_due = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
+    # No look in the first interval, so no driver indicates or changes lanes in it.
     is_due = is_due & (decision_index >= interval)
-    # While a driver may still cancel its lane change.
-    moves_over = state.path.elapsed < constants.abort_until * state.path.duration
-    is_due = is_due | (moves_over & (decision_index % int(constants.glance_moving) == 0))
+    # As long as a driver may still cancel its lane change.
+    may_cancel = state.path.elapsed < constants.abort_until * state.path.duration
+    is_due = is_due | (may_cancel & (decision_index % int(constants.glance_moving) == 0))
     has_indicated = choice.time_wanted >= vehicles.indicator_lead_time
-    # These drivers overtake by gap acceptance; the others change lanes by MOBIL.
-    slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
-    time_indicating = state.overtake.time_indicating[slots]
-    has_indicated[slots] = time_indicating > vehicles.indicator_lead_time[slots]
+    # The drivers in these slots overtake by gap acceptance; the others change lanes by MOBIL.
+    overtaking_slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
+    time_indicating = state.overtake.time_indicating[overtaking_slots]
+    lead_time = vehicles.indicator_lead_time[overtaking_slots]
+    has_indicated[overtaking_slots] = time_indicating > lead_time
     checks_mirrors = is_due | ((choice.wanted_side != 0) & has_indicated)
     return checks_mirrors | ((choice.lane >= ONE) & params.road.has_oncoming_traffic)
 
@@ -123,7 +130,14 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
 def draw_shoulder_check(
     state: State, params: StepParameters, is_drawn: Mask, decision_index: int
 ) -> None:
-    """Draw whether the selected drivers look over the shoulder before their next lane change."""
+    """Draw whether drivers look over the shoulder before their next lane change.
+
+    Args:
+        state: The function updates `lane_choice.checks_blind_spot`.
+        params: Parameters of the batch.
+        is_drawn: Drivers to draw for, (vehicle, simulation).
+        decision_index: Index of this decision.
+    """
     if not is_drawn.any():
         return
     slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
@@ -137,6 +151,7 @@ def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbour
     """Extinction around each driver and in the spray ahead of it."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, vx = params.constants, state.motion.vx
+    # A moving driver meets more rain drops.
     rain_factor = ONE + vx / constants.rain_speed
     air = simulations.fog_extinction + simulations.rain_extinction * rain_factor
     path_factor = value_of_lane(
@@ -149,12 +164,11 @@ def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbour
         simulations.texture_depth,
     )
     leader = neighbours.slot[LEADER]
-    relative_speed = value_at_slot(vx, leader) / constants.spray_speed
+    # Spray grows with the film of water, up to a limit, and with the square of the leader's speed.
+    speed_ratio = value_at_slot(vx, leader) / constants.spray_speed
     wetness = minimum(film / constants.spray_film, ONE)
     vehicle_factor = value_at_slot(vehicles.spray, leader)
-    spray = (
-        constants.spray_coefficient * wetness * (relative_speed * relative_speed) * vehicle_factor
-    )
+    spray = constants.spray_coefficient * wetness * (speed_ratio * speed_ratio) * vehicle_factor
     is_close = (leader >= 0) & (neighbours.gap[LEADER] < constants.spray_reach)
     return Extinction(air=air, spray=np.where(is_close, spray, ZERO))
 
@@ -165,7 +179,7 @@ def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Ma
     leader, slot = neighbours.slot[LEADER], neighbours.slot[role]
     distance = neighbours.distance[role]
     rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
-    # Where the line of sight to the neighbour passes the leader's rear.
+    # Lateral position, seen from the driver, at which the line of sight passes the leader's rear.
     crossing = lateral_distance[role] * (rear / maximum(distance, MIN_SIGHT_LINE))
     offset = np.abs(crossing - lateral_distance[LEADER])
     is_beyond_leader = (distance > rear) & (slot != leader)
@@ -183,13 +197,14 @@ def sight_range_ratio(
 ) -> F32:
     """Distance of a vehicle over the range at which it can be seen; up to 1 it can be seen [1].
 
-    By contrast this is the distance over the range of sight (Koschmieder). By lamps it is the root
-    of threshold over illuminance (Allard), which in clear air is the distance over the range, too.
+    The ratio is the smaller of two. By contrast it is the distance over the range of sight
+    (Koschmieder). By lamps it is the root of the eye's threshold over the illuminance (Allard); in
+    clear air this root is a distance over a range, too.
 
     Args:
         params: Parameters of the batch.
         gap: Gap to the vehicle [m].
-        conspicuity: How well the vehicle can be seen.
+        conspicuity: Contrast and lamps of the vehicle.
         extinction: Extinction between driver and vehicle.
         is_front: Whether the vehicle is ahead of the driver, not in its mirrors.
     """
@@ -201,6 +216,7 @@ def sight_range_ratio(
         depth = depth + extinction.spray * minimum(distance, constants.spray_reach)
         sensitivity = simulations.log_contrast_sensitivity_ahead
     by_contrast = depth / maximum(conspicuity.log_contrast + sensitivity, _MIN_LOG_CONTRAST)
+    # At night the contrast counts within the reach of the driver's low beam only.
     by_contrast = maximum(by_contrast, distance * simulations.inverse_lit_range)
     threshold = simulations.lamp_threshold * conspicuity.inverse_lamp_intensity
     attenuation = exp(minimum(depth, _MAX_OPTICAL_DEPTH))
@@ -209,7 +225,7 @@ def sight_range_ratio(
 
 
 def detection_time(params: StepParameters, ratio: F32) -> F32:
-    """Time for which a vehicle at a share of the sight range is in view before detection [s]."""
+    """Time in view until a driver detects a vehicle; it grows with the sight range ratio [s]."""
     growth = params.constants.detection_growth * (ratio * ratio * ratio)
     return params.simulations.detection_time * (ONE + growth)
 
@@ -217,25 +233,26 @@ def detection_time(params: StepParameters, ratio: F32) -> F32:
 def detect(
     state: State, params: StepParameters, neighbours: Neighbours, role: int, gaze: Gaze
 ) -> Mask:
-    """Whether each driver has detected its neighbour in `role`; updates the time in view.
+    """Update the time in view of the neighbour in `role`.
 
-    A vehicle is detected once it has been in view for the detection time, which grows towards the
-    limit of sight.
+    Returns:
+        Whether each driver looks at the neighbour now and has had it in view for the detection
+        time, which grows towards the limit of sight.
     """
     constants, slot = params.constants, neighbours.slot[role]
     ratio = _sight_range_ratio_of(state, params, neighbours, role, gaze.extinction)
     is_visible = _is_visible(state, params, neighbours, role, ratio)
-    # A glance counts as half a second in view, so what is hard to see takes several looks; a
-    # watched role gains 50 ms at each decision.
-    gained = np.where(gaze.watches_role, constants.decision, constants.glance_time)
-    # The same vehicle may have been in another role: passing it, or changing lanes, does not
+    # A glance adds half a second, so a driver needs several glances for a vehicle that is hard to
+    # see. A watched vehicle gains the 50 ms of each decision.
+    added_time = np.where(gaze.watches_role, constants.decision, constants.glance_time)
+    # The vehicle may have been in another role before: passing it, or changing lanes, does not
     # restart its detection.
     time_so_far = np.zeros_like(ratio)
     for known_slot, known_time in zip(gaze.known_slots, gaze.known_times, strict=True):
         time_so_far = np.where(slot == known_slot, maximum(time_so_far, known_time), time_so_far)
     # Drivers have watched the traffic before the first frame.
     is_first_look = gaze.known_slots[role] == NEVER_LOOKED
-    time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + gained)
+    time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + added_time)
     time = np.where(is_visible, time, ZERO)
     attention = state.attention
     attention.time_in_view[role] = np.where(gaze.looks_at_role, time, attention.time_in_view[role])
@@ -253,7 +270,7 @@ def _sight_range_ratio_of(
 ) -> F32:
     """Distance of the neighbour in `role` over the range at which it can be seen [1].
 
-    Ahead the rear lamps count, behind the headlamps.
+    The driver sees the rear lamps of vehicles ahead and the headlamps of vehicles behind.
     """
     vehicles, slot = params.vehicles, neighbours.slot[role]
     is_front = is_leader_role(role)
@@ -267,7 +284,7 @@ def _sight_range_ratio_of(
 
 
 def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
-    """One over the intensity of the tail or stop lamps of a vehicle [1/cd]."""
+    """One over the intensity of the brighter rear lamp that is on, tail or stop lamp [1/cd]."""
     vehicles, constants = params.vehicles, params.constants
     lamp = value_at_slot(vehicles.inverse_tail_lamp, slot)
     is_braking = value_at_slot(state.controls.requested_accel, slot) < -constants.stop_lamp_decel
@@ -286,7 +303,7 @@ def _is_visible(
     if is_front:
         is_visible = is_visible & ~is_occluded(params, neighbours, role)
     # The blind spot reaches from the rear bumper backwards; a leader is in it only alongside.
-    # A body that comes very near sideways is seen from the corner of the eye.
+    # The driver sees a body that is very near sideways from the corner of the eye.
     half_widths = vehicles.half_width + value_at_slot(vehicles.half_width, slot)
     lateral_gap = np.abs(neighbours.lateral_distance[role]) - half_widths
     is_beside = gap < (ZERO if is_front else constants.blind_spot)
@@ -296,6 +313,7 @@ def _is_visible(
 
 def recall_motion(state: State, decision_index: F32, slot: F32) -> tuple[F32, F32]:
     """Station [m] and speed along the road [m/s] of the vehicles in `slot` at past decisions."""
+    # `NO_SLOT` reads the history of slot 0; callers ignore the result.
     row, slots = decision_index.astype(np.int64) % HISTORY_LENGTH, slot.astype(np.int64).clip(0)
     column = np.arange(state.motion.s.shape[1])
     past = state.attention
@@ -305,7 +323,7 @@ def recall_motion(state: State, decision_index: F32, slot: F32) -> tuple[F32, F3
 def extrapolate_motion(
     state: State, params: StepParameters, slot: F32, delay: F32, decision_index: int
 ) -> RecalledMotion:
-    """Expected motion of vehicles that drivers saw a reaction delay ago, at constant speed.
+    """Motion of vehicles as drivers saw it a reaction delay ago, extrapolated at constant speed.
 
     Args:
         state: State at a decision.
@@ -326,14 +344,14 @@ def extrapolate_motion(
 def sense_looming(
     state: State, params: StepParameters, gap: F32, closing_speed: F32, width: F32
 ) -> Looming:
-    """Looming of an approaching vehicle: the growth of its image.
+    """Looming of an approaching vehicle: the growth of its image, and what drivers notice of it.
 
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        gap: The gap [m].
-        closing_speed: Closing speed [m/s].
-        width: Width of the vehicle whose image grows [m].
+        gap: Gap to the vehicle [m].
+        closing_speed: Closing speed, positive while the gap shrinks [m/s].
+        width: Width of the vehicle, at night the distance between its lamps [m].
 
     Source:
         Lee 1976 (time to contact from optical expansion).
@@ -343,7 +361,9 @@ def sense_looming(
     # Rate of change of the visual angle w / s of a width w at a distance s.
     expansion_rate = width * np.abs(closing_speed) / (distance * distance)
     excess = expansion_rate - constants.looming_threshold
+    # From the threshold to this much above it, drivers notice a growing share of the approach.
     span = maximum(constants.looming_growth * constants.looming_threshold, _MIN_LOOMING)
+    # Nearer than this, errors fade: there the time to contact is below `error_fade_time`.
     fading_distance = maximum(closing_speed * constants.error_fade_time, _NEAREST_GAP)
     error_share = minimum(distance / fading_distance, ONE)
     error = error_share * (simulations.speed_error * state.noise.speed_error)
@@ -367,16 +387,16 @@ def form_beliefs(
     Drivers watch the leader, and while they change lanes also the vehicles ahead on either side.
     They glance at the other neighbours, and ignore them between two glances.
 
-    Drivers see the others as they were a reaction delay ago and extrapolate their motion. They
-    misjudge distance and closing speed by slowly varying factors. They notice an approach above the
-    threshold of looming, a little at first. The misjudgement fades as contact comes near, since the
-    growth of the image shows the time to contact.
+    Drivers extrapolate the motion that they saw a reaction delay ago. They misjudge distance and
+    closing speed by slowly varying factors. They believe in a closing speed of 0 below the
+    threshold of looming, and in a growing share of the true one above it. The errors fade as
+    contact comes near, because the growth of the image shows the time to contact.
     """
     vehicles, constants = params.vehicles, params.constants
     extinction = extinction_ahead(state, params, neighbours)
     own_speed, _ = state.road_velocity()
     distance_factor = exp(params.simulations.distance_error * state.noise.distance_error)
-    # Copies, as `detect` updates the attention role by role.
+    # Copies, because `detect` updates the attention in each role.
     known_slots = state.attention.slot_in_view.copy()
     known_times = state.attention.time_in_view.copy()
     is_changing_lanes = state.path.elapsed < state.path.duration
@@ -417,7 +437,7 @@ def form_beliefs(
 
 
 def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
-    """Whether contact with the leader, the only vehicle watched all the time, is near.
+    """Whether contact with the leader is near; false for roles that drivers do not always watch.
 
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
@@ -432,8 +452,8 @@ def _believed_braking(
 ) -> F32:
     """Believed acceleration of vehicles ahead a reaction delay ago, never positive [m/s^2].
 
-    Stop lamps show that a vehicle brakes, but not how hard; drivers see that once it looms. Until
-    then they assume at least the deceleration `lamp_decel`.
+    Stop lamps show that a vehicle brakes; only looming shows how hard. Until the vehicle looms,
+    drivers assume at least the deceleration `lamp_decel`.
     """
     constants = params.constants
     earlier = maximum(observed_at - constants.brake_memory, ZERO)
