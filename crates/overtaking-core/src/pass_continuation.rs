@@ -1,5 +1,8 @@
-//! How a pass that has begun goes on: past the target, back behind it, or urgently back; the twin of
+//! Decisions during a pass on a two-way road: to complete it, to abort it, or to return urgently. The twin of
 //! `overtaking.sim.reference.pass_continuation`.
+//!
+//! A passing driver is in the opposing lane. Its own lane is on its right: the right leader is the next vehicle ahead
+//! there, the right follower the vehicle behind it, after the pass its target.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -14,24 +17,24 @@ use crate::passing::{
 use crate::state::{FAR, NO_ACCEL_LIMIT, RIGHT_FOLLOWER, RIGHT_LEADER, stage};
 use crate::vehicle_handle::VehicleHandle;
 
-/// How a driver goes on with a pass against oncoming traffic.
+/// Decisions of a passing driver on a two-way road.
 pub struct PassContinuation<S: Simd> {
-    /// Whether it falls back behind its target.
+    /// Whether the driver falls back behind its target.
     pub must_abort: Mask<S>,
-    /// Whether it returns as soon as it can.
+    /// Whether the driver accelerates and returns as fast as it can.
     pub must_return_urgently: Mask<S>,
-    /// Whether it accepts a small gap for the return.
+    /// Whether the driver returns into a smaller gap than usual.
     pub accepts_small_gap: Mask<S>,
-    /// Whether it fits in behind the target: it has gaps to the target and to its leader in that lane once it has
-    /// braked to their speed.
+    /// Whether a driver that falls back will have gaps to its target and to the leader in its own lane once it has
+    /// braked.
     pub fits_into_lane: Mask<S>,
 }
 
-/// How far the target's centre is ahead of the driver's [m].
+/// Position of the target's centre minus the position of the driver's centre [m].
 struct TargetLead<S: Simd> {
     /// The present lead.
     now: F32<S>,
-    /// The lead at which the driver fits in behind the target.
+    /// The lead at which the driver has the smallest gap that it needs behind the target.
     needed: F32<S>,
 }
 
@@ -43,12 +46,14 @@ struct RelativeMotion<S: Simd> {
     target_speed: F32<S>,
     /// Speed of the driver minus the target's [m/s].
     closing_speed: F32<S>,
-    /// Lead of the target.
+    /// Distance of the target ahead, now and as needed for an abort.
     target_lead: TargetLead<S>,
 }
 
 impl<S: Simd> RelativeMotion<S> {
     /// Distance that the driver still has to gain on its target so that it can return ahead of it [m].
+    ///
+    /// The smallest gap ahead of the target is the same as behind it.
     #[inline(always)]
     fn distance_to_clear(&self) -> F32<S> {
         at_least(self.target_lead.now + self.target_lead.needed, 0.0)
@@ -61,31 +66,30 @@ struct PassTimes<S: Simd> {
     complete: F32<S>,
     /// Time until it is back behind the target.
     abort: F32<S>,
-    /// Time until it meets the oncoming vehicle.
+    /// Time until it meets the oncoming vehicle, `FAR` without a detected one.
     meet: F32<S>,
 }
 
-/// Space in the right lane beside a passing driver.
+/// Space beside a passing driver, between the two vehicles of its own lane.
 struct ReturnSpace<S: Simd> {
     /// Gap to the leader plus gap to the follower [m].
     size: F32<S>,
-    /// Whether it is smaller than the driver would ask for.
+    /// Whether the space is smaller than the driver's usual demand.
     is_cramped: Mask<S>,
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// How the driver goes on with a pass against oncoming traffic.
+    /// Decide whether the driver completes a pass, aborts it, or returns urgently.
     ///
     /// It compares three durations: to complete the pass, to be back behind the target, and to meet the oncoming
     /// vehicle.
     ///
     /// - While its centre is behind the target's centre, it aborts if it would meet the oncoming vehicle too soon after
     ///   the pass and aborting is quicker.
-    /// - Past the target and with no time for the next vehicle, it returns between the two. If the space is too small,
-    ///   or aborting is quicker than clearing the target, it aborts.
-    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid
-    ///   lines
-    ///   also returns urgently before one, but keeps its usual gap.
+    /// - If it is past the target and has no time for the next vehicle, it returns between the two. If the space
+    ///   between them is too small, or aborting is quicker than clearing the target, it aborts.
+    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid lines
+    ///   also returns urgently if it would otherwise cross one, but keeps its usual gap.
     #[inline(always)]
     pub fn decide_pass_continuation(self, context: &DriverContext<S>) -> PassContinuation<S> {
         let motion = self.relative_motion();
@@ -97,18 +101,19 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let is_passing = self.is_before_return();
         let must_return_now = self.must_return_before_next(context);
         let space = self.return_space(context, &motion);
-        // A driver that has decided to abort does not change its mind while it is in the opposing lane.
-        let has_aborted = self.state.overtake.must_abort[self.slot].simd_gt(0.0);
+        // An abort is final during the pass.
+        let is_aborting = self.state.overtake.must_abort[self.slot].simd_gt(0.0);
         let must_abort = (self.aborts_early(&motion, &times)
             | (must_return_now & self.is_trapped(&motion, &times, &space))
-            | has_aborted)
+            | is_aborting)
             & is_passing;
-        let goes_on = (is_passing | self.is_in_stage(stage::RETURN)) & !must_abort;
+        let continues = (is_passing | self.is_in_stage(stage::RETURN)) & !must_abort;
         let has_little_time =
             (times.meet - times.complete).simd_lt(self.params.constants.urgent_return_margin);
-        let accepts_small_gap = goes_on & (has_little_time | (must_return_now & space.is_cramped));
+        let accepts_small_gap =
+            continues & (has_little_time | (must_return_now & space.is_cramped));
         // Crossing a solid line is no danger in itself: the driver hurries, but accepts no small gap.
-        let hurries_before_line = goes_on & self.would_cross_solid_line(&motion, &times);
+        let hurries_before_line = continues & self.would_cross_solid_line(&motion, &times);
         PassContinuation {
             must_abort,
             must_return_urgently: accepts_small_gap | hurries_before_line,
@@ -117,7 +122,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Speeds of the driver and its target, and how far the target is ahead.
+    /// Speeds of the driver and its target, and the lead of the target.
     #[inline(always)]
     fn relative_motion(self) -> RelativeMotion<S> {
         let (speed, target_speed) = (self.road_velocity().0, self.target_speed());
@@ -129,7 +134,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Lead of the target, now and as an abort needs it.
+    /// Lead of the target, now and as needed for an abort.
     #[inline(always)]
     fn target_lead(self) -> TargetLead<S> {
         let (s, params, slot) = (&self.state.motion.s, self.params, self.slot);
@@ -145,13 +150,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Duration of half an urgent lane change, which follows once the bodies are clear [s].
+    /// Half of an urgent lane change, after which a returning driver has crossed the line [s].
     #[inline(always)]
     fn time_to_move_over(self) -> F32<S> {
         0.5 * self.params.simulations.urgent_change_duration
     }
 
-    /// Deceleration of an aborting driver, positive [m/s^2].
+    /// Braking of an aborting driver, positive [m/s^2].
     #[inline(always)]
     fn abort_decel(self) -> F32<S> {
         self.params.constants.abort_decel_share * self.vehicle().max_assumed_decel
@@ -168,18 +173,17 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.time_to_pass(motion.distance_to_clear(), &speeds) + self.time_to_move_over()
     }
 
-    /// Time t until the braking driver is back behind its target [s].
-    ///
-    /// It solves distance = decel * t^2 / 2 - closing_speed * t.
+    /// Time until the braking driver is back behind its target [s].
     #[inline(always)]
     fn time_to_abort(self, motion: &RelativeMotion<S>) -> F32<S> {
         let (decel, closing_speed) = (self.abort_decel(), motion.closing_speed);
         let distance = at_least(motion.target_lead.needed - motion.target_lead.now, 0.0);
+        // The braking takes the time t that solves distance = decel * t^2 / 2 - closing_speed * t.
         let root = (closing_speed * closing_speed + 2.0 * decel * distance).sqrt();
         (closing_speed + root) / decel + self.time_to_move_over()
     }
 
-    /// The space between the two vehicles beside the driver, and whether the driver would ask for more.
+    /// The space between the two vehicles beside the driver, compared with its usual demand.
     #[inline(always)]
     fn return_space(
         self,
@@ -188,10 +192,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> ReturnSpace<S> {
         let (gap, vehicle) = (&context.neighbours.gap, self.vehicle());
         let size = gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER];
-        // Large vehicles get a longer return gap than cars.
+        // Drivers leave a longer gap ahead of a target that blocks the view.
         let target_slot = self.state.overtake.target_slot[self.slot];
         let factor = tall_vehicle_gap_factor(self.params, target_slot);
         let return_time_gap = vehicle.return_time_gap * factor;
+        // The usual gap behind the next vehicle, plus the usual gap ahead of the target.
         let usual_size =
             vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed;
         ReturnSpace {
@@ -200,7 +205,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Whether the target is still ahead, the pass ends too late, and aborting is quicker.
+    /// Whether the target is still ahead, the pass would end too late, and aborting is quicker.
     #[inline(always)]
     fn aborts_early(self, motion: &RelativeMotion<S>, times: &PassTimes<S>) -> Mask<S> {
         let abort_margin = self.params.constants.abort_margin;
@@ -231,19 +236,21 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether an aborting driver has gaps to its target and in its lane once it has braked.
     ///
-    /// Braking takes effect late, so the gaps are those after it. Judged by the present gaps, drivers touched the
-    /// vehicle ahead of them.
+    /// The gaps are those at the end of the braking. When drivers were judged by their present gaps, they touched the
+    /// vehicle ahead, because braking takes effect late.
     #[inline(always)]
     fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
         let TargetLead { now, needed } = motion.target_lead;
         let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
-        // The leader in that lane counts, too: it need not be the target, which may have pulled out itself.
+        // The leader in the own lane counts, too: the target may have pulled out itself.
         let leader = context.beliefs.steady_leader(RIGHT_LEADER);
         let gap = leader.gap - self.distance_gained_while_braking(leader.closing_speed);
         lead_after_braking.simd_gt(needed) & gap.simd_gt(self.params.constants.min_return_gap)
     }
 
-    /// Distance that the driver gains on a vehicle until braking has reduced the closing speed to 0 [m].
+    /// Distance that the braking driver still gains on a vehicle until both are equally fast [m].
+    ///
+    /// The closing speed lasts for `brake_ramp`, in which the brakes build up, and then falls to 0.
     #[inline(always)]
     fn distance_gained_while_braking(self, closing_speed: F32<S>) -> F32<S> {
         let closing_speed = at_least(closing_speed, 0.0);
@@ -251,7 +258,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         closing_speed * (self.params.constants.brake_ramp + braking_time)
     }
 
-    /// Whether the driver passes and its centre is past the target's.
+    /// Whether the driver passes and its centre is past the target's centre.
     #[inline(always)]
     fn is_past_target(self) -> Mask<S> {
         let s = &self.state.motion.s;
@@ -262,7 +269,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether the driver is past its target and has no time to pass the next vehicle as well.
     ///
-    /// A driver that can no longer brake behind the next vehicle goes on.
+    /// A driver that can no longer brake behind the next vehicle goes on to pass it.
     #[inline(always)]
     fn must_return_before_next(self, context: &DriverContext<S>) -> Mask<S> {
         let passes = self.is_in_stage(stage::PASS);
@@ -273,6 +280,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let oncoming = &context.oncoming.nearest;
         let speed = self.state.motion.vx[self.slot];
         let next_vehicle = context.beliefs.steady_leader(RIGHT_LEADER);
+        // To pass the next vehicle, the driver gains the gap, both lengths and the smallest return gap.
         let lengths = 2.0 * (context.neighbours.half_length[RIGHT_LEADER] + vehicle.half_length);
         let distance = next_vehicle.gap + lengths + constants.min_return_gap;
         let speeds = PassingSpeeds {
@@ -305,7 +313,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.is_past_target() & is_beside & has_next_vehicle & !stays_behind
     }
 
-    /// Whether a driver that passes on a two-way road is still far enough behind its target.
+    /// Whether a passing driver on a two-way road is far enough back to return behind the target.
+    ///
+    /// The caller checks that the road is two-way.
     #[inline(always)]
     pub fn can_abort_pass(self) -> Mask<S> {
         let lead = self.target_lead();
@@ -314,9 +324,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Largest acceleration of a driver in the opposing lane [m/s^2].
     ///
-    /// An aborting driver brakes below its target's speed. A driver that has passed its target, and has too little time
-    /// to pass the next vehicle, follows that vehicle so that it fits in behind it: with a share of its time gap, or in
-    /// the middle of the space between both vehicles if the middle is nearer.
+    /// An aborting driver brakes until it is slower than its target by a margin. A driver past its target without the
+    /// time to pass the next vehicle as well must fit in between the two. It follows the next vehicle with a share of
+    /// its time gap, or in the middle of the space if that is nearer. All other drivers have the limit
+    /// `NO_ACCEL_LIMIT`.
     #[inline(always)]
     pub fn accel_limit_while_passing(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);
@@ -335,6 +346,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let gap = &context.neighbours.gap;
         let gap_in_middle = 0.5 * (gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER]);
         let speed = self.state.motion.vx[slot];
+        // `slip_speed` is the least divisor wherever a formula divides by speed.
         let time_gap_in_middle =
             at_least(gap_in_middle - vehicle.min_gap, 0.0) / at_least(speed, constants.slip_speed);
         let follower = Follower {
@@ -354,7 +366,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Time until the driver meets the oncoming vehicle, as it believes [s].
+/// Time until the driver believes that it meets the oncoming vehicle [s].
 #[inline(always)]
 fn time_to_meet<S: Simd>(oncoming: &OncomingVehicle<S>) -> F32<S> {
     let closing_speed = at_least(oncoming.closing_speed, MIN_CLOSING_SPEED);

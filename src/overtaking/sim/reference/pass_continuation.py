@@ -1,6 +1,8 @@
-"""Decisions during a pass: to complete it, to abort it, or to return urgently.
+"""Decisions during a pass on a two-way road: to complete it, to abort it, or to return urgently.
 
-The ego and the others follow the same rules; `slots` selects the rows of the arrays.
+A passing driver is in the opposing lane. Its own lane is on its right: the right leader is the next
+vehicle ahead there, the right follower the vehicle behind it, after the pass its target. The ego
+and the others follow the same rules; `slots` selects the rows of the arrays.
 """
 
 from dataclasses import dataclass
@@ -40,11 +42,11 @@ class PassContinuation:
     """Decisions of passing drivers on a two-way road; masks of the shape of the slots.
 
     Attributes:
-        must_abort: The driver falls back behind its target.
-        must_return_urgently: The driver accelerates and returns as fast as it can.
-        accepts_small_gap: The driver returns into a smaller gap than usual.
-        fits_into_lane: A driver that falls back will have gaps to its target and to the leader of
-            its lane once it has braked.
+        must_abort: Whether the driver falls back behind its target.
+        must_return_urgently: Whether the driver accelerates and returns as fast as it can.
+        accepts_small_gap: Whether the driver returns into a smaller gap than usual.
+        fits_into_lane: Whether a driver that falls back will have gaps to its target and to the
+            leader in its own lane once it has braked.
     """
 
     must_abort: Mask
@@ -57,7 +59,7 @@ class TargetLead(NamedTuple):
     """Position of the target's centre minus the position of the driver's centre [m]."""
 
     now: F32
-    needed: F32  # With the smallest gap that the driver needs behind the target.
+    needed: F32  # At this lead the driver has the smallest gap that it needs behind the target.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +71,7 @@ class RelativeMotion:
         speed: Speed of the driver [m/s].
         target_speed: Speed of the target [m/s].
         closing_speed: Speed of the driver minus the target's [m/s].
-        target_lead: How far the target is ahead, now and for an abort.
+        target_lead: Distance of the target ahead, now and as needed for an abort.
     """
 
     target_slot: F32
@@ -82,16 +84,16 @@ class RelativeMotion:
 class PassTimes(NamedTuple):
     """Durations that a passing driver compares [s]."""
 
-    complete: F32  # Until it is past the target and back in its lane.
-    abort: F32  # Until it is back behind the target.
-    meet: F32  # Until it meets the oncoming vehicle.
+    complete: F32  # Time until it is past the target and back in its lane.
+    abort: F32  # Time until it is back behind the target.
+    meet: F32  # Time until it meets the oncoming vehicle, `FAR` without a detected one.
 
 
 class ReturnSpace(NamedTuple):
-    """Space in the right lane beside a passing driver."""
+    """Space beside a passing driver, between the two vehicles of its own lane."""
 
     size: F32  # Gap to the leader plus gap to the follower [m].
-    is_cramped: Mask  # Whether it is smaller than the driver's usual demand.
+    is_cramped: Mask  # Whether the space is smaller than the driver's usual demand.
 
 
 def decide_pass_continuation(
@@ -104,10 +106,12 @@ def decide_pass_continuation(
 
     - While its centre is behind the target's centre, it aborts if it would meet the oncoming
       vehicle too soon after the pass and aborting is quicker.
-    - Past the target and with no time for the next vehicle, it returns between the two. If the
-      space is too small, or aborting is quicker than clearing the target, it aborts.
+    - If it is past the target and has no time for the next vehicle, it returns between the two. If
+      the space between them is too small, or aborting is quicker than clearing the target, it
+      aborts.
     - It returns urgently if little time would be left, and then accepts a small gap. A driver that
-      heeds solid lines also returns urgently before one, but keeps its usual gap.
+      heeds solid lines also returns urgently if it would otherwise cross one, but keeps its usual
+      gap.
     """
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     vehicle = params.vehicles.at_slots(slots)
@@ -123,7 +127,7 @@ def decide_pass_continuation(
     must_abort = is_passing & (
         _aborts_early(params, motion, times)
         | (must_return_now & _is_trapped(params, motion, times, space))
-        | (state.overtake.must_abort[slots] > 0)  # Final while the driver is in the other lane.
+        | (state.overtake.must_abort[slots] > 0)  # An abort is final during the pass.
     )
     continues = (is_passing | state.is_in_stage(Stage.RETURN, slots)) & ~must_abort
     has_little_time = times.meet - times.complete < params.constants.urgent_return_margin
@@ -139,7 +143,7 @@ def decide_pass_continuation(
 
 
 def _relative_motion(state: State, params: StepParameters, slots: SlotSelection) -> RelativeMotion:
-    """Speeds of drivers and their targets, and how far the targets are ahead."""
+    """Speeds of drivers and their targets, and leads of the targets."""
     target_slot = state.overtake.target_slot[slots]
     along_road, _ = state.road_velocity()
     speed, target_speed = along_road[slots], value_at_slot(along_road, target_slot)
@@ -153,7 +157,7 @@ def _relative_motion(state: State, params: StepParameters, slots: SlotSelection)
 
 
 def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> TargetLead:
-    """How far the target is ahead, and has to be ahead for an abort."""
+    """Lead of the target, now and as needed for an abort."""
     target_slot, half_length = state.overtake.target_slot[slots], params.vehicles.half_length
     half_lengths = half_length[slots] + value_at_slot(half_length, target_slot)
     return TargetLead(
@@ -164,11 +168,12 @@ def _target_lead(state: State, params: StepParameters, slots: SlotSelection) -> 
 
 def _distance_to_clear(motion: RelativeMotion) -> F32:
     """Distance that the driver still has to gain on its target to return ahead of it [m]."""
+    # The smallest gap ahead of the target is the same as behind it.
     return maximum(motion.target_lead.now + motion.target_lead.needed, ZERO)
 
 
 def _time_to_move_over(params: StepParameters) -> F32:
-    """Half of an urgent lane change, which follows once the bodies are clear [s]."""
+    """Half of an urgent lane change, after which a returning driver has crossed the line [s]."""
     return HALF * params.simulations.urgent_change_duration
 
 
@@ -191,18 +196,16 @@ def _time_to_complete(
 def _time_to_abort(
     params: StepParameters, vehicle: VehicleParameters, motion: RelativeMotion
 ) -> F32:
-    """Time t until the braking driver is back behind its target [s].
-
-    It solves distance = decel * t^2 / 2 - closing_speed * t.
-    """
+    """Time until the braking driver is back behind its target [s]."""
     decel, closing_speed = _abort_decel(params, vehicle), motion.closing_speed
     distance = maximum(motion.target_lead.needed - motion.target_lead.now, ZERO)
+    # The braking takes the time t that solves distance = decel * t^2 / 2 - closing_speed * t.
     root = np.sqrt(closing_speed * closing_speed + TWO * decel * distance)
     return (closing_speed + root) / decel + _time_to_move_over(params)
 
 
 def _time_to_meet(oncoming: OncomingVehicle, slots: SlotSelection) -> F32:
-    """Time until the driver meets the oncoming vehicle, as it believes [s]."""
+    """Time until the driver believes that it meets the oncoming vehicle [s]."""
     closing_speed = maximum(oncoming.closing_speed[slots], MIN_CLOSING_SPEED)
     time = oncoming.believed_gap[slots] / closing_speed
     return np.where(oncoming.is_detected[slots], time, FAR)
@@ -218,15 +221,16 @@ def _return_space(
     """The space between the two vehicles beside each driver, compared with its usual demand."""
     gap = context.neighbours.gap
     size = gap[RIGHT_LEADER, slots] + gap[RIGHT_FOLLOWER, slots]
-    # Large vehicles get a longer return gap than cars.
+    # Drivers leave a longer gap ahead of a target that blocks the view.
     factor = tall_vehicle_gap_factor(params, motion.target_slot)
     return_time_gap = vehicle.return_time_gap * factor
+    # The usual gap behind the next vehicle, plus the usual gap ahead of the target.
     usual_size = vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed
     return ReturnSpace(size=size, is_cramped=size < usual_size)
 
 
 def _aborts_early(params: StepParameters, motion: RelativeMotion, times: PassTimes) -> Mask:
-    """Whether the target is still ahead, the pass ends too late, and aborting is quicker."""
+    """Whether the target is still ahead, the pass would end too late, and aborting is quicker."""
     meets_too_soon = times.complete + params.constants.abort_margin > times.meet
     return (motion.target_lead.now > 0) & meets_too_soon & (times.abort < times.complete)
 
@@ -262,18 +266,18 @@ def _fits_after_braking(
 ) -> Mask:
     """Whether an aborting driver has gaps to its target and in its lane once it has braked.
 
-    Braking takes effect late, so this tests the gap that is left after it. Without that, drivers
-    touched the vehicle ahead of them.
+    The gaps are those at the end of the braking. When drivers were judged by their present gaps,
+    they touched the vehicle ahead, because braking takes effect late.
     """
     constants, beliefs = params.constants, context.beliefs
     decel = _abort_decel(params, vehicle)
-    lost_to_target = _distance_gained_while_braking(constants, motion.closing_speed, decel)
-    target_lead = motion.target_lead.now - lost_to_target
-    # The vehicle ahead in the lane is tested too: the target may have pulled out.
+    gained_on_target = _distance_gained_while_braking(constants, motion.closing_speed, decel)
+    lead_after_braking = motion.target_lead.now - gained_on_target
+    # The leader in the own lane counts, too: the target may have pulled out itself.
     closing_speed = beliefs.closing_speed[RIGHT_LEADER, slots]
-    lost_to_leader = _distance_gained_while_braking(constants, closing_speed, decel)
-    gap = beliefs.gap[RIGHT_LEADER, slots] - lost_to_leader
-    return (target_lead > motion.target_lead.needed) & (gap > constants.min_return_gap)
+    gained_on_leader = _distance_gained_while_braking(constants, closing_speed, decel)
+    gap = beliefs.gap[RIGHT_LEADER, slots] - gained_on_leader
+    return (lead_after_braking > motion.target_lead.needed) & (gap > constants.min_return_gap)
 
 
 def _distance_gained_while_braking(
@@ -281,6 +285,7 @@ def _distance_gained_while_braking(
 ) -> F32:
     """Distance that a braking driver still gains on a vehicle until both are equally fast [m]."""
     closing_speed = maximum(closing_speed, ZERO)
+    # The closing speed lasts for `brake_ramp`, in which the brakes build up, and then falls to 0.
     return closing_speed * (constants.brake_ramp + closing_speed / (TWO * decel))
 
 
@@ -289,7 +294,7 @@ def _must_return_before_next(
 ) -> Mask:
     """Whether drivers are past their target and have no time to pass the next vehicle as well.
 
-    A driver that can no longer brake behind the next vehicle goes on.
+    A driver that can no longer brake behind the next vehicle goes on to pass it.
 
     Returns:
         Shape (vehicle, simulation).
@@ -302,6 +307,7 @@ def _must_return_before_next(
         state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
     gap, closing_speed = beliefs.gap[RIGHT_LEADER], beliefs.closing_speed[RIGHT_LEADER]
+    # To pass the next vehicle, the driver gains the gap, both lengths and the smallest return gap.
     lengths = TWO * (context.neighbours.half_length[RIGHT_LEADER] + vehicles.half_length)
     distance = gap + lengths + constants.min_return_gap
     speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
@@ -329,7 +335,7 @@ def overtakes_next_vehicle(
 
 
 def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether passing drivers on a two-way road are still far enough behind their target."""
+    """Whether passing drivers on a two-way road are far enough back to return behind the target."""
     lead = _target_lead(state, params, slots)
     return (
         state.is_before_return(slots)
@@ -343,12 +349,12 @@ def accel_limit_while_passing(
 ) -> F32:
     """Largest acceleration of drivers in the opposing lane [m/s^2].
 
-    An aborting driver brakes below its target's speed. A driver past its target without the time
-    to pass the next vehicle as well must fit in between the two. It follows the next vehicle with a
-    share of its time gap, or in the middle of the space if that is nearer.
+    An aborting driver brakes until it is slower than its target by a margin. A driver past its
+    target without the time to pass the next vehicle as well must fit in between the two. It follows
+    the next vehicle with a share of its time gap, or in the middle of the space if that is nearer.
 
     Returns:
-        Shape (vehicle, simulation).
+        Shape (vehicle, simulation); `NO_ACCEL_LIMIT` for all other drivers.
     """
     vehicles, constants, beliefs = params.vehicles, params.constants, context.beliefs
     along_road, _ = state.road_velocity()
@@ -358,6 +364,7 @@ def accel_limit_while_passing(
     neighbour_gap = context.neighbours.gap
     gap_in_middle = HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
     speed = state.motion.vx
+    # `slip_speed` is the least divisor wherever a formula divides by speed.
     time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, ZERO) / maximum(
         speed, constants.slip_speed
     )
