@@ -1,5 +1,9 @@
-//! The road, friction and wind at each vehicle; the twin of `overtaking.sim.reference.road_conditions`, which names the
-//! sources.
+//! Road and weather at each vehicle: friction, course of the road, speed limits and wind. The twin of
+//! `overtaking.sim.reference.road_conditions`, which names the sources.
+//!
+//! Parameters of road and wind hold in the frame of the road, the state in each vehicle's direction of travel.
+//! `travel_sign` (1 along the road, -1 against it) converts signs between the two. A vector has one number for each
+//! simulation of a block, in a SIMD lane.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -16,17 +20,19 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// A uniform number of unit variance lies within +- sqrt(3).
 const ROOT_3: f32 = 1.732_050_8;
-/// Phases of neighbouring wheel paths differ by the golden ratio, and by its square.
+/// Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: one over the golden ratio, and
+/// its square. Neighbouring wheel paths so have puddles at different places.
 const PHASE_STEP_1: f32 = 0.618_034;
 const PHASE_STEP_2: f32 = 0.381_966;
-/// Keeps the distance along a bend finite for a vehicle that has left the road inwards.
+/// Keeps the path finite for a vehicle far inside a bend [1].
 const MIN_RADIUS_SHARE: f32 = 0.25;
 /// Keeps the angle of the wind finite at rest [m/s].
 const MIN_AIR_SPEED: f32 = 1.0;
 
 /// Advance an Ornstein-Uhlenbeck process of unit variance by one step.
 ///
-/// `kept_share` is the share of the process that the step keeps, and `uniform_number` lies between 0 and 1.
+/// `kept_share` is the correlation of the new value with the present one, 0 to 1, and `uniform_number` a random number in
+/// (0, 1).
 #[inline(always)]
 fn ornstein_uhlenbeck_step<S: Simd>(
     process: &mut F32<S>,
@@ -45,7 +51,7 @@ pub fn update_random_processes<S: Simd, const N: usize>(
     decision_index: u32,
 ) {
     let (simd, constants, simulation) = (params.simd, &params.constants, &params.simulations);
-    // The first draw is the stationary state, which keeps nothing of a past.
+    // The first draw keeps nothing of the past, so the processes start with unit variance.
     let has_past = if decision_index == 0 { 0.0 } else { 1.0 };
     let kept_error = has_past * exp(splat(simd, -constants.decision / constants.error_time));
     let kept_wander = has_past * exp(splat(simd, -constants.decision / constants.lane_time));
@@ -59,8 +65,10 @@ pub fn update_random_processes<S: Simd, const N: usize>(
         );
         let vehicle = state.vehicle(params, slot);
         let wind_along = vehicle.in_travel_direction(simulation.wind_along);
-        let along = state.motion.vx[slot] - wind_along;
-        let air_speed = (along * along + simulation.wind_across * simulation.wind_across).sqrt();
+        let relative_along = state.motion.vx[slot] - wind_along;
+        let wind_across = simulation.wind_across;
+        let air_speed = (relative_along * relative_along + wind_across * wind_across).sqrt();
+        // The turbulence is correlated over a length of air, and passes a fast vehicle in less time.
         let kept_gust =
             has_past * exp(-(air_speed * constants.decision) / constants.gust_length_scale);
         let noise = &mut state.noise;
@@ -84,7 +92,7 @@ pub fn update_random_processes<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// A component of a vector along or across the road, in this vehicle's direction of travel.
+    /// A component along or across the road, in this vehicle's direction of travel.
     #[inline(always)]
     fn in_travel_direction(self, component: F32<S>) -> F32<S> {
         if self.params.road.directions.has_oncoming_traffic {
@@ -95,7 +103,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// `values[lane]` for whole-number lanes, the first or last value outside.
+/// `values[lane]` for lanes as whole numbers; for other lanes the value of the nearest one.
 #[inline(always)]
 pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
     let mut result = splat(lane.simd, values[0]);
@@ -106,43 +114,51 @@ pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
     result
 }
 
-/// Film on a lane outside puddles [mm].
+/// Film of water on a lane outside puddles [mm]; `path_factor` is the lane's entry of `film_path` [1].
 #[inline(always)]
-pub fn lane_film<S: Simd, const N: usize>(params: &Params<S, N>, path: F32<S>) -> F32<S> {
+pub fn lane_film<S: Simd, const N: usize>(params: &Params<S, N>, path_factor: F32<S>) -> F32<S> {
     max(
         params.simulations.min_wet_film,
-        params.simulations.film_rain_factor * path - params.simulations.texture_depth,
+        params.simulations.film_rain_factor * path_factor - params.simulations.texture_depth,
     )
 }
 
+/// Triangle wave of period 1: falls linearly from 1 at 0 to 0 at 0.5 and rises again.
 #[inline(always)]
 fn triangle_wave<S: Simd>(x: F32<S>) -> F32<S> {
     (2.0 * (x - floor(x)) - 1.0).abs()
 }
 
-/// Depth of the puddle at a point, 0 to 1.
+/// Depth of the puddle at a point, as a share of its full depth: 0 outside puddles, at most 1.
+///
+/// Puddles lie where two triangle waves along the wheel path add up to less than a threshold. `wheel_path` is a whole
+/// number, counted across the road.
 #[inline(always)]
 fn puddle_depth_share<S: Simd, const N: usize>(
     params: &Params<S, N>,
     s: F32<S>,
-    path: F32<S>,
+    wheel_path: F32<S>,
 ) -> F32<S> {
     let (constants, simulation) = (&params.constants, &params.simulations);
-    let wave = triangle_wave(
-        s * constants.inverse_puddle_wave_1 + simulation.puddle_phase_1 + PHASE_STEP_1 * path,
+    let wave_1 = triangle_wave(
+        s * constants.inverse_puddle_wave_1 + simulation.puddle_phase_1 + PHASE_STEP_1 * wheel_path,
     );
-    let wave = wave
+    let wave_sum = wave_1
         + triangle_wave(
-            s * constants.inverse_puddle_wave_2 + simulation.puddle_phase_2 + PHASE_STEP_2 * path,
+            s * constants.inverse_puddle_wave_2
+                + simulation.puddle_phase_2
+                + PHASE_STEP_2 * wheel_path,
         );
     clamp_to(
-        (simulation.puddle_threshold - wave) * constants.puddle_slope,
+        (simulation.puddle_threshold - wave_sum) * constants.puddle_slope,
         0.0,
         1.0,
     )
 }
 
-/// Peak friction of tyres at a speed, one value for each of the four water films of the table.
+/// Peak friction of tyres at a speed [1], one value for each of the four films of water of the table.
+///
+/// `wear` is 0 for new tyres to 1 for worn ones; `truck` is 1 for truck tyres, else 0.
 #[inline(always)]
 pub fn friction_at_speed<S: Simd>(
     constants: &ModelConstants,
@@ -151,28 +167,33 @@ pub fn friction_at_speed<S: Simd>(
     truck: F32<S>,
 ) -> [F32<S>; 4] {
     let [v0, v1, v2] = constants.friction_speeds;
+    // Shares of the ways from the first to the second speed of the table and from the second to the third.
     let low = clamp_to((speed - v0) / (v1 - v0), 0.0, 1.0);
     let high = clamp_to((speed - v1) / (v2 - v1), 0.0, 1.0);
     let mut columns = [splat(speed.simd, 0.0); 4];
-    for (knot, column) in columns.iter_mut().enumerate() {
+    for (film, column) in columns.iter_mut().enumerate() {
+        // The friction at each of the three speeds, for this wear.
         let mut rows = [*column; 3];
         for (row, (new, worn)) in rows
             .iter_mut()
             .zip(constants.friction_new.iter().zip(&constants.friction_worn))
         {
-            *row = new[knot] + wear * (worn[knot] - new[knot]);
+            *row = new[film] + wear * (worn[film] - new[film]);
         }
         let change = low * (rows[1] - rows[0]) + high * (rows[2] - rows[1]);
-        *column = match knot {
+        *column = match film {
+            // Dry.
             0 => (1.0 + truck * (constants.truck_dry_factor - 1.0)) * (rows[0] + change),
+            // 0.2 mm: truck tyres like car tyres.
             1 => rows[0] + change,
+            // 1 mm and 2 mm: truck tyres lose less friction with speed.
             _ => rows[0] + (1.0 + truck * (constants.truck_loss_factor - 1.0)) * change,
         };
     }
     columns
 }
 
-/// Peak friction on a water film [mm], between the values of `friction_at_speed`.
+/// Peak friction on a film of water [mm], linear between the values of `friction_at_speed` [1].
 #[inline(always)]
 pub fn friction_at_film<S: Simd>(
     constants: &ModelConstants,
@@ -183,16 +204,24 @@ pub fn friction_at_film<S: Simd>(
     if film.simd_le(h0).all_true() {
         return at_least(columns[0], constants.friction_floor);
     }
-    let a = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
-    let b = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
-    let d = clamp_to((film - h2) / (h3 - h2), 0.0, 1.0);
-    let value = columns[0] + a * (columns[1] - columns[0]);
-    let value = value + b * (columns[2] - columns[1]);
-    let value = value + d * (columns[3] - columns[2]);
-    at_least(value, constants.friction_floor)
+    // Shares of the ways from each film of the table to the next.
+    let share_1 = clamp_to((film - h0) / (h1 - h0), 0.0, 1.0);
+    let share_2 = clamp_to((film - h1) / (h2 - h1), 0.0, 1.0);
+    let share_3 = clamp_to((film - h2) / (h3 - h2), 0.0, 1.0);
+    let friction = columns[0] + share_1 * (columns[1] - columns[0]);
+    let friction = friction + share_2 * (columns[2] - columns[1]);
+    let friction = friction + share_3 * (columns[3] - columns[2]);
+    at_least(friction, constants.friction_floor)
 }
 
-/// Update the road at the vehicle in `slot` until the next decision: bend, slope, sight distance and speed limit.
+/// Update curvature, slope, sight and desired speeds of the vehicle in `slot` until the next decision.
+///
+/// Curvature and slope hold for the middle of that time, the other values for its start. For a vehicle against the road
+/// a bend to the left becomes a bend to the right, and a rise a fall.
+///
+/// Ahead of a lower speed limit the desired speed falls. The driver brakes at the rate of this fall, and removes the
+/// difference between its speed and the desired one with a time constant. It does not brake harder than its comfortable
+/// deceleration.
 #[inline(always)]
 pub fn update_road_course<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -209,30 +238,34 @@ pub fn update_road_course<S: Simd, const N: usize>(
     let travel_sign = vehicle.travel_sign;
     let drives_against = travel_sign.simd_lt(0.0);
     let last = (table.curvature.len() - 1) as f32;
-    let is_oncoming = |lane: usize| usize::from(travel_sign[lane] < 0.0);
+    // Index of the direction of travel in pairs of rows of the table, for the simulation in one SIMD lane.
+    let direction = |simd_lane: usize| usize::from(travel_sign[simd_lane] < 0.0);
 
-    // Bend and slope in the middle of the interval, and the bend where the vehicle will be when it answers its steering.
-    let half_interval = 0.5 * constants.decision;
+    let half_decision = 0.5 * constants.decision;
+    // A driver steers for the curvature at the place where the vehicle will respond.
     let steering_lag = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
         constants.steering_lag + vehicle.side_lag * v,
     );
-    let middle = course_station(params, drives_against, s + half_interval * v);
-    let ahead_s = s + (half_interval + steering_lag) * v;
-    let ahead = course_station(params, drives_against, ahead_s);
+    let middle_station = course_station(params, drives_against, s + half_decision * v);
+    let ahead_s = s + (half_decision + steering_lag) * v;
+    let ahead_station = course_station(params, drives_against, ahead_s);
+    // Distance to the left of the reference line, in the direction of travel.
     let offset = select(drives_against, d - directions.edge_sum, d);
-    let curvature = travel_sign * interpolate_course(middle, last, |_| &table.curvature);
-    let curvature_ahead = travel_sign * interpolate_course(ahead, last, |_| &table.curvature);
+    let curvature = travel_sign * interpolate_course(middle_station, last, |_| &table.curvature);
+    let curvature_ahead =
+        travel_sign * interpolate_course(ahead_station, last, |_| &table.curvature);
     let road = &mut state.road;
     road.station_per_metre[slot] = station_per_metre(curvature, offset);
     road.curvature[slot] = curvature * road.station_per_metre[slot];
     road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead, offset);
-    road.sin_slope[slot] = travel_sign * interpolate_course(middle, last, |_| &table.sine_of_slope);
+    road.sin_slope[slot] =
+        travel_sign * interpolate_course(middle_station, last, |_| &table.sine_of_slope);
 
     let station = course_station(params, drives_against, s);
     let radii = [&table.radius_along, &table.radius_against];
-    let radius = interpolate_course(station, last, |lane| radii[is_oncoming(lane)]);
+    let radius = interpolate_course(station, last, |simd_lane| radii[direction(simd_lane)]);
     let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
     road.bend_speed[slot] = (bend_accel * radius).sqrt();
     let sight_distances = [
@@ -241,30 +274,33 @@ pub fn update_road_course<S: Simd, const N: usize>(
         &table.truck_sight_along,
         &table.truck_sight_against,
     ];
-    road.sight_distance[slot] = interpolate_course(station, last, |lane| {
-        let is_truck = usize::from(vehicle.has_truck_tyres[lane] > 0.0);
-        sight_distances[2 * is_truck + is_oncoming(lane)]
+    // The eyes of a truck driver are higher, so crests hide less.
+    road.sight_distance[slot] = interpolate_course(station, last, |simd_lane| {
+        let is_truck = usize::from(vehicle.has_truck_tyres[simd_lane] > 0.0);
+        sight_distances[2 * is_truck + direction(simd_lane)]
     });
 
     let allowed_speeds = [&table.allowed_speed_along, &table.allowed_speed_against];
     let next_s = s + constants.decision * v;
     let next_station = course_station(params, drives_against, next_s);
-    let speed_limit = interpolate_course(station, last, |lane| allowed_speeds[is_oncoming(lane)]);
-    let next_speed_limit =
-        interpolate_course(next_station, last, |lane| allowed_speeds[is_oncoming(lane)]);
+    let speed_limit = interpolate_course(station, last, |simd_lane| {
+        allowed_speeds[direction(simd_lane)]
+    });
+    let next_speed_limit = interpolate_course(next_station, last, |simd_lane| {
+        allowed_speeds[direction(simd_lane)]
+    });
     road.speed_limit[slot] = speed_limit;
     let adapted_speed_now = adapted_speed(vehicle, &params.simulations, speed_limit);
     let desired_speed = min(adapted_speed_now, vehicle.desired_speed);
     let next_adapted_speed = adapted_speed(vehicle, &params.simulations, next_speed_limit);
     let next_desired_speed = min(next_adapted_speed, vehicle.desired_speed);
-    // On the way to a lower limit the driver follows the falling desired speed.
-    let desired_accel = (next_desired_speed - desired_speed) / constants.decision;
+    let change_rate = (next_desired_speed - desired_speed) / constants.decision;
     let accel_limit = max(
-        desired_accel + (desired_speed - v) * constants.per_approach,
+        change_rate + (desired_speed - v) * constants.per_approach,
         -vehicle.decel,
     );
     road.accel_limit[slot] = select(
-        desired_accel.simd_lt(0.0),
+        change_rate.simd_lt(0.0),
         accel_limit,
         splat(params.simd, NO_ACCEL_LIMIT),
     );
@@ -275,10 +311,10 @@ pub fn update_road_course<S: Simd, const N: usize>(
     road.desired_speed[slot] = desired_speed;
 }
 
-/// Row of the course table, with its fraction, at station `s` in the direction of travel of a vehicle.
+/// Position in the course table at station `s` [m] of a vehicle, as a multiple of the spacing of its stations [1].
 ///
-/// This and `station_per_metre` are functions: the compiler leaves a closure that is called twice outside, without the
-/// SIMD features of the CPU.
+/// This and `station_per_metre` are functions: the compiler does not inline a closure that is called twice, and
+/// compiles it without the SIMD features of the CPU.
 #[inline(always)]
 fn course_station<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -290,13 +326,18 @@ fn course_station<S: Simd, const N: usize>(
     clamp_to(road_s * params.constants.per_station, 0.0, last)
 }
 
-/// Stations passed for each metre driven along the road by a vehicle `offset` metres to the left of the road's axis [1].
+/// Metres of the reference line passed for each metre driven by a vehicle `offset` metres to the left of the line [1].
+///
+/// Inside of a bend a metre driven is more than a metre of the reference line.
 #[inline(always)]
 fn station_per_metre<S: Simd>(curvature: F32<S>, offset: F32<S>) -> F32<S> {
     1.0 / at_least(1.0 - curvature * offset, MIN_RADIUS_SHARE)
 }
 
-/// Speed that a driver desires under a speed limit in its weather and light [m/s].
+/// Speed that a driver wants under a limit in its weather and light [m/s].
+///
+/// A fully cautious driver slows by `rain_slowing`, and further to `stoppable_speed` if that speed is lower still.
+/// Other drivers slow by the share `caution` of this reduction.
 #[inline(always)]
 fn adapted_speed<S: Simd>(
     vehicle: &VehicleParams<S>,
@@ -304,15 +345,17 @@ fn adapted_speed<S: Simd>(
     speed_limit: F32<S>,
 ) -> F32<S> {
     let excess_over_limit = at_least(vehicle.free_speed - speed_limit, 0.0);
-    let speed = vehicle.free_speed - vehicle.speed_limit_compliance * excess_over_limit;
-    let excess = at_least(
-        speed - simulation.rain_slowing - simulation.stoppable_speed,
+    let in_good_weather = vehicle.free_speed - vehicle.speed_limit_compliance * excess_over_limit;
+    let excess_over_sight = at_least(
+        in_good_weather - simulation.rain_slowing - simulation.stoppable_speed,
         0.0,
     );
-    speed - vehicle.caution * (simulation.rain_slowing + excess)
+    in_good_weather - vehicle.caution * (simulation.rain_slowing + excess_over_sight)
 }
 
-/// A row of the course table between its stations, linear; the vehicle in each lane may read another row.
+/// A row of the course table, linear between its stations.
+///
+/// `row` gives the row for the simulation in a SIMD lane, and `last` is the index of the last station.
 #[inline(always)]
 fn interpolate_course<'a, S: Simd>(
     station: F32<S>,
@@ -321,9 +364,9 @@ fn interpolate_course<'a, S: Simd>(
 ) -> F32<S> {
     let first = at_most(floor(station), last - 1.0);
     let (mut low, mut high) = (first, first);
-    for lane in 0..SIMD_LANES {
-        let (row, k) = (row(lane), first[lane] as usize);
-        (low[lane], high[lane]) = (row[k], row[k + 1]);
+    for simd_lane in 0..SIMD_LANES {
+        let (row, k) = (row(simd_lane), first[simd_lane] as usize);
+        (low[simd_lane], high[simd_lane]) = (row[k], row[k + 1]);
     }
     low + (station - first) * (high - low)
 }
@@ -332,10 +375,12 @@ fn interpolate_course<'a, S: Simd>(
 #[inline(always)]
 pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     let (constants, road, num_lanes) = (&params.constants, &params.road, params.road.num_lanes);
+    // Puddles lie along the wheel paths, two in each lane.
     let path_width = (road.boundaries[num_lanes] - road.boundaries[0]) / (2 * num_lanes) as f32;
     let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
     for slot in 0..params.num_slots_in_use {
         let vehicle = &params.vehicles[slot];
+        // The lane that the vehicle's centre is in.
         let mut lane = splat(params.simd, 0.0);
         for index in 1..num_lanes {
             let is_beyond_line = state.motion.d[slot].simd_ge(road.boundaries[index]);
@@ -370,10 +415,10 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
             (right_offset, &mut state.friction_and_wind.mu_right[slot]),
         ] {
             let wheel_path = floor((d + offset - road.boundaries[0]) / path_width);
-            let depth = puddle_depth_share(params, s, wheel_path);
-            let film = film + params.simulations.puddle_film * depth;
+            let depth_share = puddle_depth_share(params, s, wheel_path);
+            let local_film = film + params.simulations.puddle_film * depth_share;
             *friction = min(
-                friction_at_film(constants, &columns, film),
+                friction_at_film(constants, &columns, local_film),
                 vehicle.max_friction,
             );
         }
@@ -381,58 +426,63 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Share of the side wind that reaches the vehicle beside high-sided vehicles upwind of it.
+    /// Share of the side wind left beside high-sided vehicles upwind.
+    ///
+    /// Shelter is full beside the body and ends as a smooth step over a part of the body's length.
     #[inline(always)]
     fn wind_shelter<const TWO_WAY: bool>(self) -> F32<S> {
         let (motion, params, slot) = (&self.state.motion, self.params, self.slot);
         let constants = &params.constants;
         let wind_across = self.in_travel_direction(params.simulations.wind_across);
-        let mut open_share = splat(params.simd, 1.0);
+        let mut share = splat(params.simd, 1.0);
         for j in (0..params.num_slots_in_use).filter(|j| *j != slot) {
             let shelter = &params.vehicles[j];
             let (s, d) = self.position_of::<TWO_WAY>(j);
             let lateral_distance = motion.d[slot] - d;
-            let max_distance =
-                constants.shelter_reach + self.vehicle().half_width + shelter.half_width;
+            let reach = constants.shelter_reach + self.vehicle().half_width + shelter.half_width;
+            // The wind blows from the other vehicle to this one.
             let is_upwind = (lateral_distance * wind_across).simd_gt(0.0);
             let is_sheltered = shelter.shelters_wind.simd_gt(0.0)
                 & shelter.valid.simd_gt(0.0)
                 & is_upwind
-                & lateral_distance.abs().simd_lt(max_distance);
+                & lateral_distance.abs().simd_lt(reach);
             if !is_sheltered.any_true() {
                 continue;
             }
-            let distance_beyond = (motion.s[slot] - s).abs() - shelter.half_length;
-            let u = clamp_to(
-                distance_beyond / (constants.shelter_release * 2.0 * shelter.half_length),
+            let distance_past_body = (motion.s[slot] - s).abs() - shelter.half_length;
+            let release = clamp_to(
+                distance_past_body / (constants.shelter_release * 2.0 * shelter.half_length),
                 0.0,
                 1.0,
             );
             let factor = constants.shelter_factor;
-            let share = factor + (1.0 - factor) * (u * u * (3.0 - 2.0 * u));
-            open_share = select(is_sheltered, min(open_share, share), open_share);
+            let smooth_step = release * release * (3.0 - 2.0 * release);
+            let open_share = factor + (1.0 - factor) * smooth_step;
+            share = select(is_sheltered, min(share, open_share), share);
         }
-        open_share
+        share
     }
 
-    /// The discrete gusts of bridges and cuttings, 0 to 1.
+    /// Strength of the single gusts at bridges and cuttings, 0 to 1.
+    ///
+    /// The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos.
     #[inline(always)]
     fn discrete_gust(self) -> F32<S> {
         let params = self.params;
         let (s, _) = self.road_position();
-        let cell = s / params.constants.gust_spacing + params.simulations.gust_phase;
-        let inside =
-            (cell - floor(cell)) * params.constants.gust_spacing / params.simulations.gust_length;
-        let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
+        let num_intervals = s / params.constants.gust_spacing + params.simulations.gust_phase;
+        let gust_share = (num_intervals - floor(num_intervals)) * params.constants.gust_spacing
+            / params.simulations.gust_length;
+        let (_, cosine) = sincos(core::f32::consts::TAU * at_most(gust_share, 1.0));
         select(
-            inside.simd_lt(1.0),
+            gust_share.simd_lt(1.0),
             0.5 - 0.5 * cosine,
             splat(params.simd, 0.0),
         )
     }
 }
 
-/// Push vehicles sideways for a part of each interval, after drivers answered the wind.
+/// Add the pushes of the study to the wind force: sideways, for a part of each interval.
 #[inline(always)]
 pub fn apply_study_push<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -440,9 +490,9 @@ pub fn apply_study_push<S: Simd, const N: usize>(
     decision_index: u32,
 ) {
     let simulation = &params.simulations;
-    let cell = decision_index as f32 * simulation.push_rate + simulation.push_phase;
+    let num_intervals = decision_index as f32 * simulation.push_rate + simulation.push_phase;
     let is_pushed = simulation.push_accel.simd_ne(0.0)
-        & (cell - floor(cell)).simd_lt(simulation.push_duty_cycle);
+        & (num_intervals - floor(num_intervals)).simd_lt(simulation.push_duty_cycle);
     for slot in 0..params.num_slots_in_use {
         let vehicle = state.vehicle(params, slot);
         let push_accel = vehicle.in_travel_direction(simulation.push_accel);
@@ -459,6 +509,7 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
     let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
     for slot in 0..params.num_slots_in_use {
         let (vehicle, handle) = (&params.vehicles[slot], state.vehicle(params, slot));
+        // Factor on the mean wind.
         let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[slot];
         if has_gusts {
             strength += simulation.gust_gain * handle.discrete_gust();
@@ -480,6 +531,7 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
         let squared_air_speed = along * along + across * across;
         let force = vehicle.side_wind * squared_air_speed * sine;
         let force = select(across.simd_lt(0.0), -force, force);
+        // The centre of pressure moves back as the wind comes more from the side.
         let cosine = along / squared_air_speed.sqrt();
         let wind = &mut state.friction_and_wind;
         wind.tail_wind[slot] = tail_wind;

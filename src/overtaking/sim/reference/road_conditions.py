@@ -1,4 +1,8 @@
-"""Road and weather at each vehicle: friction, course of the road, speed limits and wind."""
+"""Road and weather at each vehicle: friction, course of the road, speed limits and wind.
+
+Parameters of road and wind hold in the frame of the road, the state in each vehicle's direction of
+travel. `travel_sign` (1 along the road, -1 against it) converts signs between the two.
+"""
 
 import dataclasses
 
@@ -28,7 +32,7 @@ from overtaking.world.step_parameters import StepParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 
-_MIN_RADIUS_SHARE = np.float32(0.25)  # Keeps the path finite for a vehicle inside the bend.
+_MIN_RADIUS_SHARE = np.float32(0.25)  # Keeps the path finite for a vehicle far inside a bend [1].
 
 _MIN_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
 
@@ -36,12 +40,12 @@ _MIN_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [
 def _ornstein_uhlenbeck_step(process: F32, kept_share: F32, uniform_number: F32) -> F32:
     """One step of an Ornstein-Uhlenbeck process of unit variance with uniform innovations.
 
-    Over a correlation time of dozens of steps the sum of the innovations is normal to within 2 % in
-    kurtosis (Berry-Esseen), and a uniform number takes a single random word.
+    A uniform number takes one random word, a normal one two. The process is nearly normal all the
+    same: with a correlation time of 80 steps its excess kurtosis is -0.015.
 
     Args:
         process: Present value [1].
-        kept_share: Correlation of the new value with it, 0 to 1.
+        kept_share: Correlation of the new value with the present one, 0 to 1.
         uniform_number: Uniform random number, 0 to 1.
     """
     innovation = _ROOT_3 * (TWO * uniform_number - ONE)
@@ -53,26 +57,28 @@ def update_random_processes(state: State, params: StepParameters, decision_index
     vehicles, simulations = params.vehicles, params.simulations
     constants, noise = params.constants, state.noise
     slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
-    gust, distance, speed, wander = (
+    gust_draw, distance_draw, speed_draw, wander_draw = (
         uniform_from_word(word)
         for word in philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
     )
-    along = state.motion.vx - vehicles.travel_sign * simulations.wind_along
-    air_speed = np.sqrt(along * along + simulations.wind_across * simulations.wind_across)
-    # The first draw keeps nothing of the past, so the processes start in their stationary state.
+    relative_along = state.motion.vx - vehicles.travel_sign * simulations.wind_along
+    wind_across = simulations.wind_across
+    air_speed = np.sqrt(relative_along * relative_along + wind_across * wind_across)
+    # The first draw keeps nothing of the past, so the processes start with unit variance.
     has_past = np.float32(0.0 if decision_index == 0 else 1.0)
     decision = constants.decision
+    # The turbulence is correlated over a length of air, and passes a fast vehicle in less time.
     kept_gust = has_past * exp(-(air_speed * decision) / constants.gust_length_scale)
     kept_error = has_past * exp(-decision / constants.error_time)
     kept_wander = has_past * exp(-decision / constants.lane_time)
-    noise.gust = _ornstein_uhlenbeck_step(noise.gust, kept_gust, gust)
-    noise.distance_error = _ornstein_uhlenbeck_step(noise.distance_error, kept_error, distance)
-    noise.speed_error = _ornstein_uhlenbeck_step(noise.speed_error, kept_error, speed)
-    noise.lane_wander = _ornstein_uhlenbeck_step(noise.lane_wander, kept_wander, wander)
+    noise.gust = _ornstein_uhlenbeck_step(noise.gust, kept_gust, gust_draw)
+    noise.distance_error = _ornstein_uhlenbeck_step(noise.distance_error, kept_error, distance_draw)
+    noise.speed_error = _ornstein_uhlenbeck_step(noise.speed_error, kept_error, speed_draw)
+    noise.lane_wander = _ornstein_uhlenbeck_step(noise.lane_wander, kept_wander, wander_draw)
 
 
 def value_of_lane(values: F32, lane: F32, num_lanes: int) -> F32:
-    """`values[lane]` for whole-number lanes; outside 0 to `num_lanes - 1` the nearest value."""
+    """`values[lane]` for lanes as whole numbers; for other lanes the value of the nearest one."""
     value = np.zeros_like(lane) + values[0]
     for k in range(1, num_lanes):
         value = np.where(lane >= np.float32(k), values[k], value)
@@ -80,10 +86,10 @@ def value_of_lane(values: F32, lane: F32, num_lanes: int) -> F32:
 
 
 def update_friction(state: State, params: StepParameters) -> None:
-    """Compute the friction under the wheels of either side."""
+    """Update the friction under the wheels of either side in `state.friction_and_wind`."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
-    # The lane that the centre is in; a lane change does not count before the centre has crossed.
+    # The lane that the vehicle's centre is in.
     lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
@@ -97,13 +103,14 @@ def update_friction(state: State, params: StepParameters) -> None:
     friction_columns = road_surface.friction_at_speed(
         constants, state.motion.vx, vehicles.tyre_wear, vehicles.has_truck_tyres
     )
-    # Each lane has two wheel paths, which hold puddles of their own.
+    # Puddles lie along the wheel paths, two in each lane.
     path_width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(
         2 * road.num_lanes
     )
     s, d = state.road_position(params)
 
     def friction_at(offset: F32) -> F32:
+        """Friction under wheels at an offset to the left of the centre [m]."""
         wheel_d = d + vehicles.travel_sign * offset
         wheel_path = road_surface.floor((wheel_d - road.boundaries[0]) / path_width)
         depth_share = road_surface.puddle_depth_share(
@@ -125,8 +132,8 @@ def update_friction(state: State, params: StepParameters) -> None:
 def update_road_course(state: State, params: StepParameters) -> None:
     """Compute curvature, slope and sight at each vehicle until the next decision.
 
-    The values hold for the middle of that time. For an oncoming vehicle a bend to the left becomes
-    one to the right, and a rise a fall.
+    Curvature and slope hold for the middle of that time, bend speed and sight for its start. For a
+    vehicle against the road a bend to the left becomes a bend to the right, and a rise a fall.
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, road, motion = params.constants, params.road, state.motion
@@ -134,8 +141,10 @@ def update_road_course(state: State, params: StepParameters) -> None:
         return
     table, local_road = road.course_table, state.road
     is_opposite = vehicles.travel_sign < 0
-    d = np.where(is_opposite, motion.d - road.edge_sum, motion.d)
+    # Distance to the left of the reference line, in the direction of travel.
+    offset = np.where(is_opposite, motion.d - road.edge_sum, motion.d)
     half_decision = HALF * constants.decision
+    # A driver steers for the curvature at the place where the vehicle will respond.
     car_lag = constants.steering_lag + vehicles.side_lag * motion.vx
     steering_lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
     s_mid = motion.s + half_decision * motion.vx
@@ -147,7 +156,7 @@ def update_road_course(state: State, params: StepParameters) -> None:
 
     def station_per_metre(curvature: F32) -> F32:
         # Inside of a bend a metre driven is more than a metre of the reference line.
-        return ONE / maximum(ONE - curvature * d, _MIN_RADIUS_SHARE)
+        return ONE / maximum(ONE - curvature * offset, _MIN_RADIUS_SHARE)
 
     curvature, curvature_ahead = (
         vehicles.travel_sign * value_at(table.curvature, s) for s in (s_mid, s_ahead)
@@ -174,15 +183,19 @@ def update_road_course(state: State, params: StepParameters) -> None:
 
 
 def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
-    """Parameters with the speeds that drivers want by the limits at and ahead of them.
+    """Parameters in which speeds follow the speed limits at each driver and ahead of it.
 
-    Ahead of a lower limit the desired speed falls. The driver brakes at the rate at which it falls,
-    less the remaining difference over a time constant, but no harder than its comfortable
-    deceleration. The driver thus approaches the desired speed from below.
+    Ahead of a lower limit the desired speed falls. The driver brakes at the rate of this fall, and
+    removes the difference between its speed and the desired one with a time constant. It does not
+    brake harder than its comfortable deceleration.
 
     Args:
-        state: State at a decision; `LocalRoad.accel_limit` is set.
+        state: State at a decision; the function updates its `road.accel_limit`.
         params: Parameters of the batch.
+
+    Returns:
+        Parameters with new `local_vehicles`; `params` itself on a straight, level road with one
+        limit.
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, road, motion = params.constants, params.road, state.motion
@@ -220,8 +233,8 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
     """Share of the side wind left beside high-sided vehicles upwind, (vehicle, simulation).
 
     Source:
-        Coleman and Baker 1990 (side winds on vehicles that pass a truck). The share is full beside
-        the body and returns as a smooth step over a part of its length (a choice).
+        Coleman and Baker 1990 (side winds on vehicles that pass a truck). Shelter is full beside
+        the body and ends as a smooth step over a part of the body's length (a choice).
     """
     vehicles, constants, motion = params.vehicles, params.constants, state.motion
     wind_across = vehicles.travel_sign * params.simulations.wind_across
@@ -230,11 +243,14 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
         other_s, other_d = state.position_seen_by_each(params, other_slot)
         half_length = vehicles.half_length[other_slot]
         distance_past_body = np.abs(motion.s - other_s) - half_length
-        u = clamp(distance_past_body / (constants.shelter_release * TWO * half_length), ZERO, ONE)
-        smooth_step = u * u * (np.float32(3.0) - TWO * u)
+        release = clamp(
+            distance_past_body / (constants.shelter_release * TWO * half_length), ZERO, ONE
+        )
+        smooth_step = release * release * (np.float32(3.0) - TWO * release)
         open_share = constants.shelter_factor + (ONE - constants.shelter_factor) * smooth_step
         lateral_distance = motion.d - other_d
         reach = constants.shelter_reach + vehicles.half_width + vehicles.half_width[other_slot]
+        # The wind blows from the other vehicle to this one.
         is_upwind = lateral_distance * wind_across > 0
         is_sheltered = (
             (vehicles.shelters_wind[other_slot] > 0)
@@ -250,30 +266,32 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
 def discrete_gust(state: State, params: StepParameters) -> F32:
     """Strength of the single gusts at bridges and cuttings, 0 to 1.
 
-    There is one in each interval of `gust_spacing`, with the shape of 1 - cos.
+    The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos.
 
     Source:
         The shape of discrete gusts in certification rules, such as EASA CS-25.341.
     """
     simulations, constants = params.simulations, params.constants
     s, _ = state.road_position(params)
-    interval = s / constants.gust_spacing + simulations.gust_phase
-    distance = (interval - road_surface.floor(interval)) * constants.gust_spacing
+    num_intervals = s / constants.gust_spacing + simulations.gust_phase
+    distance = (num_intervals - road_surface.floor(num_intervals)) * constants.gust_spacing
     gust_share = distance / simulations.gust_length
     _, cosine = sincos(TAU * minimum(gust_share, ONE))
     return np.where(gust_share < ONE, HALF - HALF * cosine, ZERO)
 
 
 def update_wind(state: State, params: StepParameters) -> None:
-    """Compute side force, yaw moment and tail wind of each vehicle.
+    """Update side force, yaw moment and tail wind in `state.friction_and_wind`.
 
     Source:
-        Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 4: coefficients on the side area
-        at the relative wind, growing with its angle; the growth saturates (a choice).
+        Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 4: the side force is a
+        coefficient times the side area and the pressure of the relative wind. The coefficient grows
+        with the angle of this wind, up to a maximum (a choice).
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, wind = params.constants, state.friction_and_wind
     gust = simulations.gust_gain * discrete_gust(state, params)
+    # Factor on the mean wind.
     strength = ONE + constants.turbulence_intensity * state.noise.gust + gust
     strength = maximum(strength, ZERO)
     across = vehicles.travel_sign * simulations.wind_across * strength * wind_shelter(state, params)
@@ -292,13 +310,14 @@ def apply_study_push(state: State, params: StepParameters, decision_index: int) 
     """Add the pushes of the study to the wind force: sideways, for a part of each interval.
 
     Source:
-        Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, at longer
-        intervals for less rain and wind. Size and duration are choices of the specification.
+        Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, more often in
+        more rain and wind. The specification chooses size and duration.
     """
     vehicles, simulations = params.vehicles, params.simulations
     wind = state.friction_and_wind
-    interval = np.float32(decision_index) * simulations.push_rate + simulations.push_phase
-    is_within_push = interval - road_surface.floor(interval) < simulations.push_duty_cycle
+    num_intervals = np.float32(decision_index) * simulations.push_rate + simulations.push_phase
+    share_of_interval = num_intervals - road_surface.floor(num_intervals)
+    is_within_push = share_of_interval < simulations.push_duty_cycle
     is_pushed = (simulations.push_accel != 0) & is_within_push
     force = wind.wind_force + vehicles.travel_sign * simulations.push_accel * vehicles.mass
     wind.wind_force = np.where(is_pushed, force, wind.wind_force)
