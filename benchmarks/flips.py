@@ -60,8 +60,8 @@ EQUIVALENT = {
     "let offset = start «+ change * clamp_to(axis_enter, 0.0, 1.0);": (
         "only its sign is used: at the first contact the centres are on the side where they began"
     ),
-    "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
-    "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
+    "let share_1 = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
+    "let share_1 = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
     "is_detected: [zero«.simd_lt(zero); NUM_ROLES],": (
         "overwritten for every role before it is read"
     ),
@@ -81,7 +81,7 @@ EQUIVALENT = {
     "let drives_along = vehicle.travel_sign«.simd_gt(0.0);": (
         "both directions exchange their names, and each meets the other one"
     ),
-    "search.as_seen_by_oncoming[j].on_road &= except_slot«.simd_ne(j as i32 as f32);": (
+    "search.as_seen_by_oncoming[j].on_road &= excluded_slot«.simd_ne(j as i32 as f32);": (
         "only external drivers observe the second oncoming vehicle, and nothing of it is recorded"
     ),
     "if lane«.simd_eq(0.0).all_true() {": (
