@@ -1,4 +1,9 @@
-//! Recorded frames, percepts and contacts as integers, and their hash; the twin of `overtaking.sim.reference.recorder`.
+//! Recorded integers of a block, rounded from its states, and the hash over them; the twin of
+//! `overtaking.sim.reference.recorder`.
+//!
+//! A *percept* records the ego's beliefs about three vehicles at a manoeuvre, beside the true values: the leader, and
+//! the leader and the follower in the lane that the ego enters. `lane` is the index of a simulation in its block, a
+//! SIMD lane, except in `state_words`.
 
 pub(crate) mod frame_tiles;
 pub(crate) mod output;
@@ -23,36 +28,36 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// The manoeuvre of the ego at which a percept is recorded.
+/// Manoeuvres of the ego at which percepts are recorded.
 #[derive(Clone, Copy)]
 pub enum ManoeuvreKind {
-    /// It starts to pull out.
+    /// The ego starts to pull out.
     PullOut = 0,
-    /// It starts to return.
+    /// The ego starts to return.
     Return = 1,
-    /// It goes back from a lane change that is under way.
+    /// The ego cancels a lane change that is under way.
     Cancel = 2,
 }
 
-/// Percepts of three vehicles at a manoeuvre of the ego.
+/// A manoeuvre of the ego at which percepts are recorded.
 struct RecordedPercepts<'a, S: Simd> {
     /// Simulations in which the ego makes the manoeuvre at this step.
     is_made: Mask<S>,
-    /// The manoeuvre.
+    /// Kind of the manoeuvre.
     kind: ManoeuvreKind,
     /// Roles of the leader, and of the leader and the follower in the lane that is entered.
     roles: [usize; 3],
-    /// Oncoming vehicle that is recorded in place of the leader in the left lane; `None` to record that leader.
+    /// Oncoming vehicle, which is recorded in place of the leader in the left lane; `None` to record that leader.
     oncoming: Option<&'a OncomingVehicle<S>>,
-    /// Step of 10 ms.
+    /// Index of this step of 10 ms.
     step: u32,
 }
 
 /// Collects the recorded integers of a block and hashes them.
 pub struct Recorder<'a, const N: usize> {
-    /// Outputs of the simulation in each lane; `None` in free lanes.
+    /// Output of the simulation in each lane; `None` in free lanes.
     out: [Option<Output<'a>>; SIMD_LANES],
-    /// The four words of the hash of each simulation.
+    /// The four accumulators of the hash of each simulation.
     hash: [[u32; SIMD_LANES]; 4],
     /// Number of frames that each simulation has recorded.
     frames: [usize; SIMD_LANES],
@@ -60,7 +65,7 @@ pub struct Recorder<'a, const N: usize> {
     tile_start: usize,
 }
 
-/// Hash and counters of a recorder, which outlive the outputs that it borrows. The fields are those of `Recorder`.
+/// Hash and counters of a recorder, as in `Recorder`. The caller keeps them while no recorder borrows the outputs.
 #[derive(Clone, Copy)]
 pub struct RecorderProgress {
     hash: [[u32; SIMD_LANES]; 4],
@@ -69,7 +74,7 @@ pub struct RecorderProgress {
 }
 
 impl<'a, const N: usize> Recorder<'a, N> {
-    /// Go on with the recording in lane 0, whose outputs are those at the time of `progress`.
+    /// A recorder that continues a recording, in lane 0; `output` holds the frames up to `progress`.
     pub fn resume(output: Output<'a>, progress: RecorderProgress) -> Self {
         let mut output = Some(output);
         Self {
@@ -80,7 +85,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Hash and counters, from which `resume` goes on.
+    /// Hash and counters, from which `resume` continues.
     pub fn progress(&self) -> RecorderProgress {
         RecorderProgress {
             hash: self.hash,
@@ -109,7 +114,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         self.frames[lane] = source.frames[source_lane];
     }
 
-    /// Record one frame of the simulations that still run.
+    /// Record and hash one frame of the simulations that still run.
     #[inline(always)]
     pub fn record_frame<S: Simd>(
         &mut self,
@@ -131,6 +136,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
         for slot in 0..params.num_slots_in_use {
             let valid = params.vehicles[slot].valid.simd_gt(0.0);
             let words = state.vehicle(params, slot).state_words();
+            // Each word goes to the next of four accumulators. Empty slots are not hashed, so the hash is the same for
+            // any number of slots.
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, is_running & valid);
             }
@@ -138,7 +145,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
                     Row(word.to_array());
             }
-            // One lane per frame: after the sixteen frames of a tile, the memory of all lanes is in the cache.
+            // One lane in each frame: after the sixteen frames of a tile, the memory of all lanes is in the cache.
             if valid.test(row) {
                 self.prefetch_rows(slot, row);
             }
@@ -171,10 +178,10 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Load the memory to which the tile will move the frames of the vehicle in `slot` in one lane into the cache.
+    /// Load the memory for the tile of the vehicle in `slot` in one lane into the cache.
     ///
-    /// Without this the CPU would wait for each line of this memory when the tile is written. It can load only few
-    /// lines at a time, so the recorder requests the lines of one vehicle at each call.
+    /// Without this the CPU would wait for each cache line of the memory when the tile is written. It can load only few
+    /// lines at a time, so each call requests the lines of one vehicle.
     #[inline(always)]
     fn prefetch_rows(&self, slot: usize, lane: usize) {
         if let Some(out) = self.out[lane].as_ref() {
@@ -182,9 +189,9 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Move the collected frames to their place: the frames of one vehicle are adjacent.
+    /// Move the frames of the tile to the outputs, where the frames of one vehicle are adjacent.
     ///
-    /// Sixteen frames are transposed at once. `finish` clears the frames after the end of a simulation.
+    /// The tile may hold frames after the end of a simulation; `finish` clears them in the outputs.
     #[inline(always)]
     pub fn write_tile<S: Simd>(&mut self, params: &Params<S, N>, tile: &FrameTile<N>) {
         let start = self.tile_start;
@@ -205,7 +212,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Record the percepts of the ego at each manoeuvre that it starts or cancels.
+    /// Record percepts at each manoeuvre that the ego starts or cancels.
     #[inline(always)]
     pub fn record_manoeuvres<S: Simd>(
         &mut self,
@@ -217,7 +224,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     ) {
         let left = [LEADER, LEFT_LEADER, LEFT_FOLLOWER];
         let right = [LEADER, RIGHT_LEADER, RIGHT_FOLLOWER];
-        // On two-way roads the oncoming vehicle is recorded as leader of the lane that is entered.
+        // On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
         let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
         let oncoming = has_oncoming_traffic.then_some(&context.oncoming.nearest);
         for (is_made, kind, roles, oncoming) in [
@@ -227,6 +234,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 left,
                 oncoming,
             ),
+            // A cancelled lane change leads back to the lane that the ego has left.
             (intent.cancels_pull_out, ManoeuvreKind::Cancel, right, None),
             (intent.cancels_return, ManoeuvreKind::Cancel, left, None),
             (intent.starts_return, ManoeuvreKind::Return, right, None),
@@ -242,7 +250,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Record the percepts of a manoeuvre where the ego makes it and has fewer than `MAX_PERCEPTS`.
+    /// Record the percepts of one manoeuvre, up to `MAX_PERCEPTS` in a simulation.
     #[inline(always)]
     fn record_percepts<S: Simd>(
         &mut self,
@@ -259,8 +267,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
             step,
         } = *percepts;
         let now = splat(params.simd, step as f32);
-        let has_memory = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
-        let is_recorded = is_made & has_memory & now.simd_le(state.end_step);
+        let has_free_column = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
+        let is_recorded = is_made & has_free_column & now.simd_le(state.end_step);
         if !is_recorded.any_true() {
             return;
         }
@@ -302,7 +310,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         state.num_percepts = select(is_recorded, state.num_percepts + 1.0, state.num_percepts);
     }
 
-    /// Write zeros after the last frame of a simulation that has ended, its contacts and its hash.
+    /// Finish the output of a simulation that has ended: clear the frames after its end, write contacts and hash.
     ///
     /// The lane is free afterwards.
     pub fn finish<S: Simd>(&mut self, lane: usize, state: &State<S, N>, params: &Params<S, N>) {
@@ -318,7 +326,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     }
 }
 
-/// Belief of the ego about one vehicle, and the truth.
+/// Percept of one vehicle.
 struct Percept<S: Simd> {
     /// Slot of the vehicle, or `NO_SLOT`.
     slot: F32<S>,
@@ -334,7 +342,7 @@ struct Percept<S: Simd> {
     true_closing_speed: F32<S>,
 }
 
-/// The percept of a neighbour of the ego's direction.
+/// The percept of the neighbour in `role`.
 #[inline(always)]
 fn neighbour_percept<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -378,7 +386,7 @@ fn oncoming_percept<S: Simd, const N: usize>(
     }
 }
 
-/// Clear the columns of percepts and of frames that a simulation may leave unwritten.
+/// Clear the outputs that a simulation may leave unwritten, except the state fields.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
     out.percept_slot.fill(255);
@@ -401,9 +409,10 @@ fn clear(out: &mut Output<'_>) {
     }
 }
 
-/// Clear the frames after the last one, and the empty slots.
+/// Clear the state fields after the last frame, and all state fields of empty slots.
 ///
-/// Only the frames that an earlier simulation wrote to the same memory are cleared: the others are zero.
+/// To save time, the function clears only frames that may have been written; `written` counts them, and the others are
+/// zero.
 fn clear_after_last_frame<S: Simd, const N: usize>(
     out: &mut Output<'_>,
     frames: usize,
@@ -490,7 +499,7 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
     }
 }
 
-/// Recorded slot number without a vehicle, and recorded lane of a vehicle beside the road.
+/// Recorded slot without a vehicle, and recorded lane of a vehicle beyond the kerb edge.
 pub const NO_VEHICLE: i32 = 255;
 /// Largest recorded integer of 16 bits.
 const INT16_LIMIT: f32 = 32767.0;
@@ -498,12 +507,12 @@ const INT16_LIMIT: f32 = 32767.0;
 pub const INT32_LIMIT: f32 = 2.0e9;
 /// 1 / (2 pi).
 const TURNS_PER_RADIAN: f32 = 0.159_154_94;
-/// Recorded integers in a metre, a metre per second or a second.
+/// Recorded integers per m, s, m/s or m/s^2.
 pub const INTEGERS_PER_UNIT: f32 = 1000.0;
-/// Recorded integers in a radian.
+/// Recorded integers per rad or rad/s.
 const INTEGERS_PER_RADIAN: f32 = 10000.0;
 
-/// The nearest recorded integer of a number, within limits.
+/// `value` as a multiple of 1 / `scale`, rounded half to even and clamped to +- `limit`.
 #[inline(always)]
 pub fn to_recorded_integers<S: Simd>(value: F32<S>, scale: f32, limit: f32) -> i32x16<S> {
     clamp_to(value * scale, -limit, limit)
@@ -521,8 +530,8 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// The recorded integers of the vehicle, in the order of `with_states`.
     ///
-    /// Inside the step left is the overtaking side; the recorded signs are those of the road, mirrored here in
-    /// left-hand traffic.
+    /// Inside the step left is the overtaking side. `overtaking_sign` converts lateral values to the real left, which
+    /// differs in left-hand traffic.
     #[inline(always)]
     pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -534,16 +543,19 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             cosine,
             sine,
         } = road.pose;
-        let (s, road_d) = self.road_position();
-        let d = road.overtaking_sign * road_d;
+        let (s, mirrored_d) = self.road_position();
+        let d = road.overtaking_sign * mirrored_d;
+        // Lanes are counted from the kerb side. Beyond the own lanes, in the opposing lane or beside the road, the
+        // index is the number of own lanes.
         let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
         for index in 0..=road.directions.num_own_lanes {
-            let is_beyond_line = road_d.simd_ge(road.boundaries[index]);
+            let is_beyond_line = mirrored_d.simd_ge(road.boundaries[index]);
             lane = is_beyond_line.select(i32x16::splat(params.simd, index as i32), lane);
         }
         let speed = (state.motion.vx[slot] * state.motion.vx[slot]
             + state.motion.vy[slot] * state.motion.vy[slot])
             .sqrt();
+        // A two-wheeler leans; its state holds a lateral acceleration instead of an angle.
         let wheel_angle = select(
             vehicle.two_wheeler.simd_gt(0.0),
             splat(params.simd, 0.0),
@@ -551,6 +563,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         );
         let mut world_heading = heading + road.overtaking_sign * state.motion.heading[slot];
         if road.directions.has_oncoming_traffic {
+            // Vehicles against the road head the other way.
             let half_turn = splat(params.simd, core::f32::consts::PI);
             world_heading += select(
                 vehicle.travel_sign.simd_lt(0.0),
@@ -586,7 +599,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         ]
     }
 
-    /// The lamps that are on, as bits of `lights`.
+    /// Sum of the bits of `lights` that are on.
     #[inline(always)]
     pub(crate) fn recorded_lights(self) -> i32x16<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -599,14 +612,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
             i32x16::splat(params.simd, 0),
         );
-        let braking = state.controls.requested_accel[slot]
+        let is_braking = state.controls.requested_accel[slot]
             .simd_lt(-params.constants.stop_lamp_decel)
             | state.motion.is_wreck[slot].simd_gt(0.0);
         let initial_lights: i32x16<S> = self.vehicle().initial_lights.to_int();
         let lamps = initial_lights
             + left
             + right
-            + braking.select(
+            + is_braking.select(
                 i32x16::splat(params.simd, lights::BRAKE),
                 i32x16::splat(params.simd, 0),
             );
@@ -622,11 +635,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
+// Primes of xxHash32.
 const PRIME_1: u32 = 2_654_435_761;
 const PRIME_2: u32 = 2_246_822_519;
 const PRIME_3: u32 = 3_266_489_917;
 
-/// The four words of the hash of each simulation before anything is recorded.
+/// The four accumulators of each simulation at the start, the start values of xxHash32 with seed 0.
 pub fn hash_start() -> [[u32; SIMD_LANES]; 4] {
     [
         PRIME_1.wrapping_add(PRIME_2),
@@ -637,7 +651,7 @@ pub fn hash_start() -> [[u32; SIMD_LANES]; 4] {
     .map(|word| [word; SIMD_LANES])
 }
 
-/// Mix a word of each simulation into one of the four words of its hash, where the mask holds.
+/// Mix a word into one accumulator of each simulation where `mask` holds: a round of xxHash32 (Collet 2012).
 #[inline(always)]
 pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: Mask<S>) -> u32x16<S> {
     let word: u32x16<S> = word.bitcast();
@@ -646,7 +660,7 @@ pub fn mix<S: Simd>(hash: u32x16<S>, word: i32x16<S>, mask: Mask<S>) -> u32x16<S
     mask.select(mixed, hash)
 }
 
-/// Mix a word into one of the four words of the hash of a single simulation.
+/// Mix a word into one accumulator of a single simulation, as `mix`.
 #[inline(always)]
 pub fn mix_word(hash: u32, word: u32) -> u32 {
     hash.wrapping_add(word.wrapping_mul(PRIME_2))
@@ -654,7 +668,10 @@ pub fn mix_word(hash: u32, word: u32) -> u32 {
         .wrapping_mul(PRIME_1)
 }
 
-/// The hash of a simulation, from its four words once everything is mixed in.
+/// The hash of a simulation, from its four accumulators.
+///
+/// Each word combines two accumulators and ends with the final mix of xxHash32, by which each bit of the input changes
+/// about half of the bits of the word.
 pub fn digest(hash: [u32; 4]) -> [u32; 4] {
     core::array::from_fn(|k| {
         let word = hash[k].wrapping_add(hash[(k + 1) % 4].rotate_left(7));

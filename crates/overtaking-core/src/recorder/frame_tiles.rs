@@ -1,8 +1,9 @@
 //! The buffer of recorded frames, and the transposition that moves them to the output arrays.
 //!
 //! The engine computes one frame (recorded instant) of sixteen simulations at a time, but in the output the frames of
-//! one vehicle are adjacent. So sixteen frames are collected in a *tile*, transposed as squares of sixteen times
-//! sixteen words, and written at once. Narrow state fields of a vehicle share a word of 32 bits in the tile; the macro
+//! one vehicle are adjacent. So the recorder collects sixteen frames in a *tile*, transposes it in squares of sixteen
+//! times sixteen words, and writes it at once. Narrow state fields of a vehicle share a word of 32 bits in the tile.
+//! The macro
 //! `with_states` lists the fields and their integer types.
 
 use fearless_simd::prelude::*;
@@ -26,14 +27,14 @@ pub struct BitField {
 }
 
 impl BitField {
-    /// Insert `number` into `words`, one word per simulation. Fields of a word are inserted from the lowest up.
+    /// Insert `number` into `words`, one word per simulation. The lowest field of a word must be inserted first.
     #[inline(always)]
     fn insert<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
         if self.bits == u32::BITS {
             return number;
         }
         let is_last = self.first_bit + self.bits == u32::BITS;
-        // The bits above the last field leave the word in the shift below, so it needs no mask.
+        // The shift below moves excess bits of the last field out of the word, so this field needs no mask.
         let masked = if is_last {
             number
         } else {
@@ -47,7 +48,7 @@ impl BitField {
     }
 }
 
-/// Positions of fields with these widths, in order; a field that does not fit into the current word starts the next.
+/// Positions of fields with these widths [bits], in order; a field that does not fit into a word starts the next one.
 const fn side_by_side<const COUNT: usize>(bits: [u32; COUNT]) -> [BitField; COUNT] {
     let mut fields = [BitField {
         word: 0,
@@ -87,7 +88,7 @@ macro_rules! frame_layout {
         pub fn put_tile(out: &mut Output<'_>, slot: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
             // Outputs have shape (vehicle, frame).
             let place = slot * out.frames + start;
-            // Once for each vehicle, with its first word.
+            // The first packed word of a vehicle updates the count for all of them.
             if k == 0 {
                 out.written[slot] = out.written[slot].max((start + FRAMES_PER_TILE) as i32);
             }

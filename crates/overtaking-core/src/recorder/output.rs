@@ -2,8 +2,8 @@
 //!
 //! The caller owns the arrays; `Output` borrows them, and each simulation gets its own part. A *slot* is the number
 //! of a vehicle in its simulation; the ego is the vehicle under study. A *frame* is a recorded instant. A *percept*
-//! is a record of the ego's beliefs about three vehicles when it changes lanes: the leader, and leader and follower
-//! in the lane that it enters. The slot 255 stands for no vehicle.
+//! records the ego's beliefs about three vehicles at a manoeuvre: the leader, and the leader and the follower in the
+//! lane that the ego enters. The slot 255 stands for no vehicle.
 
 /// Largest number of percepts that are recorded in a simulation; later ones are dropped.
 pub const MAX_PERCEPTS: usize = 4;
@@ -11,17 +11,17 @@ pub const MAX_PERCEPTS: usize = 4;
 /// Call a macro with a list of all outputs.
 ///
 /// The list has the arguments of the caller, then each output below with its name, element type and length per
-/// simulation (a function of the numbers of slots `v` and frames `t`), then the state fields of vehicles, (vehicle,
-/// frame).
+/// simulation (a function of the numbers of slots `v` and frames `t`), then the state fields of shape (vehicle, frame).
 #[macro_export]
 macro_rules! with_outputs {
-    ($then:ident! { $($given:tt)* }) => {
-        $crate::with_states! { $then! {
-            { $($given)* }
+    ($callback:ident! { $($arguments:tt)* }) => {
+        $crate::with_states! { $callback! {
+            { $($arguments)* }
             {
                 /// Number of recorded frames.
                 num_frames: i32, |_, _| 1;
-                /// For each slot, number of frames that may have been written; state fields from there on are zero.
+                /// For each slot, number of frames that may have been written; the state fields of later frames are
+                /// zero.
                 written: i32, |v, _| v;
                 /// Stage of the ego's overtake in each frame.
                 stage: u8, |_, t| t;

@@ -1,4 +1,8 @@
-"""Recorded integers of a batch, rounded from its states, and the hash over them."""
+"""Recorded integers of a batch, rounded from its states, and the hash over them.
+
+A *percept* records the ego's beliefs about three vehicles at a manoeuvre, beside the true values:
+the leader, and the leader and the follower in the lane that the ego enters.
+"""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -45,18 +49,18 @@ from overtaking.world.constants import STEP_MS
 from overtaking.world.step_parameters import StepParameters
 
 MAX_PERCEPTS = 4
-"""Manoeuvres of the ego in one simulation whose percepts are recorded."""
+"""Largest number of percepts that are recorded in a simulation; later ones are dropped."""
 
 _INT16_LIMIT = np.float32(32767.0)
-_INT32_LIMIT = np.float32(2.0e9)
+_INT32_LIMIT = np.float32(2.0e9)  # Below 2^31, so no float32 number rounds up to it.
 
-_TURNS_PER_RADIAN = np.float32(0.159_154_94)
+_TURNS_PER_RADIAN = np.float32(0.159_154_94)  # 1 / (2 pi).
 
-_INTEGERS_PER_UNIT = np.float32(1000.0)
-_INTEGERS_PER_RADIAN = np.float32(10000.0)
+_INTEGERS_PER_UNIT = np.float32(1000.0)  # Per m, s, m/s or m/s^2.
+_INTEGERS_PER_RADIAN = np.float32(10000.0)  # Per rad or rad/s.
 
+# Primes and start values of xxHash32 with seed 0.
 _PRIME_1, _PRIME_2, _PRIME_3 = np.uint32(2654435761), np.uint32(2246822519), np.uint32(3266489917)
-
 _HASH_START = tuple(
     word & 0xFFFF_FFFF for word in (2654435761 + 2246822519, 2246822519, 0, -2654435761)
 )
@@ -65,12 +69,12 @@ _HASH_START = tuple(
 def to_recorded_integers(
     value: F32, scale: np.float32, limit: np.float32 = _INT32_LIMIT
 ) -> NDArray[np.int32]:
-    """`value` in steps of 1 / `scale`, rounded half to even and clamped to +- `limit`."""
+    """`value` as a multiple of 1 / `scale`, rounded half to even and clamped to +- `limit`."""
     return np.rint(clamp(value * scale, -limit, limit)).astype(np.int32)
 
 
 def wrap_angle(angle: F32) -> F32:
-    """`angle` in (-pi, pi]."""
+    """The same angle between -pi and pi [rad]."""
     turns = np.rint(angle * _TURNS_PER_RADIAN)
     return angle - turns * TAU
 
@@ -81,14 +85,14 @@ def _empty_states(shape: tuple[int, int, int]) -> States:
 
 
 def _slot_or_no_vehicle(slot: F32) -> NDArray[np.int32]:
-    """A slot as it is recorded: `NO_VEHICLE` without a vehicle."""
+    """Recorded integer of a slot; `NO_VEHICLE` without a vehicle."""
     return np.where(slot < 0, np.int32(NO_VEHICLE), slot.astype(np.int32))
 
 
 def _recorded_belief(
     state: State, neighbours: Neighbours, beliefs: Beliefs, role: int
 ) -> dict[str, NDArray[Any]]:
-    """The ego's belief about the neighbour in `role`, and the truth, by field of `Percepts`."""
+    """Percept of the neighbour in `role`, by field of `Percepts`, each (simulation,)."""
     slot = neighbours.slot[role, EGO_SLOT]
     speeds, _ = state.road_velocity()
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
@@ -102,7 +106,7 @@ def _recorded_belief(
 
 
 def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[str, NDArray[Any]]:
-    """The ego's belief about the oncoming vehicle, and the truth, by field of `Percepts`."""
+    """Percept of the oncoming vehicle, by field of `Percepts`, each (simulation,)."""
     slot = oncoming.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
     return _percept_fields(
@@ -123,7 +127,10 @@ class _Approach(NamedTuple):
 def _percept_fields(
     slot: F32, is_detected: Mask, *, believed: _Approach, true: _Approach
 ) -> dict[str, NDArray[Any]]:
-    """Fields of `Percepts` of one vehicle."""
+    """Recorded integers of the percept of one vehicle, by field of `Percepts`.
+
+    Without a vehicle the true values are 0.
+    """
     gap, closing_speed, true_gap, true_closing_speed = (
         to_recorded_integers(value, _INTEGERS_PER_UNIT) for value in (*believed, *true)
     )
@@ -151,13 +158,13 @@ def _contacts(state: State) -> Contacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedPercepts:
-    """A manoeuvre of the ego at which its percepts are recorded.
+    """A manoeuvre of the ego at which percepts are recorded.
 
     Attributes:
-        is_made: Whether the ego makes it at this decision, (simulation,).
-        kind: The manoeuvre.
-        roles: Roles of the vehicles in `PerceivedVehicle`, in its order.
-        step: Index of the integration step.
+        is_made: Whether the ego makes the manoeuvre at this decision, (simulation,).
+        kind: Kind of the manoeuvre.
+        roles: Roles of the three vehicles, in the order of `PerceivedVehicle`.
+        step: Index of this step of 10 ms.
     """
 
     is_made: Mask
@@ -169,7 +176,7 @@ class RecordedPercepts:
 def _integers(
     values: dict[str, F32], scale: np.float32, limit: np.float32
 ) -> dict[str, NDArray[np.int32]]:
-    """Recorded integers of several fields with one scale."""
+    """Recorded integers of several fields with the same scale and limit."""
     return {name: to_recorded_integers(value, scale, limit) for name, value in values.items()}
 
 
@@ -190,7 +197,7 @@ class Recorder:
     def record_frame(
         self, state: State, params: StepParameters, is_running: Mask, frame: int
     ) -> None:
-        """Record one frame of the simulations that still run."""
+        """Record and hash one frame of the simulations that still run."""
         has_vehicle = params.vehicles.valid > 0
         words_by_field = {
             name: np.where(has_vehicle, words, np.int32(0))
@@ -205,6 +212,7 @@ class Recorder:
         self.collided_with[is_running, frame] = partner[is_running]
         self.num_frames[is_running] = frame + 1
         # Empty slots are not hashed, so the hash is the same for any number of slots.
+        # Each word goes to the next of four accumulators.
         for slot in range(len(has_vehicle)):
             words = [field_words[slot] for field_words in words_by_field.values()]
             for start in range(0, len(words), 4):
@@ -213,16 +221,22 @@ class Recorder:
         self._mix([stage, partner, zero + np.int32(frame), zero], is_running)
 
     def _state_words(self, state: State, params: StepParameters) -> dict[str, NDArray[np.int32]]:
-        """Recorded integers of each vehicle by field of `States`, with the real left."""
+        """Recorded integers of each vehicle by field of `States`, (vehicle, simulation).
+
+        Inside the step left is the overtaking side. `overtaking_sign` converts lateral values to
+        the real left, which differs in left-hand traffic.
+        """
         vehicles, motion = params.vehicles, state.motion
         road, overtaking_sign = self.params.road, self.params.road.overtaking_sign
         s, mirrored_d = state.road_position(params)
         d = overtaking_sign * mirrored_d
-        # The lane is counted from the kerb; all of the opposing lane has the number of own lanes.
+        # Lanes are counted from the kerb side. Beyond the own lanes, in the opposing lane or beside
+        # the road, the index is the number of own lanes.
         lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
         for k in range(road.num_own_lanes + 1):
             lane = np.where(mirrored_d >= road.boundaries[k], np.int32(k), lane)
         speed = np.sqrt(motion.vx * motion.vx + motion.vy * motion.vy)
+        # Vehicles against the road head the other way.
         turn = np.where(vehicles.travel_sign < 0, PI, ZERO)
         heading = wrap_angle(road.heading + overtaking_sign * motion.heading + turn)
         # A two-wheeler leans; its state holds a lateral acceleration instead of an angle.
@@ -271,13 +285,16 @@ class Recorder:
     def record_manoeuvres(
         self, state: State, context: DecisionContext, intent: Intent, step: int
     ) -> None:
-        """Record the ego's percepts at each manoeuvre that it starts or cancels."""
+        """Record percepts at each manoeuvre that the ego starts or cancels."""
         left = (LEADER, LEFT_LEADER, LEFT_FOLLOWER)
         right = (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)
         # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
-        entered = left if context.oncoming is None else (LEADER, ONCOMING_ROLE, LEFT_FOLLOWER)
+        pull_out_roles = (
+            left if context.oncoming is None else (LEADER, ONCOMING_ROLE, LEFT_FOLLOWER)
+        )
         for is_made, kind, roles in (
-            (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, entered),
+            (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, pull_out_roles),
+            # A cancelled lane change leads back to the lane that the ego has left.
             (intent.cancels_pull_out, ManoeuvreKind.CANCEL, right),
             (intent.cancels_return, ManoeuvreKind.CANCEL, left),
             (intent.starts_return, ManoeuvreKind.RETURN, right),
@@ -288,7 +305,7 @@ class Recorder:
     def _record_percepts(
         self, state: State, context: DecisionContext, percepts: RecordedPercepts
     ) -> None:
-        """Record the ego's beliefs at a manoeuvre, up to `MAX_PERCEPTS` of a simulation."""
+        """Record the percepts of one manoeuvre, up to `MAX_PERCEPTS` in a simulation."""
         is_running = np.float32(percepts.step) <= state.end_step
         is_recorded = percepts.is_made & (state.num_percepts < MAX_PERCEPTS) & is_running
         rows = np.flatnonzero(is_recorded)
@@ -310,7 +327,7 @@ class Recorder:
         state.num_percepts = np.where(is_recorded, state.num_percepts + ONE, state.num_percepts)
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
-        """One round of xxHash32 (Collet 2012): a word into each accumulator."""
+        """Mix a word into each accumulator where `mask` holds: a round of xxHash32 (Collet 2012)."""
         accumulators = self.hash[: len(words)]
         mixed = accumulators + np.stack(words).astype(np.uint32) * _PRIME_2
         mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
@@ -357,7 +374,11 @@ class Recorder:
                 self._mix(four, p.valid[:, k])
 
     def _digest(self) -> NDArray[np.uint32]:
-        """Four words of each simulation: neighbouring accumulators combined, then avalanched."""
+        """The hash of each simulation, (simulation, 4).
+
+        Each word combines two accumulators and ends with the final mix of xxHash32, by which each
+        bit of the input changes about half of the bits of the word.
+        """
         words = []
         for k in range(4):
             next_word = self.hash[(k + 1) % 4]
