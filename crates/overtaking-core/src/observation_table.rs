@@ -1,4 +1,8 @@
-//! The table that an external driver of the ego observes; the twin of `overtaking.sim.reference.observation_table`.
+//! The table that an external driver of the ego observes: beliefs of the model driver, or truth. The twin of
+//! `overtaking.sim.reference.observation_table`.
+//!
+//! An external driver, such as a trained network, drives the ego in place of the model driver, which continues to
+//! perceive. `overtaking.model.driver_interface` states unit and meaning of each column.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -100,6 +104,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             };
             self.neighbour_columns(context, role, motion).write(columns);
         }
+        // On one-way roads oncoming vehicles have the gap `unseen_gap` and zeros.
         let mut vehicles = [OncomingVehicle::no_vehicle(params.simd); 2];
         if params.road.directions.has_oncoming_traffic {
             vehicles = [
@@ -150,7 +155,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Motion of a neighbour relative to the ego.
 struct NeighbourMotion<S: Simd> {
-    /// Whether the driver has detected the neighbour, or whether it exists for a driver that observes the truth.
+    /// Whether the model driver has detected the neighbour; for an external driver that observes the truth, whether the
+    /// neighbour exists.
     is_detected: Mask<S>,
     /// Gap between the bumpers [m].
     gap: F32<S>,
@@ -161,7 +167,9 @@ struct NeighbourMotion<S: Simd> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The model driver's beliefs, with the true closing speed by which a script decides.
+    /// The model driver's beliefs about a neighbour.
+    ///
+    /// An ego that follows the script of the study decides by the true closing speed to its leader.
     #[inline(always)]
     fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let params = self.params;
@@ -183,11 +191,11 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// The true motion of a neighbour; a large gap and zeros without one.
+    /// The true motion of a neighbour; `unseen_gap` and zeros without one.
     #[inline(always)]
     fn true_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let (state, params) = (self.state, self.params);
-        let (zero, unseen) = (
+        let (zero, unseen_gap) = (
             splat(params.simd, 0.0),
             splat(params.simd, params.constants.unseen_gap),
         );
@@ -203,13 +211,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         NeighbourMotion {
             is_detected: exists,
-            gap: select(exists, context.neighbours.gap[role], unseen),
+            gap: select(exists, context.neighbours.gap[role], unseen_gap),
             closing_speed: select(exists, closing_speed, zero),
             accel: select(exists, accel, zero),
         }
     }
 
-    /// One oncoming vehicle; a large gap and zeros without one.
+    /// Motion and appearance of an oncoming vehicle; `unseen_gap` and zeros without one.
     #[inline(always)]
     fn oncoming_columns(
         self,
@@ -256,9 +264,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             lateral_distance: if_detected(
                 (params.road.directions.edge_sum - d) - state.motion.d[slot],
             ),
-            // Its left is the ego's right.
+            // The left of an oncoming vehicle is the ego's right.
             indicator: if_detected(-indicator),
-            // Stop lamps point away from the ego.
+            // Stop lamps are at the rear, which the ego does not see.
             stop_lamp: zero,
             length: if_detected(2.0 * half_length),
             is_truck: if_detected(is_truck),
@@ -292,17 +300,17 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             line_is_solid: flag(
                 self.line_is_solid(splat(params.simd, params.constants.line_lookahead)),
             ),
-            // 0, 0.5 or 1: no urgency, an urgent return, one that also accepts a small gap.
+            // 1 for an urgent return that also accepts a small gap, 0.5 for another urgent return.
             return_urgency: 0.5 * flag(continuation.must_return_urgently)
                 + 0.5 * flag(continuation.accepts_small_gap),
-            // 0, 0.5 or 1: no abort, an abort, one for which there is space behind the target.
+            // 1 for an abort with space behind the target, 0.5 for an abort without it yet.
             abort_state: 0.5 * flag(continuation.must_abort)
                 + 0.5 * flag(continuation.must_abort & continuation.fits_into_lane),
             can_abort_pass: flag(self.can_abort_pass()),
         }
     }
 
-    /// A neighbour's motion and appearance; without a vehicle the appearance is zero.
+    /// A neighbour's motion and appearance; without detection the appearance is zero.
     #[inline(always)]
     fn neighbour_columns(
         self,
@@ -325,7 +333,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             params.vehicles[j].has_truck_tyres,
             params.vehicles[j].two_wheeler
         ]);
-        let brakes =
+        let stop_lamp =
             requested_accel.simd_lt(-params.constants.stop_lamp_decel) | is_wreck.simd_gt(0.0);
         let if_detected = |value| select(motion.is_detected, value, zero);
         NeighbourColumns {
@@ -335,7 +343,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             accel: motion.accel,
             lateral_distance: if_detected(context.neighbours.lateral_distance[role]),
             indicator: if_detected(indicator),
-            stop_lamp: if_detected(flag(params.simd, brakes)),
+            stop_lamp: if_detected(flag(params.simd, stop_lamp)),
             length: if_detected(2.0 * context.neighbours.half_length[role]),
             is_truck: if_detected(is_truck),
             is_two_wheeler: if_detected(is_two_wheeler),

@@ -1,4 +1,8 @@
-"""The table that an external driver of the ego observes: beliefs of the model driver, or truth."""
+"""The table that an external driver of the ego observes: beliefs of the model driver, or truth.
+
+An external driver, such as a trained network, drives the ego in place of the model driver, which
+continues to perceive. `model.driver_interface` states unit and meaning of each column.
+"""
 
 from typing import NamedTuple
 
@@ -36,10 +40,11 @@ class NeighbourMotion(NamedTuple):
     """Motion of a neighbour relative to the ego, each of shape (simulation,).
 
     Attributes:
-        is_detected: Whether a vehicle exists and the ego has detected it.
+        is_detected: Whether the model driver has detected the neighbour; for an external driver
+            that observes the truth, whether the neighbour exists.
         gap: Gap between the bumpers [m].
         closing_speed: Speed at which the gap shrinks [m/s].
-        accel: Acceleration [m/s^2].
+        accel: Acceleration of the neighbour [m/s^2].
     """
 
     is_detected: Mask
@@ -65,6 +70,7 @@ def observation_table(
     """
     table = np.zeros((state.motion.s.shape[1], OBSERVATION_SIZE), np.float32)
     ego, neighbours, passing = split_observation(table)
+    # Oncoming vehicles keep this gap and zeros on one-way roads.
     neighbours[:, :, NeighbourColumns._fields.index("gap")] = params.constants.unseen_gap
     _fill_columns(ego, _ego_columns(state, params, context))
     for role in NeighbourRole:
@@ -91,7 +97,7 @@ def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingCo
 
 
 def _ego_columns(state: State, params: StepParameters, context: DecisionContext) -> EgoColumns:
-    """The ego itself."""
+    """The ego's own motion, and the state of its overtake."""
     ego, neighbours = EGO_SLOT, context.neighbours
     lane_centre = HALF * (neighbours.lane_right_edge[ego] + neighbours.lane_left_edge[ego])
     return EgoColumns(
@@ -127,7 +133,10 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
 def _believed_motion(
     state: State, params: StepParameters, context: DecisionContext, role: NeighbourRole
 ) -> NeighbourMotion:
-    """The model driver's beliefs; the true closing speed to the leader if the script decides."""
+    """The model driver's beliefs about a neighbour.
+
+    An ego that follows the script of the study decides by the true closing speed to its leader.
+    """
     beliefs, ego = context.beliefs, EGO_SLOT
     is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]
     if role == NeighbourRole.LEADER:
@@ -143,7 +152,7 @@ def _believed_motion(
 def _true_motion(
     state: State, params: StepParameters, neighbours: Neighbours, role: NeighbourRole
 ) -> NeighbourMotion:
-    """The true motion of a neighbour; a large gap and zeros without one."""
+    """The true motion of a neighbour; `unseen_gap` and zeros without one."""
     slot = neighbours.slot[role, EGO_SLOT]
     exists = slot >= 0
     speeds, _ = state.road_velocity()
@@ -165,7 +174,7 @@ def _neighbour_columns(
     role: NeighbourRole,
     motion: NeighbourMotion,
 ) -> NeighbourColumns:
-    """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
+    """A neighbour's motion and appearance; without detection the appearance is zero."""
     vehicles, constants = params.vehicles, params.constants
     slot = neighbours.slot[role, EGO_SLOT]
     requested_accel = value_at_slot(state.controls.requested_accel, slot)
@@ -196,10 +205,11 @@ def _oncoming_columns(
     *,
     observes_truth: bool,
 ) -> NeighbourColumns:
-    """One oncoming vehicle; a large gap and zeros without one."""
+    """Motion and appearance of an oncoming vehicle; `unseen_gap` and zeros without one."""
     vehicles = params.vehicles
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
+    # Lateral positions of all vehicles in the ego's frame.
     d = np.stack(
         [
             state.position_seen_by_each(params, other_slot)[1][ego]
@@ -224,9 +234,9 @@ def _oncoming_columns(
         closing_speed=if_detected(closing_speed),
         accel=if_detected(accel),
         lateral_distance=if_detected(value_at_slot(d, slot) - state.motion.d[ego]),
-        # Its left is the ego's right.
+        # The left of an oncoming vehicle is the ego's right.
         indicator=if_detected(-value_at_slot(state.controls.indicator, slot)),
-        stop_lamp=np.zeros_like(gap),  # On its rear, which the ego does not see.
+        stop_lamp=np.zeros_like(gap),  # Stop lamps are at the rear, which the ego does not see.
         length=if_detected(TWO * vehicle.half_length[ego]),
         is_truck=if_detected(value_at_slot(vehicles.has_truck_tyres, slot)),
         is_two_wheeler=if_detected(value_at_slot(vehicles.two_wheeler, slot)),
@@ -243,19 +253,22 @@ def _passing_columns(
     """The model driver's knowledge about a pass against oncoming traffic."""
     ego = EGO_SLOT
     continuation = decide_pass_continuation(state, params, context, ego)
-    leader = context.neighbours.slot[LEADER, ego]
+    leader_slot = context.neighbours.slot[LEADER, ego]
     follows = state.is_in_stage(Stage.FOLLOW, ego)
-    overtaken = np.where(follows, leader, state.overtake.target_slot[ego])
-    gap_ahead_of_leader = gap_ahead_of(state, params, leader, ego)
+    # Before an overtake the leader is the vehicle that the ego would pass.
+    passed_slot = np.where(follows, leader_slot, state.overtake.target_slot[ego])
+    gap_ahead_of_leader = gap_ahead_of(state, params, leader_slot, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],
         is_certain=_flag(oncoming.is_certain[ego]),
         expected_closing_speed=expected_closing_speed(state, params)[ego],
         gap_ahead_of_leader=minimum(gap_ahead_of_leader, params.constants.unseen_gap),
-        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, overtaken),
+        tall_vehicle_gap_factor=tall_vehicle_gap_factor(params, passed_slot),
         line_is_solid=_flag(line_is_solid(state, params, ego, params.constants.line_lookahead)),
+        # 1 for an urgent return that also accepts a small gap, 0.5 for another urgent return.
         return_urgency=HALF * continuation.must_return_urgently
         + HALF * continuation.accepts_small_gap,
+        # 1 for an abort with space behind the target, 0.5 for an abort without it yet.
         abort_state=HALF * continuation.must_abort
         + HALF * (continuation.must_abort & continuation.fits_into_lane),
         can_abort_pass=_flag(can_abort_pass(state, params, ego)),

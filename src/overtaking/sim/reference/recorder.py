@@ -327,7 +327,11 @@ class Recorder:
         state.num_percepts = np.where(is_recorded, state.num_percepts + ONE, state.num_percepts)
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
-        """Mix a word into each accumulator where `mask` holds: a round of xxHash32 (Collet 2012)."""
+        """Mix a word into each accumulator where `mask` holds, by a round of xxHash32.
+
+        Source:
+            Collet 2012.
+        """
         accumulators = self.hash[: len(words)]
         mixed = accumulators + np.stack(words).astype(np.uint32) * _PRIME_2
         mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
