@@ -2,12 +2,12 @@
 //!
 //! A block computes its simulations in the sixteen lanes of SIMD vectors. A lane whose simulation has ended costs as
 //! much as any other, so the blocks of a thread pause together at regular steps. If the simulations that still run fit
-//! into fewer blocks, they move to free lanes, and the empty blocks are dropped. The results of a simulation do not
-//! depend on its lane.
+//! into fewer blocks, they move to free lanes, and the thread drops the empty blocks. The results of a simulation do
+//! not depend on its lane. A lane is never a lane of the road in this file.
 //!
-//! A *share* is the part of a batch that one thread simulates. A *step* is an integration step of 10 ms, a *decision*
-//! of the drivers comes every `SUBSTEPS` steps, and a *frame* is a recorded state. A *tile* buffers the last sixteen
-//! frames. A *slot* is the number of a vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`.
+//! A *share* is the part of a batch that one thread simulates. A *step* is 10 ms, a *decision* of the drivers comes
+//! every `SUBSTEPS` steps, and a *frame* is a recorded state. A *tile* buffers the last sixteen frames. A *slot* is the
+//! number of a vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`.
 
 use std::sync::Arc;
 
@@ -30,17 +30,17 @@ use crate::run::step::{
 };
 use crate::state::{EGO_SLOT, History, State, new_history};
 
-/// Number of tiles between two pauses, at least one.
+/// Number of tiles between two pauses: 1, 4 or 8 for blocks of 8, 16 or 32 slots.
 ///
-/// Chosen: 1, 4 or 8 tiles for blocks of 8, 16 or 32 slots, because the caches take longer to load the state of a larger
-/// block again after a pause, and the more so the more blocks the share has.
+/// Chosen: after a pause the caches load the states of all blocks of the share again, which takes longer for larger and
+/// for more blocks.
 const fn tiles_between_pauses(slots: usize) -> u32 {
     let slots_ratio = slots / SLOT_CAPACITIES[0];
     let blocks_ratio = max_blocks_per_share(slots) / max_blocks_per_share(SLOT_CAPACITIES[0]);
     (slots_ratio * blocks_ratio) as u32
 }
 
-/// Buffers that a thread uses again for each of its shares.
+/// Buffers that a thread reuses for each of its shares.
 #[derive(Default)]
 pub struct ThreadMemory<const N: usize> {
     tile: FrameTile<N>,
@@ -48,7 +48,7 @@ pub struct ThreadMemory<const N: usize> {
     histories: Vec<History<N>>,
 }
 
-/// Simulate a share from its first step to the end of its last simulation.
+/// Simulate a share from the first step to the end of its longest simulation.
 ///
 /// It is not inlined, because Rayon divides the shares recursively, and each level of the recursion would reserve stack
 /// for all locals of this function.
@@ -89,7 +89,7 @@ pub fn run<'a, S: Simd, const N: usize>(
     }
 }
 
-/// Steps between two pauses: a whole number of tiles, so that none is half full, and of decisions.
+/// Number of steps between two pauses: whole decisions, and whole tiles, so that every tile is full at a pause.
 fn steps_between_pauses(tiles: u32, steps_per_frame: u32) -> u32 {
     let steps = tiles * FRAMES_PER_TILE as u32 * steps_per_frame;
     if steps.is_multiple_of(SUBSTEPS) {
@@ -107,8 +107,8 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
     recorder: Option<Recorder<'a, N>>,
     /// Pairs of vehicles that may collide before the next decision.
     pub(crate) pairs: Pairs<S>,
-    /// Angle of the ego's front wheels that an external driver requested at the last decision [rad]; `None` if the model
-    /// steers.
+    /// Angle of the ego's front wheels that an external driver requested at the last decision [rad]; `None` if the
+    /// model steers.
     wheel_angle: Option<F32<S>>,
     /// Row in the batch of the simulation in each lane; a free lane repeats the row of another lane.
     pub(crate) simulations: [usize; SIMD_LANES],
@@ -117,7 +117,7 @@ pub(crate) struct Block<'a, S: Simd, const N: usize> {
 }
 
 impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
-    /// Make a block of one to sixteen simulations of a batch, each in the lane in which `recorder` expects it.
+    /// Make a block of one to sixteen simulations of a batch, in the order of the outputs of `recorder`.
     pub(crate) fn new(
         simd: S,
         inputs: &Inputs<'_>,
@@ -161,7 +161,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         })
     }
 
-    /// Simulate from one step up to another, or until all simulations have ended.
+    /// Simulate from `first_step` to `pause_step`, or until all simulations have ended.
     fn advance(
         &mut self,
         (first_step, pause_step): (u32, u32),
@@ -217,7 +217,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
     /// Replace the parameters from the present step on, for a branch of the simulations.
     ///
-    /// Each vehicle moves and changes its speed by the difference between its new and its old start.
+    /// Station and speed of each vehicle change by the difference between its new and its old start.
     fn switch_parameters(&mut self, inputs: &Inputs<'_>, switch: &ParameterSwitch<'_>) {
         let (vehicle_params, simulation_params) = load(
             self.params.simd,
@@ -248,7 +248,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                 self.state.displace_vehicle(slot, lane, shift, speed_change);
             }
         }
-        // It depends on the parameters of the vehicles, and is otherwise updated at decisions only.
+        // Perception updates it at decisions only, and it depends on the new parameters of the vehicles.
         update_slip_reach(&mut self.state, &self.params);
     }
 
@@ -282,10 +282,10 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         }
     }
 
-    /// Length of the integration steps [s], and the same as a number of steps of 10 ms.
+    /// Length of the integration steps, and the number of steps of 10 ms in each.
     ///
-    /// It is 50 ms if every frame coincides with a decision, and 10 ms otherwise, because frames between decisions need
-    /// a state.
+    /// The length is 50 ms if every frame coincides with a decision. It is 10 ms otherwise, because frames between
+    /// decisions need a state.
     fn step_length(&self, steps_per_frame: u32) -> (StepLength, u32) {
         let derived = &self.params.derived;
         if steps_per_frame.is_multiple_of(SUBSTEPS) {
@@ -306,7 +306,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         self.free_lanes(|block, lane| block.state.end_step[lane] < step as f32);
     }
 
-    /// Free the lanes where `is_over` holds.
+    /// Free the lanes whose simulation is over by `is_over`, a function of the block and the lane.
     pub(crate) fn free_lanes(&mut self, is_over: impl Fn(&Self, usize) -> bool) {
         let mut is_freed = false;
         for lane in 0..SIMD_LANES {
@@ -388,8 +388,8 @@ pub(crate) fn merge<'a, S: Simd, const N: usize>(
 
 /// Load the parameters of the simulations of a block from the arrays of a batch.
 ///
-/// `vehicle` has shape (field, slot, simulation) and `simulation` (field, simulation), flat. Slots beyond the number
-/// of the batch get zeros, among them `valid`, so that no vehicle is there.
+/// `vehicle` has shape (field, slot, simulation) and `simulation` (field, simulation), flat. `simulations` has the row
+/// in the batch for each lane. Slots that the batch does not have get zeros, also in `valid`, so they hold no vehicle.
 #[inline(always)]
 pub(crate) fn load<S: Simd, const N: usize>(
     simd: S,
@@ -422,7 +422,7 @@ fn has_ring<S: Simd>(simulation: &SimulationParams<S>) -> bool {
     (0..SIMD_LANES).any(|lane| simulation.ring_length[lane] != 0.0)
 }
 
-/// Whether any simulation of a block has not ended before `step`.
+/// Whether any simulation of a block still runs at `step`.
 fn any_runs<S: Simd, const N: usize>(state: &State<S, N>, simd: S, step: u32) -> bool {
     with_cpu_features!(
         simd,

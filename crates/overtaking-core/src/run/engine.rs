@@ -19,18 +19,20 @@ use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
 /// Largest number of blocks that one thread advances together.
 ///
-/// With more blocks, fewer lanes are without a running simulation. Measured at AVX2 with 4 and 8 blocks: 8 were 6 to 9 %
-/// faster with more than 8 slots, and up to 6 % slower with 8 slots, where the states of 4 blocks stay in the cache.
+/// More blocks leave fewer lanes without a running simulation, but need more cache. Measured at AVX2 with 4 and 8
+/// blocks: 8 were 6 to 9 % faster with more than 8 slots, and up to 6 % slower with 8 slots, where the states of 4
+/// blocks stay in the cache.
 pub(crate) const fn max_blocks_per_share(slots: usize) -> usize {
     if slots > SLOT_CAPACITIES[0] { 8 } else { 4 }
 }
 
-/// Number of shares that each of several threads gets before shares grow beyond `BLOCKS_PER_SMALL_SHARE` blocks.
+/// Number of shares per thread, with several threads, from which shares may have more than `BLOCKS_PER_SMALL_SHARE`
+/// blocks. Chosen.
 ///
 /// Shares take different times. With few shares for each thread, one thread would wait long for another at the end.
 const MIN_SHARES_PER_THREAD: usize = 4;
 
-/// Number of blocks of a share of a batch that is too small for `MIN_SHARES_PER_THREAD` larger shares.
+/// Number of blocks in a share of a batch that has fewer than `MIN_SHARES_PER_THREAD` larger shares for each thread.
 const BLOCKS_PER_SMALL_SHARE: usize = 4;
 
 /// Position of a simulation in its batch, and the memory for its results.
@@ -61,7 +63,7 @@ pub struct Inputs<'a> {
 
 /// Parameters that replace the earlier ones at a step, for a branch (a simulation that continues differently).
 ///
-/// Each vehicle is displaced and its speed changed by the difference between its new and its old start.
+/// Station and speed of each vehicle change by the difference between its new and its old start.
 #[derive(Clone, Copy)]
 pub struct ParameterSwitch<'a> {
     /// Parameters of vehicles and drivers from that step on, (field, slot, simulation).
@@ -175,7 +177,7 @@ fn run_blocks<S: Simd, const N: usize>(
         });
 }
 
-/// Order the simulations by number of vehicles, most first, then by weather, so that similar ones share a block.
+/// Order the simulations by number of vehicles, most first, then by weather, so that similar simulations share a block.
 ///
 /// A block computes as many vehicles as its simulation with most vehicles has, and water and gusts if any of its
 /// simulations has them.

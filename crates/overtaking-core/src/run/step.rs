@@ -1,9 +1,9 @@
 //! One step of a block of simulations: decisions of all drivers every 50 ms, motion every 10 or 50 ms.
 //!
-//! `overtaking.sim.reference.simulation` has the same order of operations in Python. A *slot* is the number of a vehicle
-//! in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number for each of
-//! the sixteen simulations. `with_cpu_features!` compiles its body as a separate function for the SIMD features of the
-//! CPU; an operation on vectors outside such a body is a call.
+//! `overtaking.sim.reference.simulation` has the same order of operations in Python. A *slot* is the number of a
+//! vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number
+//! for each of the sixteen simulations. `with_cpu_features!` compiles its body as a separate function for the SIMD
+//! features of the CPU; an operation on vectors outside such a body is a call.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -54,8 +54,8 @@ pub fn decide<S: Simd, const N: usize>(
 
 /// Update weather and friction, then find the neighbours and the beliefs of every driver.
 ///
-/// `ego_may_change_lanes` is true if an external driver decides for the ego. The ego's neighbours in the adjacent lanes are
-/// then found at every decision, not only when the driver of the model would look at them.
+/// `ego_may_change_lanes` is true if an external driver decides for the ego. The ego's neighbours in the adjacent lanes
+/// are then found at every decision, not only when the driver of the model would look at them.
 pub fn perceive<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
@@ -175,7 +175,7 @@ fn update_gaze<S: Simd, const N: usize>(
     } else if !is_changing_lane.any_true() {
         SearchedNeighbours::Leader
     } else if slot == EGO_SLOT || params.road.directions.has_oncoming_traffic {
-        // The recorder writes down all neighbours of an ego that changes lanes. On two-way roads every driver decides
+        // The recorder records all neighbours of an ego that changes lanes. On two-way roads every driver decides
         // through the stages of the ego's model, which read the followers at any decision of a pass.
         SearchedNeighbours::All
     } else {
@@ -241,7 +241,7 @@ pub fn drive_others<S: Simd, const N: usize>(
     }
     for slot in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            // Asked in here: outside, `any_true` would be compiled without the SIMD features of the CPU.
+            // The test is inside the macro: outside, `any_true` would be compiled without the SIMD features of the CPU.
             if drivers[slot].checks_mirrors.any_true() {
                 lane_change::change_lanes_by_mobil(
                     state,
@@ -266,7 +266,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
     decision: &EgoDecision<'_, S>,
 ) {
     with_cpu_features!(params.simd, {
-        // Computed under an external driver, too, because the function also switches the ego's headlamp flash.
+        // Also computed for an external driver, because the function switches the ego's headlamp flash.
         let oncoming_limit = if params.road.directions.has_oncoming_traffic {
             Some(accel_for_oncoming(state, params, EGO_SLOT, &ego.oncoming))
         } else {
@@ -297,7 +297,8 @@ pub fn drive_ego<S: Simd, const N: usize>(
     );
 }
 
-/// Find the pairs of vehicles that may touch before the next decision; `advance` looks for contacts of these pairs only.
+/// Find the pairs of vehicles that may touch before the next decision; `advance` looks for contacts of these pairs
+/// only.
 pub fn find_near_pairs<S: Simd, const N: usize>(
     state: &State<S, N>,
     params: &Params<S, N>,
@@ -312,7 +313,7 @@ pub fn find_near_pairs<S: Simd, const N: usize>(
     });
 }
 
-/// Update timers, remembered states, wrecks, gusts, friction and wind before the drivers decide.
+/// Update timers, wrecks, history, noise, road, friction and wind before perception.
 fn update_surroundings<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
@@ -355,6 +356,7 @@ fn update_surroundings<S: Simd, const N: usize>(
             steering::update_wind_trim(state, params, slot, step)
         );
     }
+    // After `update_wind_trim`, because drivers do not foresee the pushes of the study.
     if with_cpu_features!(
         params.simd,
         params.simulations.push_accel.simd_ne(0.0).any_true()
@@ -367,7 +369,9 @@ fn update_surroundings<S: Simd, const N: usize>(
     update_slip_reach(state, params);
 }
 
-/// Update how far each driver may turn the front wheels: it depends on friction and on the parameters of the vehicle.
+/// Update `slip_reach`, the largest slip angle of the front wheels that each driver chooses.
+///
+/// It depends on friction and on parameters of the vehicle.
 pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     with_cpu_features!(params.simd, {
         for slot in 0..params.num_slots_in_use {
@@ -376,10 +380,11 @@ pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, param
     });
 }
 
-/// A step of the motion, 10 or 50 ms long.
+/// An integration step of the motion, 10 or 50 ms long.
 pub struct IntegrationStep<'a, S: Simd> {
-    /// Number of the step of 10 ms with which it begins.
+    /// Index of its first step of 10 ms.
     pub index: u32,
+    /// Its length, 10 or 50 ms, and numbers derived from it.
     pub length: &'a StepLength,
     /// Angle of the ego's front wheels that an external driver requests [rad]; `None` if the model steers.
     pub wheel_angle: Option<F32<S>>,
@@ -396,7 +401,7 @@ pub fn advance<S: Simd, const N: usize>(
     step: &IntegrationStep<'_, S>,
 ) {
     if !pairs.is_empty() {
-        // A contact is found between the positions before and after the step.
+        // `resolve_contacts` finds contacts between the positions before and after the step.
         with_cpu_features!(params.simd, {
             for slot in 0..params.num_slots_in_use {
                 step_start.s[slot] = state.motion.s[slot];

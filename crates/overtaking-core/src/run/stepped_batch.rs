@@ -5,8 +5,8 @@
 //! between two calls. Simulations that began together are divided into *groups* (`StepGroup`), each advanced by one
 //! thread in blocks of sixteen lanes (`block`). Nothing is recorded.
 //!
-//! A call runs in the thread pool of its caller. The batch holds no thread between calls, so that a forked child can go
-//! on with its copy.
+//! A call runs in the thread pool of its caller. The batch holds no thread between calls, so that a forked child
+//! process can continue with its copy.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -27,7 +27,7 @@ use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 /// Number of decisions between two attempts to merge blocks whose simulations have ended. Chosen.
 const MERGE_INTERVAL: u32 = 16;
 
-/// A batch whose egos an external driver drives: it waits between calls, each of which observes the egos.
+/// A batch whose egos an external driver drives. It waits between calls; each call observes the egos.
 pub trait SteppedBatch: Send + Sync {
     /// Begin simulations in some rows, in place of the simulations there, and observe their egos.
     ///
@@ -62,9 +62,9 @@ struct ObservationRow<'o> {
     num_decisions: &'o mut u32,
 }
 
-/// Make a stepped batch of as many rows as `inputs` has simulations, at a SIMD level. No simulation has begun yet.
+/// Make a stepped batch with one row for each simulation of `inputs`, at a SIMD level. No simulation has begun yet.
 ///
-/// The model drives the egos without `action_kind`. The function is generic for the reason that `simulate` states.
+/// Without `action_kind` the model drives the egos. The function is generic for the same reason as `simulate`.
 ///
 /// # Errors
 /// There are more than `MAX_VEHICLES` slots.
@@ -101,15 +101,14 @@ pub fn stepped_batch<S: Simd>(
     }
 }
 
-/// All simulations of a stepped batch with up to `N` vehicle slots, in groups of simulations that began at the same
-/// call.
+/// A stepped batch with up to `N` vehicle slots: groups of simulations that began at the same call.
 struct StepGroups<S: Simd, const N: usize> {
     simd: S,
     /// Road, constants, seed and frame interval of all simulations.
     shared: Inputs<'static>,
     /// Meaning of the numbers of an action; `None` if the model drives the egos.
     action_kind: Option<ActionKind>,
-    /// Source of the observations, such as the beliefs of the driver.
+    /// Source of the observed motion of neighbours.
     source: ObservationSource,
     /// Histories of blocks that have ended, for the next blocks.
     free_histories: Vec<History<N>>,
@@ -220,7 +219,7 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         })
     }
 
-    /// Begin simulations of `inputs` in a group of their own. `rows` has the row of each simulation of `inputs`.
+    /// Begin some `simulations` of `inputs` in a new group. `rows` has the row of each simulation of `inputs`.
     fn begin_group(&mut self, inputs: &Inputs<'_>, rows: &[usize], simulations: &[usize]) {
         let number = self.num_groups_begun;
         self.num_groups_begun += 1;
@@ -245,9 +244,9 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         });
     }
 
-    /// Let all groups from index `first_group` on do `work` in parallel, and collect the observations that it writes.
+    /// Do `work` for all groups from index `first_group` on in parallel, and collect the observations that it writes.
     ///
-    /// There are `num_observed` observations; `observed_row` maps a row of the batch to its row there.
+    /// There are `num_observed` observations; `observed_row` maps a row of the batch to its row in the observations.
     fn observe_groups(
         &mut self,
         first_group: usize,
@@ -344,7 +343,7 @@ enum Writes {
 /// Blocks that began at the same call and that one thread advances together.
 struct StepGroup<S: Simd, const N: usize> {
     blocks: Vec<Box<Block<'static, S, N>>>,
-    /// Context of the egos of each block at the present decision, which `observe` keeps for the next call.
+    /// Context of the egos of each block at the present decision, which `observe` stores for `advance_to_decision`.
     ego_contexts: Vec<DriverContext<S>>,
     /// Rows of the simulations that began in this group.
     initial_rows: Vec<usize>,
@@ -360,7 +359,7 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
     /// Let the egos decide, by the actions of the external driver or by the model, and move all vehicles until the next
     /// decision.
     ///
-    /// A simulation leaves the group after the call in which it ended, because that call still has to write the
+    /// A simulation leaves the group after the call in which it ended, because this call still has to write the
     /// observation at its end. `call_start` is the step at which the present call began.
     fn advance_to_decision(
         &mut self,
@@ -429,8 +428,8 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
             perceive(state, params, context, self.step, true);
             let step = self.step as f32;
             let is_running = |lane: usize| step <= state.end_step[lane];
-            // A simulation that ended at an earlier decision of this call moves on with its block until the call is
-            // over. Its row already has the observation at its end.
+            // A simulation that ended at an earlier decision of this call stays in its block until the call is over.
+            // Its row already has the observation at its end.
             let ended_before = |lane: usize| step - SUBSTEPS as f32 > state.end_step[lane];
             let is_written = |lane: usize| {
                 has_simulation[lane]

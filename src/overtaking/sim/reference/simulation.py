@@ -1,4 +1,8 @@
-"""The loop over time: decisions 20 times a second, and motion between them."""
+"""The loop over time: decisions 20 times a second, and motion between them.
+
+A *step* is 10 ms; every fifth step (`SUBSTEPS`) is a *decision*. The *ego*, the vehicle under
+study, is in slot 0. An external driver, such as a trained network, may drive it by its actions.
+"""
 
 import dataclasses
 from collections.abc import Sequence
@@ -48,10 +52,12 @@ from overtaking.world.step_parameters import (
 
 
 class ReferenceStepper:
-    """The reference, decision by decision.
+    """A batch of simulations that waits at each decision for the actions of an external driver.
+
+    Nothing is recorded.
 
     Args:
-        params: Parameters of a batch.
+        params: Parameters of the batch.
         action_kind: A name in `model.driver_interface.ACTION_KINDS`; None if the model's own driver
             decides.
         observes_truth: Whether to observe the true state instead of the ego's beliefs.
@@ -60,7 +66,7 @@ class ReferenceStepper:
     def __init__(
         self, params: StepParameters, action_kind: str | None, *, observes_truth: bool
     ) -> None:
-        """Prepare the first decision."""
+        """Start all simulations; `observe_start` computes the first observation."""
         self._params, self._action_kind = params, action_kind
         self._observes_truth = observes_truth
         self._local_params = params
@@ -69,7 +75,7 @@ class ReferenceStepper:
         self._is_running = np.ones(params.scenario_index.shape, np.bool_)
 
     def observe_start(self) -> SteppedObservation:
-        """Observe the start."""
+        """Observe the egos at the first decision, which the first call of `step` carries out."""
         table, is_running = self._observe()
         return SteppedObservation(table, is_running, np.zeros(is_running.shape, np.uint32))
 
@@ -89,13 +95,13 @@ class ReferenceStepper:
             self._act(action)
             num_carried_out += self._is_running
             observed, is_running = self._observe()
-            # A simulation that has ended keeps the observation of its last decision.
+            # A simulation that ends during the call keeps the observation at its end.
             table = np.where(self._is_running[:, None], observed, table)
             self._is_running = is_running
         return SteppedObservation(table, self._is_running, num_carried_out)
 
     def _observe(self) -> tuple[F32, Mask]:
-        """Observations of all egos, ended simulations included, and which simulations run."""
+        """Observations of all egos, also in ended simulations, and whether each simulation runs."""
         is_running = np.float32(self._step) <= self._state.end_step
         self._local_params = with_local_speeds(self._state, self._params)
         self._context = perceive(self._state, self._local_params, self._step)
@@ -105,7 +111,7 @@ class ReferenceStepper:
         return table, is_running
 
     def _act(self, action: EgoAction | None) -> None:
-        """Carry out the decisions of all drivers, and move to the next decision."""
+        """Carry out the decisions of all drivers, and move all vehicles until the next decision."""
         state, params, first_step = self._state, self._local_params, self._step
         pairs = act(state, params, self._context, step=first_step, action=action)
         for k in range(0, SUBSTEPS, self._steps_at_once):
@@ -144,7 +150,7 @@ def run(
     Args:
         scenario: A batch of scenarios.
         params: Parameters of the batch.
-        switches: Parameters that take over at later steps, in their order.
+        switches: Parameters that replace the present ones at later steps, ordered by step.
         actions: Actions of an external driver of the ego; None if the model's driver decides.
     """
     state = State.at_start(params)
@@ -170,24 +176,25 @@ def run(
 
 
 def _steps_at_once(params: StepParameters) -> int:
-    """Number of integration steps that are made as one.
+    """Number of steps of 10 ms that the motion advances at once.
 
-    One linearly implicit step leads from decision to decision: an explicit one of 50 ms is unstable
-    at low speed. Frames at other times than decisions need a state at every step.
+    If every frame coincides with a decision, the motion advances by 50 ms at once: it is linearly
+    implicit, and so stable at low speed, where an explicit step of this length is not. Frames at
+    other times need a state at every step of 10 ms.
     """
     return SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
 
 
 def switch_parameters(state: State, params: StepParameters, new_params: StepParameters) -> None:
-    """Adapt the state to parameters that take over in the middle of a simulation.
+    """Adapt the state to parameters that replace others in the middle of a simulation.
 
-    Vehicles move by the difference of their starts, and so do their remembered positions, as if
-    they had always been there.
+    Station and speed of each vehicle change by the difference between its new and its old start.
+    The history changes by the same, as if the vehicle had always been there.
     """
     vehicles, new_vehicles = params.vehicles, new_params.vehicles
     s_change = new_vehicles.start_s - vehicles.start_s
     speed_change = new_vehicles.start_speed - vehicles.start_speed
-    # Adding 0 could change the sign of a zero, so the others keep their numbers.
+    # The other vehicles keep their numbers: adding 0 could change the sign of a zero.
     is_moved = (s_change != 0) | (speed_change != 0)
     motion, past = state.motion, state.attention
     motion.s = np.where(is_moved, motion.s + s_change, motion.s)
@@ -208,12 +215,12 @@ def decide(
     action: EgoAction | None = None,
     recorder: Recorder | None = None,
 ) -> list[VehiclePair]:
-    """Compute everything that happens 20 times a second: weather, perception, decisions.
+    """Compute a decision: weather, perception, then the choices of all drivers.
 
     Args:
-        state: It changes.
+        state: The function updates it.
         params: Parameters of the batch.
-        step: Index of the integration step.
+        step: Index of this step of 10 ms.
         action: Action of an external driver of the ego; None if the model's driver decides.
         recorder: Records the ego's percepts; None without a recording.
 
@@ -226,7 +233,13 @@ def decide(
 
 
 def perceive(state: State, params: StepParameters, step: int) -> DecisionContext:
-    """Compute the weather at each vehicle and the perception of all drivers at a decision."""
+    """Update the weather at each vehicle, then compute the perception of all drivers.
+
+    Args:
+        state: The function updates timers, history, noise, friction, wind and attention.
+        params: Parameters of the batch, with speeds by `with_local_speeds`.
+        step: Index of this step of 10 ms, a decision.
+    """
     constants, road, choice = params.constants, params.road, state.lane_choice
     decision_index = step // SUBSTEPS
     choice.time_since_lane_change = choice.time_since_lane_change + constants.decision
@@ -241,7 +254,7 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     road_conditions.update_friction(state, params)
     road_conditions.update_wind(state, params)
     steering.update_wind_trim(state, params, step)
-    # After the reaction to the wind, as drivers do not foresee the pushes of the study.
+    # After `update_wind_trim`, because drivers do not foresee the pushes of the study.
     road_conditions.apply_study_push(state, params, decision_index)
     neighbours = find_neighbours(state, params)
     if step == 0:
@@ -274,25 +287,25 @@ def act(
     """Let all drivers decide; with an external driver, the ego carries out its action.
 
     Args:
-        state: It changes.
+        state: The function updates it.
         params: Parameters of the batch.
         context: Perception of the drivers at this decision.
-        step: Index of the integration step.
+        step: Index of this step of 10 ms, a decision.
         action: Action of an external driver of the ego; None if the model's driver decides.
         recorder: Records the ego's percepts; None without a recording.
 
     Returns:
         The pairs of vehicles that may touch before the next decision.
     """
-    leader_accel = acceleration.accel_behind_leader(state, params, context)
+    accel_limit = acceleration.accel_behind_leader(state, params, context)
     if context.oncoming is not None:
-        leader_accel = minimum(leader_accel, accel_for_oncoming(state, params, context.oncoming))
-        leader_accel = minimum(leader_accel, accel_limit_while_passing(state, params, context))
+        accel_limit = minimum(accel_limit, accel_for_oncoming(state, params, context.oncoming))
+        accel_limit = minimum(accel_limit, accel_limit_while_passing(state, params, context))
     old_leader_accel = acceleration.accel_behind_old_leader(state, params, context)
-    requested_accels = with_requested_accel(action, leader_accel, old_leader_accel)
+    requested_accels = with_requested_accel(action, accel_limit, old_leader_accel)
     acceleration.apply_pedals(state, params, *requested_accels)
     if context.oncoming is None:
-        lane_change.change_lanes_by_mobil(state, params, context, leader_accel)
+        lane_change.change_lanes_by_mobil(state, params, context, accel_limit)
     else:
         overtake.decide_others(state, params, context)
     overtake.decide_ego(state, params, context, step=step, action=action, recorder=recorder)
@@ -308,14 +321,14 @@ def advance(
     steps_at_once: int,
     action: EgoAction | None = None,
 ) -> None:
-    """Steer, move and collide over one integration step, or over several at once.
+    """Steer and move all vehicles for 10 or 50 ms, then resolve their collisions.
 
     Args:
-        state: It changes.
+        state: The function updates it.
         params: Parameters of the batch.
-        pairs: Pairs that may touch, from the last decision.
-        step: Index of the integration step.
-        steps_at_once: 1, or `SUBSTEPS` for the whole way to the next decision.
+        pairs: Pairs of vehicles that may touch, from the last decision.
+        step: Index of the first step of 10 ms.
+        steps_at_once: Number of steps, 1 or `SUBSTEPS`.
         action: Action of an external driver of the ego; None if the model's driver decides.
     """
     constants, simulations = params.constants, params.simulations
