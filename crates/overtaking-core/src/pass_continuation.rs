@@ -196,7 +196,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let target_slot = self.state.overtake.target_slot[self.slot];
         let factor = tall_vehicle_gap_factor(self.params, target_slot);
         let return_time_gap = vehicle.return_time_gap * factor;
-        // The usual gap behind the next vehicle, plus the usual gap ahead of the target.
+        // The usual gap behind the next vehicle, plus the usual gap ahead of the target, at its speed.
         let usual_size =
             vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed;
         ReturnSpace {
@@ -293,6 +293,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             + constants.urgent_return_margin;
         let would_be_late =
             assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
+        // The acceleration that just avoids a contact.
         let needed_accel = cah_accel(constants, speed, &next_vehicle);
         let can_brake = needed_accel.simd_ge(-self.abort_decel());
         self.is_past_target() & would_be_late & can_brake
@@ -324,10 +325,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Largest acceleration of a driver in the opposing lane [m/s^2].
     ///
-    /// An aborting driver brakes until it is slower than its target by a margin. A driver past its target without the
-    /// time to pass the next vehicle as well must fit in between the two. It follows the next vehicle with a share of
-    /// its time gap, or in the middle of the space if that is nearer. All other drivers have the limit
-    /// `NO_ACCEL_LIMIT`.
+    /// An aborting driver brakes until it is slower than its target by a margin, then keeps its speed. A driver past
+    /// its target without the time to pass the next vehicle as well must fit in between the two. It follows the next
+    /// vehicle with a share of its time gap, or in the middle of the space if that is nearer. All other drivers have
+    /// the limit `NO_ACCEL_LIMIT`.
     #[inline(always)]
     pub fn accel_limit_while_passing(self, context: &DriverContext<S>) -> F32<S> {
         let (params, slot) = (self.params, self.slot);

@@ -28,7 +28,7 @@ use crate::state::{
 };
 use crate::vehicle_handle::VehicleHandle;
 
-/// Manoeuvres of the ego at which percepts are recorded.
+/// Kinds of manoeuvres of the ego at which a percept is recorded.
 #[derive(Clone, Copy)]
 pub enum ManoeuvreKind {
     /// The ego starts to pull out.
@@ -39,8 +39,8 @@ pub enum ManoeuvreKind {
     Cancel = 2,
 }
 
-/// A manoeuvre of the ego at which percepts are recorded.
-struct RecordedPercepts<'a, S: Simd> {
+/// A manoeuvre of the ego at which a percept is recorded.
+struct RecordedManoeuvre<'a, S: Simd> {
     /// Simulations in which the ego makes the manoeuvre at this step.
     is_made: Mask<S>,
     /// Kind of the manoeuvre.
@@ -212,7 +212,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Record percepts at each manoeuvre that the ego starts or cancels.
+    /// Record a percept at each manoeuvre that the ego starts or cancels.
     #[inline(always)]
     pub fn record_manoeuvres<S: Simd>(
         &mut self,
@@ -239,33 +239,33 @@ impl<'a, const N: usize> Recorder<'a, N> {
             (intent.cancels_return, ManoeuvreKind::Cancel, left, None),
             (intent.starts_return, ManoeuvreKind::Return, right, None),
         ] {
-            let percepts = RecordedPercepts {
+            let manoeuvre = RecordedManoeuvre {
                 is_made,
                 kind,
                 roles,
                 oncoming,
                 step,
             };
-            self.record_percepts(state, params, context, &percepts);
+            self.record_percept(state, params, context, &manoeuvre);
         }
     }
 
-    /// Record the percepts of one manoeuvre, up to `MAX_PERCEPTS` in a simulation.
+    /// Record the percept of a manoeuvre, up to `MAX_PERCEPTS` in a simulation.
     #[inline(always)]
-    fn record_percepts<S: Simd>(
+    fn record_percept<S: Simd>(
         &mut self,
         state: &mut State<S, N>,
         params: &Params<S, N>,
         context: &DriverContext<S>,
-        percepts: &RecordedPercepts<'_, S>,
+        manoeuvre: &RecordedManoeuvre<'_, S>,
     ) {
-        let RecordedPercepts {
+        let RecordedManoeuvre {
             is_made,
             kind,
             roles,
             oncoming,
             step,
-        } = *percepts;
+        } = *manoeuvre;
         let now = splat(params.simd, step as f32);
         let has_free_column = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
         let is_recorded = is_made & has_free_column & now.simd_le(state.end_step);
@@ -326,7 +326,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     }
 }
 
-/// Percept of one vehicle.
+/// The part of a percept about one vehicle.
 struct Percept<S: Simd> {
     /// Slot of the vehicle, or `NO_SLOT`.
     slot: F32<S>,
@@ -342,7 +342,7 @@ struct Percept<S: Simd> {
     true_closing_speed: F32<S>,
 }
 
-/// The percept of the neighbour in `role`.
+/// The part of a percept about the neighbour in `role`.
 #[inline(always)]
 fn neighbour_percept<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -368,7 +368,7 @@ fn neighbour_percept<S: Simd, const N: usize>(
     }
 }
 
-/// The percept of an oncoming vehicle.
+/// The part of a percept about an oncoming vehicle.
 #[inline(always)]
 fn oncoming_percept<S: Simd, const N: usize>(
     state: &State<S, N>,

@@ -31,8 +31,8 @@ const MIN_AIR_SPEED: f32 = 1.0;
 
 /// Advance an Ornstein-Uhlenbeck process of unit variance by one step.
 ///
-/// `kept_share` is the correlation of the new value with the present one, 0 to 1, and `uniform_number` a random number in
-/// (0, 1).
+/// `kept_share` is the correlation of the new value with the present one, 0 to 1, and `uniform_number` a random number
+/// in (0, 1).
 #[inline(always)]
 fn ornstein_uhlenbeck_step<S: Simd>(
     process: &mut F32<S>,
@@ -251,7 +251,8 @@ pub fn update_road_course<S: Simd, const N: usize>(
     let middle_station = course_station(params, drives_against, s + half_decision * v);
     let ahead_s = s + (half_decision + steering_lag) * v;
     let ahead_station = course_station(params, drives_against, ahead_s);
-    // Distance to the left of the reference line, in the direction of travel.
+    // Distance to the left of the reference line, in the direction of travel. The reference line is at d = `edge_sum`
+    // in the frame of vehicles against the road.
     let offset = select(drives_against, d - directions.edge_sum, d);
     let curvature = travel_sign * interpolate_course(middle_station, last, |_| &table.curvature);
     let curvature_ahead =
@@ -380,7 +381,7 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
     let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
     for slot in 0..params.num_slots_in_use {
         let vehicle = &params.vehicles[slot];
-        // The lane that the vehicle's centre is in.
+        // The lane that the centre is in, by the frame of the vehicle: opposite lanes are equally wide.
         let mut lane = splat(params.simd, 0.0);
         for index in 1..num_lanes {
             let is_beyond_line = state.motion.d[slot].simd_ge(road.boundaries[index]);
@@ -471,6 +472,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let params = self.params;
         let (s, _) = self.road_position();
         let num_intervals = s / params.constants.gust_spacing + params.simulations.gust_phase;
+        // Share of the gust that the vehicle has passed, above 1 beyond the gust.
         let gust_share = (num_intervals - floor(num_intervals)) * params.constants.gust_spacing
             / params.simulations.gust_length;
         let (_, cosine) = sincos(core::f32::consts::TAU * at_most(gust_share, 1.0));

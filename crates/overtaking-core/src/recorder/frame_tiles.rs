@@ -3,8 +3,7 @@
 //! The engine computes one frame (recorded instant) of sixteen simulations at a time, but in the output the frames of
 //! one vehicle are adjacent. So the recorder collects sixteen frames in a *tile*, transposes it in squares of sixteen
 //! times sixteen words, and writes it at once. Narrow state fields of a vehicle share a word of 32 bits in the tile.
-//! The macro
-//! `with_states` lists the fields and their integer types.
+//! The macro `with_states` lists the fields and their integer types.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};

@@ -195,6 +195,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             if let Some(recorder) = &mut self.recorder
                 && step.is_multiple_of(inputs.steps_per_frame)
             {
+                // A frame at a decision has lamps and stage after this decision.
                 let frame = (step / inputs.steps_per_frame) as usize;
                 with_cpu_features!(simd, {
                     let is_running = splat(simd, step as f32).simd_le(state.end_step);

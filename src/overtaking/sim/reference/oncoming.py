@@ -178,7 +178,7 @@ def _sighting(
     Args:
         state: State at a decision.
         params: Parameters of the batch.
-        neighbours: Neighbours of the drivers; spray of the leader dims the view.
+        neighbours: Neighbours of the drivers; the leader's spray dims the view.
         oncoming: The oncoming vehicle.
         sight_distance: Sight distance in the lane of the oncoming vehicle [m].
     """

@@ -224,7 +224,7 @@ def _return_space(
     # Drivers leave a longer gap ahead of a target that blocks the view.
     factor = tall_vehicle_gap_factor(params, motion.target_slot)
     return_time_gap = vehicle.return_time_gap * factor
-    # The usual gap behind the next vehicle, plus the usual gap ahead of the target.
+    # The usual gap behind the next vehicle, plus the usual gap ahead of the target, at its speed.
     usual_size = vehicle.min_gap + (vehicle.time_gap + return_time_gap) * motion.target_speed
     return ReturnSpace(size=size, is_cramped=size < usual_size)
 
@@ -316,6 +316,7 @@ def _must_return_before_next(
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
     next_vehicle = Leader(gap=gap, closing_speed=closing_speed)
+    # The acceleration that just avoids a contact.
     needed_accel = cah_accel(constants, speed, next_vehicle)
     can_brake = needed_accel >= -_abort_decel(params, vehicles)
     return is_past_target & would_be_late & can_brake
@@ -349,9 +350,10 @@ def accel_limit_while_passing(
 ) -> F32:
     """Largest acceleration of drivers in the opposing lane [m/s^2].
 
-    An aborting driver brakes until it is slower than its target by a margin. A driver past its
-    target without the time to pass the next vehicle as well must fit in between the two. It follows
-    the next vehicle with a share of its time gap, or in the middle of the space if that is nearer.
+    An aborting driver brakes until it is slower than its target by a margin, then keeps its speed.
+    A driver past its target without the time to pass the next vehicle as well must fit in between
+    the two. It follows the next vehicle with a share of its time gap, or in the middle of the space
+    if that is nearer.
 
     Returns:
         Shape (vehicle, simulation); `NO_ACCEL_LIMIT` for all other drivers.

@@ -89,10 +89,10 @@ def _slot_or_no_vehicle(slot: F32) -> NDArray[np.int32]:
     return np.where(slot < 0, np.int32(NO_VEHICLE), slot.astype(np.int32))
 
 
-def _recorded_belief(
+def _neighbour_percept_fields(
     state: State, neighbours: Neighbours, beliefs: Beliefs, role: int
 ) -> dict[str, NDArray[Any]]:
-    """Percept of the neighbour in `role`, by field of `Percepts`, each (simulation,)."""
+    """Fields of a percept about the neighbour in `role`, each (simulation,)."""
     slot = neighbours.slot[role, EGO_SLOT]
     speeds, _ = state.road_velocity()
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
@@ -105,8 +105,8 @@ def _recorded_belief(
     )
 
 
-def _recorded_oncoming_belief(state: State, oncoming: OncomingVehicle) -> dict[str, NDArray[Any]]:
-    """Percept of the oncoming vehicle, by field of `Percepts`, each (simulation,)."""
+def _oncoming_percept_fields(state: State, oncoming: OncomingVehicle) -> dict[str, NDArray[Any]]:
+    """Fields of a percept about the oncoming vehicle, each (simulation,)."""
     slot = oncoming.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
     return _percept_fields(
@@ -127,7 +127,7 @@ class _Approach(NamedTuple):
 def _percept_fields(
     slot: F32, is_detected: Mask, *, believed: _Approach, true: _Approach
 ) -> dict[str, NDArray[Any]]:
-    """Recorded integers of the percept of one vehicle, by field of `Percepts`.
+    """Fields of a percept about one vehicle, as recorded integers by field of `Percepts`.
 
     Without a vehicle the true values are 0.
     """
@@ -157,8 +157,8 @@ def _contacts(state: State) -> Contacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedPercepts:
-    """A manoeuvre of the ego at which percepts are recorded.
+class RecordedManoeuvre:
+    """A manoeuvre of the ego at which a percept is recorded.
 
     Attributes:
         is_made: Whether the ego makes the manoeuvre at this decision, (simulation,).
@@ -285,7 +285,7 @@ class Recorder:
     def record_manoeuvres(
         self, state: State, context: DecisionContext, intent: Intent, step: int
     ) -> None:
-        """Record percepts at each manoeuvre that the ego starts or cancels."""
+        """Record a percept at each manoeuvre that the ego starts or cancels."""
         left = (LEADER, LEFT_LEADER, LEFT_FOLLOWER)
         right = (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)
         # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
@@ -299,28 +299,28 @@ class Recorder:
             (intent.cancels_return, ManoeuvreKind.CANCEL, left),
             (intent.starts_return, ManoeuvreKind.RETURN, right),
         ):
-            percepts = RecordedPercepts(is_made=is_made, kind=kind, roles=roles, step=step)
-            self._record_percepts(state, context, percepts)
+            manoeuvre = RecordedManoeuvre(is_made=is_made, kind=kind, roles=roles, step=step)
+            self._record_percept(state, context, manoeuvre)
 
-    def _record_percepts(
-        self, state: State, context: DecisionContext, percepts: RecordedPercepts
+    def _record_percept(
+        self, state: State, context: DecisionContext, manoeuvre: RecordedManoeuvre
     ) -> None:
-        """Record the percepts of one manoeuvre, up to `MAX_PERCEPTS` in a simulation."""
-        is_running = np.float32(percepts.step) <= state.end_step
-        is_recorded = percepts.is_made & (state.num_percepts < MAX_PERCEPTS) & is_running
+        """Record the percept of a manoeuvre, up to `MAX_PERCEPTS` in a simulation."""
+        is_running = np.float32(manoeuvre.step) <= state.end_step
+        is_recorded = manoeuvre.is_made & (state.num_percepts < MAX_PERCEPTS) & is_running
         rows = np.flatnonzero(is_recorded)
         if not len(rows):
             return
         columns = state.num_percepts[rows].astype(np.int64)
         recorded = self.percepts
         recorded.valid[rows, columns] = True
-        recorded.kind[rows, columns] = np.uint8(percepts.kind)
-        recorded.time[rows, columns] = np.int32(percepts.step * STEP_MS)
-        for vehicle, role in zip(PerceivedVehicle, percepts.roles, strict=True):
+        recorded.kind[rows, columns] = np.uint8(manoeuvre.kind)
+        recorded.time[rows, columns] = np.int32(manoeuvre.step * STEP_MS)
+        for vehicle, role in zip(PerceivedVehicle, manoeuvre.roles, strict=True):
             if role == ONCOMING_ROLE and context.oncoming is not None:
-                fields = _recorded_oncoming_belief(state, context.oncoming.nearest)
+                fields = _oncoming_percept_fields(state, context.oncoming.nearest)
             else:
-                fields = _recorded_belief(state, context.neighbours, context.beliefs, role)
+                fields = _neighbour_percept_fields(state, context.neighbours, context.beliefs, role)
             for name, integers in fields.items():
                 array = getattr(recorded, name)
                 array[rows, columns, vehicle] = integers[rows].astype(array.dtype)

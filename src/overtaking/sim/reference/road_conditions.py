@@ -89,7 +89,7 @@ def update_friction(state: State, params: StepParameters) -> None:
     """Update the friction under the wheels of either side in `state.friction_and_wind`."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
-    # The lane that the vehicle's centre is in.
+    # The lane that the centre is in, by the frame of the vehicle: opposite lanes are equally wide.
     lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
@@ -141,7 +141,8 @@ def update_road_course(state: State, params: StepParameters) -> None:
         return
     table, local_road = road.course_table, state.road
     is_opposite = vehicles.travel_sign < 0
-    # Distance to the left of the reference line, in the direction of travel.
+    # Distance to the left of the reference line, in the direction of travel. The reference line is
+    # at d = `edge_sum` in the frame of vehicles against the road.
     offset = np.where(is_opposite, motion.d - road.edge_sum, motion.d)
     half_decision = HALF * constants.decision
     # A driver steers for the curvature at the place where the vehicle will respond.
@@ -274,7 +275,9 @@ def discrete_gust(state: State, params: StepParameters) -> F32:
     simulations, constants = params.simulations, params.constants
     s, _ = state.road_position(params)
     num_intervals = s / constants.gust_spacing + simulations.gust_phase
-    distance = (num_intervals - road_surface.floor(num_intervals)) * constants.gust_spacing
+    share_of_interval = num_intervals - road_surface.floor(num_intervals)
+    distance = share_of_interval * constants.gust_spacing
+    # Share of the gust that the vehicle has passed, above 1 beyond the gust.
     gust_share = distance / simulations.gust_length
     _, cosine = sincos(TAU * minimum(gust_share, ONE))
     return np.where(gust_share < ONE, HALF - HALF * cosine, ZERO)

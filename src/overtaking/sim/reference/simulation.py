@@ -169,6 +169,7 @@ def run(
             pairs = decide(state, params, step=step, action=action, recorder=recorder)
         if step % params.steps_per_frame == 0:
             is_running = np.float32(step) <= state.end_step
+            # A frame at a decision has lamps and stage after this decision.
             recorder.record_frame(state, params, is_running, step // params.steps_per_frame)
         advance(state, params, pairs, step=step, steps_at_once=steps_at_once, action=action)
         step += steps_at_once
