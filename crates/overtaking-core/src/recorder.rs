@@ -60,7 +60,7 @@ pub struct Recorder<'a, const N: usize> {
     /// The four accumulators of the hash of each simulation.
     hash: [[u32; SIMD_LANES]; 4],
     /// Number of frames that each simulation has recorded.
-    frames: [usize; SIMD_LANES],
+    num_frames: [usize; SIMD_LANES],
     /// First frame of the present tile; the frames before it are in the outputs.
     tile_start: usize,
 }
@@ -69,7 +69,7 @@ pub struct Recorder<'a, const N: usize> {
 #[derive(Clone, Copy)]
 pub struct RecorderProgress {
     hash: [[u32; SIMD_LANES]; 4],
-    frames: [usize; SIMD_LANES],
+    num_frames: [usize; SIMD_LANES],
     tile_start: usize,
 }
 
@@ -80,7 +80,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         Self {
             out: core::array::from_fn(|_| output.take()),
             hash: progress.hash,
-            frames: progress.frames,
+            num_frames: progress.num_frames,
             tile_start: progress.tile_start,
         }
     }
@@ -89,7 +89,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
     pub fn progress(&self) -> RecorderProgress {
         RecorderProgress {
             hash: self.hash,
-            frames: self.frames,
+            num_frames: self.num_frames,
             tile_start: self.tile_start,
         }
     }
@@ -101,7 +101,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         Self {
             out: core::array::from_fn(|_| outputs.next()),
             hash: hash_start(),
-            frames: [0; SIMD_LANES],
+            num_frames: [0; SIMD_LANES],
             tile_start: 0,
         }
     }
@@ -111,7 +111,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         debug_assert_eq!(self.tile_start, source.tile_start);
         self.out[lane] = source.out[source_lane].take();
         self.hash.copy_lane(lane, &source.hash, source_lane);
-        self.frames[lane] = source.frames[source_lane];
+        self.num_frames[lane] = source.num_frames[source_lane];
     }
 
     /// Record and hash one frame of the simulations that still run.
@@ -166,7 +166,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             if let Some(out) = out.as_mut().filter(|_| is_running.test(lane)) {
                 out.stage[frame] = stage[lane] as u8;
                 out.collided_with[frame] = partner[lane] as u8;
-                self.frames[lane] = frame + 1;
+                self.num_frames[lane] = frame + 1;
             }
         }
         if row + 1 == FRAMES_PER_TILE {
@@ -195,7 +195,11 @@ impl<'a, const N: usize> Recorder<'a, N> {
     #[inline(always)]
     pub fn write_tile<S: Simd>(&mut self, params: &Params<S, N>, tile: &FrameTile<N>) {
         let start = self.tile_start;
-        if self.frames.iter().all(|frames| *frames <= start) {
+        if self
+            .num_frames
+            .iter()
+            .all(|num_frames| *num_frames <= start)
+        {
             return;
         }
         for slot in 0..params.num_slots_in_use {
@@ -318,10 +322,10 @@ impl<'a, const N: usize> Recorder<'a, N> {
             return;
         };
         let mut hash = self.hash.map(|word| word[lane]);
-        clear_after_last_frame(&mut out, self.frames[lane], lane, params);
+        clear_after_last_frame(&mut out, self.num_frames[lane], lane, params);
         put_contacts(&mut out, &mut hash, lane, state, params);
         mix_percepts(&mut hash, &out);
-        out.num_frames[0] = self.frames[lane] as i32;
+        out.num_frames[0] = self.num_frames[lane] as i32;
         out.trace_hash.copy_from_slice(&digest(hash));
     }
 }
@@ -415,14 +419,14 @@ fn clear(out: &mut Output<'_>) {
 /// zero.
 fn clear_after_last_frame<S: Simd, const N: usize>(
     out: &mut Output<'_>,
-    frames: usize,
+    recorded_frames: usize,
     lane: usize,
     params: &Params<S, N>,
 ) {
     let max_frames = out.frames;
     for slot in 0..out.slots {
         let is_used = params.vehicles[slot].valid[lane] > 0.0;
-        let num_frames = if is_used { frames } else { 0 };
+        let num_frames = if is_used { recorded_frames } else { 0 };
         let num_written = (out.written[slot].max(0) as usize).clamp(num_frames, max_frames);
         out.written[slot] = num_frames as i32;
         let first = slot * max_frames;

@@ -210,12 +210,15 @@ pub(crate) fn order_by_similarity(inputs: &Inputs<'_>) -> Vec<usize> {
 pub(crate) fn divide_into_shares<T>(mut simulations: Vec<T>, max_blocks: usize) -> Vec<Vec<T>> {
     let num_shares_of = |blocks: usize| simulations.len().div_ceil(SIMD_LANES * blocks);
     let num_threads = rayon::current_num_threads();
-    let num_balanced = if num_threads > 1 {
+    // A single thread waits for no other thread.
+    let num_balanced_shares = if num_threads > 1 {
         num_shares_of(BLOCKS_PER_SMALL_SHARE).min(MIN_SHARES_PER_THREAD * num_threads)
     } else {
         1
     };
-    let num_shares = num_shares_of(max_blocks).max(num_balanced).max(num_threads);
+    let num_shares = num_shares_of(max_blocks)
+        .max(num_balanced_shares)
+        .max(num_threads);
     let size = simulations
         .len()
         .div_ceil(num_shares)

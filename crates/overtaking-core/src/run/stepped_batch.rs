@@ -131,6 +131,7 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
             scenario_index: inputs.scenario_index,
             ..self.shared.clone()
         };
+        // Row in the observations of each row of the batch; `None` for a row without a new simulation.
         let mut observed_rows = vec![None; self.positions_in_group.len()];
         for (observed_row, row) in rows.iter().enumerate() {
             observed_rows[*row] = Some(observed_row);
@@ -144,6 +145,7 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
         {
             self.begin_group(inputs, rows, &simulations);
         }
+        // New groups have only rows with new simulations, so the 0 is never used.
         let observed_row = |row: usize| observed_rows[row].unwrap_or(0);
         self.observe_groups(
             num_old_groups,
@@ -165,20 +167,20 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
         let (steps_per_frame, num_rows) =
             (self.shared.steps_per_frame, self.positions_in_group.len());
         let observations = self.observe_groups(0, num_rows, &|row| row, &|group, context, rows| {
-            let first_step = group.step;
+            let call_start = group.step;
             for decision in 1..=decisions {
                 group.advance_to_decision(
                     steps_per_frame,
                     action_log.as_ref(),
                     context,
-                    first_step,
+                    call_start,
                 );
                 let writes = if decision < decisions {
                     Writes::Ended
                 } else {
                     Writes::All
                 };
-                group.observe(context, rows, first_step, writes);
+                group.observe(context, rows, call_start, writes);
             }
         });
         self.drop_empty_groups();
@@ -408,12 +410,12 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
 
     /// Update the perception of all drivers, write the observations of the egos, and decide for all other drivers.
     ///
-    /// `first_step` is the step at which the call began.
+    /// `call_start` is the step at which the present call began.
     fn observe(
         &mut self,
         context: &mut DecisionContext<S, N>,
         rows: &mut GroupRows<'_, '_>,
-        first_step: u32,
+        call_start: u32,
         writes: Writes,
     ) {
         self.ego_contexts.clear();
@@ -453,7 +455,7 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
                         *entry = values[lane];
                     }
                     *row.is_running = is_running(lane);
-                    *row.num_decisions = (self.step - first_step) / SUBSTEPS;
+                    *row.num_decisions = (self.step - call_start) / SUBSTEPS;
                 }
             }
             drive_others(state, params, context);
