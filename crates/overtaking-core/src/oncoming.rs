@@ -64,7 +64,7 @@ pub struct OncomingTraffic<S: Simd> {
 }
 
 impl<S: Simd> OncomingVehicle<S> {
-    /// A value before the first decision, without a vehicle.
+    /// No vehicle: `NO_SLOT`, zeros and false masks.
     pub fn no_vehicle(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -81,7 +81,7 @@ impl<S: Simd> OncomingVehicle<S> {
 }
 
 impl<S: Simd> OncomingTraffic<S> {
-    /// A value before the first decision: an empty road.
+    /// A road without oncoming vehicles: zeros and false masks.
     pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
@@ -142,6 +142,7 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
         oncoming.time_to_meeting =
             in_own_lane.believed_gap / at_least(in_own_lane.closing_speed, MIN_CLOSING_SPEED);
     } else {
+        // No simulation has a vehicle in the driver's own lane, so the slot is `NO_SLOT` in each.
         update_time_in_view(state, params, slot, IN_OWN_LANE, nearest_in_own_lane.slot);
         oncoming.meets_in_own_lane = certain & !certain; // False in every SIMD lane.
     }
@@ -150,8 +151,8 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
 
 /// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
 ///
-/// Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver pulls out the moment a
-/// bend or a truck stops hiding the road.
+/// `lanes` is `IN_ANY_LANE` or `IN_OWN_LANE`. Recognising an empty road takes as long as detecting a clearly visible
+/// vehicle, so no driver pulls out the moment a bend or a truck stops hiding the road.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -172,6 +173,8 @@ fn is_certain<S: Simd, const N: usize>(
 }
 
 /// Count the time for which the driver in `slot` has had the same vehicle, or no vehicle, in view.
+///
+/// `lanes` is `IN_ANY_LANE` or `IN_OWN_LANE`; `slot_in_view` is the vehicle in view there, or `NO_SLOT`.
 #[inline(always)]
 fn update_time_in_view<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -375,7 +378,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // By similar triangles the line of sight meets the middle of the opposing lane at this distance.
         let distance = lane_offset * (distance_to_rear / at_least(corner_offset, MIN_SIGHT_LINE));
         let past_leader = select(hides_lane, distance, splat(params.simd, FAR));
-        // `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states sight distances.
+        // `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states sight
+        // distances.
         let by_road = min(stated_by_map, state.road.sight_distance[slot]);
         min(min(by_road, past_leader), params.simulations.oncoming_sight)
     }
@@ -450,7 +454,7 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
 }
 
 impl<S: Simd, const N: usize> OncomingSearch<S, N> {
-    /// A value before the first update: an empty road.
+    /// An empty road, until `update` fills the search.
     pub fn no_vehicles(simd: S) -> Self {
         let zero = splat(simd, 0.0);
         let never = zero.simd_lt(zero);
