@@ -1,7 +1,7 @@
 """Branches: the same simulations with weather, drivers or vehicles changed from a frame on.
 
-A branch equals its source up to the first change, because the same random numbers are drawn. Each
-later difference is an effect of the changes.
+A branch draws the same random numbers as its source. So it equals the source up to the first
+change, and each later difference is an effect of the changes.
 """
 
 import dataclasses
@@ -35,19 +35,19 @@ __all__ = [
 
 
 Simulate = Callable[..., Trajectories]
-"""The function `run` of the engine or of the reference."""
+"""A simulator: `engine.run` or `reference.run`."""
 
 
 _REMOVED_S = np.float32(-30_000.0)
-"""Station of removed vehicles, so far before the start of the road that they meet no vehicle [m].
+"""Station of removed vehicles, far before the start of the road [m]. Chosen.
 
-A removed vehicle keeps its slot, because random numbers are drawn by slot. It also stays `valid`: a
-vehicle that became invalid in the middle of a simulation would leave half-written frames.
+A removed vehicle keeps its slot, because random numbers are drawn by slot. It also keeps its flag
+`valid`: a change of this flag during a simulation would leave half-written frames.
 """
 
 
 _REMOVED_SPACING = np.float32(1_000.0)
-"""Distance between the stations of removed vehicles in successive slots [m]."""
+"""Distance between removed vehicles in successive slots, so that they do not meet [m]. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,8 @@ class ScenarioVersion:
         decision: Decision forced on every ego.
         scenario_index: Indices from which all random numbers are drawn from this frame on, shape
             (simulation,); None for the indices of the scenario.
-        judgement_errors: As in `world.step_parameters.StepParameters`.
+        judgement_errors: New errors of the ego in judging distances and closing speeds, in standard
+            deviations, shape (2, simulation); None keeps the present errors. None at frame 0.
     """
 
     frame: int
@@ -107,8 +108,7 @@ def branch(
     for intervention in (Intervention(weather=weather), *interventions):
         check_batch(intervention, "branch")
     first_intervention = Intervention(frame=frame, decision=decision, weather=weather)
-    # The sort is stable: of two interventions at one frame, the later argument acts on the result
-    # of the earlier.
+    # The sort is stable: interventions at the same frame act in the order of the arguments.
     all_interventions = tuple(
         sorted(
             (*origin.interventions, first_intervention, *interventions),
@@ -116,7 +116,8 @@ def branch(
         )
     )
     versions = versions_by_frame(origin.scenario, all_interventions)
-    # Valid changes may lead to an invalid scenario, such as two losses of speed to a negative one.
+    # Interventions that are valid one by one can lead to an invalid scenario: two reductions of a
+    # speed can make it negative.
     for version in versions:
         check_batch(version.scenario, "branch")
     trajectories = with_final_conditions(
@@ -125,7 +126,7 @@ def branch(
         versions,
         all_interventions,
     )
-    # An intervention that sets nothing but its frame has no effect and is not recorded.
+    # An intervention that sets only its frame has no effect, so `branch_origin` leaves it out.
     effective_interventions = tuple(
         intervention
         for intervention in all_interventions
@@ -264,7 +265,7 @@ def _with_traits(drivers: DriverTraits, intervention: Intervention) -> DriverTra
         array[:, intervention.slot] = value
         new_traits[name] = array
     drivers, slot = drivers.replace(**new_traits), intervention.slot
-    # Otherwise a driver would brake or accelerate back to the speed before the change.
+    # With the old desired speed the driver would return to the speed before the change.
     desired_speed = _add_to_slot(drivers.desired_speed, slot, intervention.speed_change)
     return drivers.replace(
         desired_speed=np.where(desired_speed < 0, np.float32(0.0), desired_speed)

@@ -2,8 +2,8 @@
 
 `stay` and `rules` come with the package. They observe the traffic as the model driver believes it
 to be (`observation="human"`) and choose moves (`action="decision"`): they decide about lane
-changes, and the model driver accelerates, brakes and steers. The columns that they read are
-described in `model.driver_interface`; left is the overtaking side, also in left-hand traffic.
+changes, and the model driver accelerates, brakes and steers. `model.driver_interface` describes
+the columns that they read. Left is the overtaking side, also in left-hand traffic.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ Moves = NDArray[np.int64]
 
 
 MIN_SPEED_GAIN = 3.0
-"""A leader is overtaken if it is slower than the desired speed by more than this [m/s]. Chosen."""
+"""Desired speed minus speed of the leader above which the ego overtakes [m/s]. Chosen."""
 
 
 PULL_OUT_TIME_GAP = 4.0
@@ -57,7 +57,7 @@ INDICATOR_LEAD_TIME = 1.2
 MAX_IMPOSED_DECEL = 3.0
 """Largest deceleration that a lane change imposes on the new follower [m/s^2].
 
-The value of UN R79 as recalled; its wording was not at hand.
+As in UN R79, stated from memory, because the text was not available.
 """
 
 
@@ -66,11 +66,14 @@ CANCEL_IMPOSED_DECEL = 6.0
 
 
 FOLLOWER_REACTION_TIME = 0.4
-"""Time after which the new follower brakes [s]. As in UN R79."""
+"""Time from the start of the lane change until the new follower brakes [s].
+
+As in UN R79, stated from memory.
+"""
 
 
 MIN_GAP = 2.0
-"""Gap of the new follower that is left at any speed [m]. Chosen."""
+"""Smallest gap between the ego and its new follower at any speed [m]. Chosen."""
 
 
 MIN_TIME_BETWEEN_CHANGES = 8.0
@@ -80,8 +83,8 @@ MIN_TIME_BETWEEN_CHANGES = 8.0
 ABORT_STATE_THRESHOLD = 0.5
 """`abort_state` above which the ego aborts [1].
 
-The state 0.5 is not enough: the ego is still too fast or too near to fit in behind the target. In
-the state 1 it fits in.
+In the state 0.5 the ego is still too fast or too near to fit in behind the target. In the state 1
+it fits in.
 """
 
 
@@ -98,7 +101,7 @@ def rules(observation: Observation) -> Moves:
     """Change lanes by fixed rules: for a gain of speed, into gaps larger than UN R79 demands.
 
     The driver decides only while it checks the mirrors. Between two checks it keeps indicating to
-    the side that it wants.
+    `wanted_side`, which is above 0 for the overtaking side and below 0 for the kerb side.
     """
     ego = observation.ego
     checks_mirrors = ego.checks_mirrors > 0
@@ -119,12 +122,13 @@ def rules(observation: Observation) -> Moves:
     move = np.where(returns, return_move, np.where(pulls_out, pull_out_move, Move.KEEP))
 
     may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
-    # A started lane change goes on with a small time gap: to turn back may be the greater danger.
-    # It is cancelled only for hard braking of the follower, or less than `MIN_GAP`.
+    # A small time gap does not cancel a lane change that has begun: turning back can be more
+    # dangerous. Only hard braking of the follower, or a gap below `MIN_GAP`, cancels it.
     cancels = may_cancel & ~_is_clear_behind(
         observation, observation.left_follower, max_decel=CANCEL_IMPOSED_DECEL, min_time_gap=0.0
     )
-    # `abort_state` is above 0 only while the ego pulls out or passes: the stage needs no test.
+    # `abort_state` is above 0 only while the ego pulls out or passes, so the stage needs no test.
+    # `Move.CANCEL` turns back during a lane change, and aborts during a pass.
     aborts = observation.passing.abort_state > ABORT_STATE_THRESHOLD
     return np.where(cancels | aborts, Move.CANCEL, move)
 
@@ -132,7 +136,7 @@ def rules(observation: Observation) -> Moves:
 def _wants_to_overtake(observation: Observation) -> Mask:
     """Whether the leader is slow and near, and the gaps beside it suffice."""
     ego, leader, passing = observation.ego, observation.leader, observation.passing
-    vehicle = observation.vehicle  # The ego's.
+    vehicle = observation.vehicle  # Parameters of the ego's vehicle.
     leader_speed = ego.speed - leader.closing_speed
     is_slow = vehicle.desired_speed - leader_speed > MIN_SPEED_GAIN
     is_near = (leader.is_detected > 0) & (leader.gap < PULL_OUT_TIME_GAP * ego.speed)
@@ -141,7 +145,7 @@ def _wants_to_overtake(observation: Observation) -> Mask:
     # Ahead of the leader the ego needs its length and two time gaps: before it and behind it.
     min_return_gap = 2.0 * MIN_TIME_GAP * leader_speed + 2.0 * vehicle.half_length
     can_use_opposing_lane = (
-        (passing.is_certain > 0)  # It has watched that lane for long enough.
+        (passing.is_certain > 0)  # The driver has watched that lane for long enough.
         & (passing.line_is_solid == 0)
         & (passing.gap_ahead_of_leader > min_return_gap)
         & _is_back_in_time(observation)
@@ -152,22 +156,23 @@ def _wants_to_overtake(observation: Observation) -> Mask:
 def _is_back_in_time(observation: Observation) -> Mask:
     """Whether the ego is back in its lane `ONCOMING_TIME_MARGIN` before it meets oncoming traffic.
 
-    If no oncoming vehicle is seen, one may be just beyond the sight distance, at the speed that the
-    driver expects. Gap and speed of a seen vehicle count where they are less favourable than that.
+    The driver assumes an oncoming vehicle at the end of the sight distance, at the speed that it
+    expects there. A detected vehicle replaces this gap if it is nearer, and this speed if it is
+    faster.
     """
     ego, leader, vehicle = observation.ego, observation.leader, observation.vehicle
     oncoming, passing = observation.oncoming, observation.passing
     leader_speed = ego.speed - leader.closing_speed
     lengths = leader.length + 2.0 * vehicle.half_length
     distance = leader.gap + lengths + MIN_TIME_GAP * leader_speed
-    # A smaller gain is rejected in `_wants_to_overtake`; the limit avoids a division by zero here.
+    # `_wants_to_overtake` rejects smaller gains; the limit only avoids a division by zero.
     speed_gain = np.maximum(vehicle.desired_speed - leader_speed, MIN_SPEED_GAIN)
-    # Half a lane change before the ego gains speed and half of one at the end, as in
-    # `sim.reference.passing.accepts_oncoming_gap`.
+    # As in `sim.reference.passing.accepts_oncoming_gap`, half a lane change passes before the ego
+    # gains on the leader, and half of one at the end.
     duration = distance / speed_gain + vehicle.lane_change_duration
-    is_seen = oncoming.is_detected > 0
-    oncoming_gap = np.minimum(np.where(is_seen, oncoming.gap, np.inf), passing.sight_distance)
-    closing_speed = np.where(is_seen, oncoming.closing_speed, 0.0)
+    is_detected = oncoming.is_detected > 0
+    oncoming_gap = np.minimum(np.where(is_detected, oncoming.gap, np.inf), passing.sight_distance)
+    closing_speed = np.where(is_detected, oncoming.closing_speed, 0.0)
     closing_speed = np.maximum(closing_speed, passing.expected_closing_speed)
     return oncoming_gap > (duration + ONCOMING_TIME_MARGIN) * closing_speed
 
@@ -225,9 +230,9 @@ TIMEOUT_S = 60.0
 
 
 READY = "ready"
-"""First answer of `sim.network_process`, once it has imported ONNX Runtime.
+"""First answer of `sim.network_process`, when it has imported ONNX Runtime.
 
-From then on `TIMEOUT_S` holds.
+`TIMEOUT_S` limits each later answer, `_START_TIMEOUT_S` this one.
 """
 
 
@@ -268,7 +273,7 @@ class OnnxDriver:
         self._path = path
         self._content = _read_file(path)
         self.sha256 = hashlib.sha256(self._content).hexdigest()
-        self._lock = Lock()  # Two threads would mix up their answers on the pipes.
+        self._lock = Lock()  # Without it a thread could receive the answer to another thread.
         self._worker: WorkerProcess | None = None
         self._width, self.num_parts = self._start(ConfigError)
 
@@ -290,8 +295,10 @@ class OnnxDriver:
             error: Class of the error to raise: `ConfigError` at construction, `DriverError` later.
         """
         self._worker = WorkerProcess(_MODULE)
+        # Ends the process when this object is deleted.
         weakref.finalize(self, self._worker.close)
-        # `sim.network_process` describes the messages; `widths` are the allowed numbers of columns.
+        # `sim.network_process` describes the messages. `widths` are the allowed numbers of columns:
+        # with and without those of a pass.
         limits = {
             "memory_mib": MEMORY_MIB,
             "widths": (OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)),
@@ -324,13 +331,14 @@ class OnnxDriver:
         return answer
 
     def _close(self) -> None:
+        """End the process; the next decision starts a new one."""
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.close()
 
 
 class _NetworkError(Exception):
-    """The network or its process failed; the parts of the message that the user gets."""
+    """The network or its process failed; holds the parts of the message for the user."""
 
     def __init__(self, expected: str, got: str) -> None:
         super().__init__(expected, got)
@@ -341,13 +349,13 @@ def _receive(worker: WorkerProcess, timeout_s: float) -> Any:
     """The next answer of the process.
 
     Raises:
-        _NetworkError: The process reports an error, ends, or takes too long.
+        _NetworkError: The process reports an error, ends, or exceeds its time.
     """
-    begin = time.monotonic()
+    start = time.monotonic()
     try:
         answer = worker.receive(timeout_s)
     except TimeoutError:
-        elapsed = time.monotonic() - begin
+        elapsed = time.monotonic() - start
         raise _NetworkError(
             f"an answer within {timeout_s:g} s", f"none after {elapsed:.0f} s"
         ) from None

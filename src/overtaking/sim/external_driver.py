@@ -1,8 +1,8 @@
 """Simulations in which an external driver, a program of the user's, drives the ego.
 
-The driver answers at each decision for all simulations of a batch at once. Its answers are clipped,
-rounded to integers and recorded as actions; the batch is then simulated again with these actions.
-So every machine can repeat the simulation from the actions, without the driver.
+The driver answers at each decision for all simulations of a batch at once. This module clips its
+answers, rounds them to integers and records them as actions. The batch is then simulated again with
+these actions. So every machine can repeat the simulation from the actions, without the driver.
 """
 
 import hashlib
@@ -56,9 +56,9 @@ class Driver:
     Attributes:
         function: Takes an `Observation` of all simulations, and returns actions of shape
             (simulation, part). A method `reset` of the function, if it exists, is called with the
-            scenarios before each batch.
+            `Scenario` of each batch before its start.
         observation: `human` for the beliefs of the model driver, `truth` for the true state, or a
-            `Sensor`.
+            `Sensor` that measures the true state.
         action: Action space of the answers, a name in `ACTION_SPACES`.
         action_repeat: Number of decisions for which an answer holds, 20 a second, 1 to 200.
         name: Name of the driver; if empty, the name of the function is shown.
@@ -151,7 +151,7 @@ def record_actions(
 ) -> Actions:
     """The actions of a driver in a batch.
 
-    A simulation with these actions repeats exactly the simulation that the driver observed.
+    A simulation with these actions has the same bits as the simulation that the driver observed.
 
     Args:
         scenario: A batch of scenarios.
@@ -171,21 +171,24 @@ def record_actions(
         reset(scenario)
     batch = _DrivenBatch(scenario, params, driver, simulator, log)
     while batch.observation.is_running.any():
-        start = batch.observation
-        answer = clip_to_limits(_call_driver(driver.function, start, space), space.parts)
+        start_observation = batch.observation
+        answer = clip_to_limits(
+            _call_driver(driver.function, start_observation, space), space.parts
+        )
         num_clipped += answer.was_clipped
         if space.track is None:
             batch.carry_out(answer.values, driver.action_repeat)
         else:
-            # The answer is a speed or a trajectory, which gives another action at each decision.
+            # The answer is a speed or a trajectory: each decision needs its own action to track it.
             for _ in range(driver.action_repeat):
-                action = space.track(answer.values, start, batch.observation)
+                action = space.track(answer.values, start_observation, batch.observation)
                 batch.carry_out(action, 1)
     return Actions(values=log, kind=space.kind, num_clipped=num_clipped)
 
 
 def _log_shape(params: StepParameters) -> tuple[int, int, int]:
-    """Numbers of simulations, decisions and parts of the record of a batch."""
+    """Numbers of simulations, decisions and action parts of a batch."""
+    # A decision follows every `SUBSTEPS` steps; the first is at step 0.
     last_step = int(params.simulations.last_step.max(initial=0.0))
     return len(params.scenario_index), last_step // SUBSTEPS + 1, MAX_ACTION_PARTS
 
@@ -233,16 +236,17 @@ class _DrivenBatch:
             num_decisions: Number of decisions for which it holds.
         """
         values = to_action_integers(action, self.observation.is_running, self._parts)
-        first = self.observation.decision_index
+        decision_index = self.observation.decision_index
+        next_index = decision_index + num_decisions
         # The last answer may hold beyond the last decision; the slice then ends there.
-        self._log[:, first : first + num_decisions] = values[:, None]
+        self._log[:, decision_index:next_index] = values[:, None]
         stepped = self._stepper.step(values, num_decisions)
-        self.observation = self._observe(stepped, first + num_decisions)
+        self.observation = self._observe(stepped, next_index)
 
     def _observe(self, stepped: SteppedObservation, decision_index: int) -> Observation:
         """The observation of the driver, through its sensors if it has any."""
         table, is_running = stepped.table, stepped.is_running
-        # The stepper still observes a simulation at its end; a driver has nothing to decide there.
+        # The stepper also observes the end of a simulation, where the driver decides no more.
         table[~is_running] = 0.0
         if self._sensors:
             # The parts are views, so the measurements are written into the table.
@@ -274,7 +278,7 @@ def _call_driver(function: DriverFunction, observation: Observation, space: Acti
     except Exception as error:
         failure = f"{type(error).__name__}{_error_line(error)}: {error}{_similar_names(error)}"
         raise _driver_error(observation, "an answer", failure, running) from error
-    if answer.dtype.kind not in "fiub":
+    if answer.dtype.kind not in "fiub":  # Floats, integers, unsigned integers, Booleans.
         raise _driver_error(observation, "numbers", f"an array of {answer.dtype}", running)
     if answer.shape == expected_shape[:1] and len(space.parts) == 1:
         answer = answer[:, None]
@@ -318,11 +322,11 @@ def _driver_error(
     observation: Observation, expected: str, got: object, rows: NDArray[np.integer]
 ) -> DriverError:
     """The error for an invalid answer in some rows of the batch, at least one."""
-    first = int(observation.scenario.scenario_index[rows[0]])
+    first_index = int(observation.scenario.scenario_index[rows[0]])
     others = f" and {len(rows) - 1} others" if len(rows) > 1 else ""
     return DriverError(
         what="answer of the driver",
-        where=f"simulation {first}{others} at {observation.time:.2f} s",
+        where=f"simulation {first_index}{others} at {observation.time:.2f} s",
         expected=expected,
         got=got,
         next_step="correct the driver; --resume continues after the simulations already written",

@@ -66,8 +66,8 @@ class DriverOutput(NamedTuple):
 
     Attributes:
         requested_accel: Requested acceleration [m/s^2].
-        wheel_angle: Angle of the front wheels [rad], or lateral acceleration of a two-wheeler
-            [m/s^2], before the wheels turn in this tick.
+        wheel_angle: Angle of the front wheels before `steer` turns them in this tick [rad]. A
+            two-wheeler leans instead: the lateral acceleration that its lean balances [m/s^2].
         curvature: Curvature of the path along the road, positive to the overtaking side [1/m].
         lateral_speed: Velocity across the road, towards the overtaking side [m/s].
         is_wreck: Whether the vehicle has collided or left the road.
@@ -107,6 +107,7 @@ class ExternallyMovedSimulation:
             engine_inputs(params),
             tick=tick,
             frames=self._outputs["stage"].shape[1],
+            # Flat views, into which the engine writes the recording.
             outputs={name: array.reshape(-1) for name, array in self._outputs.items()},
             level=simd_level(level),
         )
@@ -127,8 +128,9 @@ class ExternallyMovedSimulation:
         """Record the first contact of each vehicle with another vehicle, and make it a wreck.
 
         A contact of the ego ends the simulation after `time.after_collision` of `model.toml`. The
-        closing speed v is computed from the impulse J = (1 + e) v / (1 / m1 + 1 / m2) of a central
-        impact, because the other simulator does not report the velocities before the contact.
+        closing speed v follows from the impulse J = (1 + e) v / (1 / m1 + 1 / m2) of a central
+        impact, with the coefficient of restitution e and the masses m1 and m2, because the other
+        simulator does not report the velocities before the contact.
 
         Args:
             contacts: Contacts in the order of their ticks. Contacts with other objects, such as
@@ -179,8 +181,7 @@ class ExternallyMovedSimulation:
         Args:
             wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
                 two-wheeler [m/s^2], that compensates crosswind, shape (slot,). It replaces the part
-                that the drivers would add for the wind of the scenario, because another simulator
-                moves the vehicles.
+                for the wind of the scenario, because the other simulator applies its own wind.
 
         Returns:
             Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], shape (slot,).

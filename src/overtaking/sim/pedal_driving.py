@@ -37,12 +37,12 @@ class DrivenVehicles(NamedTuple):
         requested_accel: Acceleration that pedals, air and rolling resistance ask for [m/s^2].
         accel_lon, accel_lat: Mean acceleration over the last step ahead and to the left [m/s^2].
         gust: Random process of the wind, of unit variance [1].
-        distance_error, speed_error, lane_wander: Random processes of a driver of the model; these
-            vehicles have no driver, but the engine draws all random processes together.
+        distance_error, speed_error, lane_wander: Random processes of a driver of the model [1].
+            These vehicles have no such driver, but the engine draws all random processes together.
         mu_left, mu_right: Friction coefficient under the wheels of either side [1].
         wind_force: Lateral force of the wind [N].
         wind_moment: Yaw moment of the wind [N m].
-        tail_wind: Wind along the heading [m/s].
+        tail_wind: Wind along the heading, positive from behind [m/s].
     """
 
     s: F32
@@ -91,7 +91,7 @@ class ContactBodies(NamedTuple):
     inverse_inertia: F32
 
 
-_FRICTION_AT_START = 0.8  # `State.at_start` of both simulators; the first tick overwrites it.
+_FRICTION_AT_START = 0.8  # As in both simulators. `update_weather` overwrites it in each tick.
 
 
 def driven_vehicles_at_start(num_vehicles: int) -> NDArray[np.float32]:
@@ -131,9 +131,9 @@ class PedalDriving:
         self._groups: list[tuple[slice, _core.PedalDriving]] = []
         for group_index, first in enumerate(range(0, num_vehicles, _core.MAX_VEHICLES)):
             group = slice(first, min(first + _core.MAX_VEHICLES, num_vehicles))
-            # Random numbers depend on scenario index and slot. Each group starts again at slot 0,
-            # so it gets an index, and thereby gusts, of its own. The indices of sampled scenarios
-            # are far below 2^32.
+            # Random numbers depend on scenario index and slot, and the slots of each group start at
+            # 0. With its own index each group has its own gusts. Indices of sampled scenarios are
+            # far below 2^32, so no other scenario has this index.
             scenario_index = params.scenario_index + np.uint64(group_index << 32)
             params_of_group = dataclasses.replace(
                 params,
@@ -151,6 +151,7 @@ class PedalDriving:
             decision_index: Number of the tick, which the random numbers depend on.
         """
         for group, driving in self._groups:
+            # The engine takes only contiguous arrays, so the group is copied and written back.
             part = np.ascontiguousarray(table[:, group])
             driving.update_weather(part, decision_index)
             table[:, group] = part
@@ -194,6 +195,6 @@ class PedalDriving:
             Formulas and their sources: `sim.reference.collisions.resolve_contacts`.
         """
         pair_table = np.array(pairs, np.uint32).reshape(-1, 2)
-        # The parameters of the vehicles are not read here, so any group serves.
+        # The engine reads only `bodies` here, so any group can resolve the contacts of all groups.
         _, driving = self._groups[0]
         return driving.resolve_contacts(bodies, old_positions, pair_table)

@@ -25,7 +25,7 @@ from overtaking.world.constants import DECISIONS_PER_SECOND
 from overtaking.world.step_parameters import StepParameters
 
 _MAX_FILE_BYTES = 1 << 20
-"""Largest sensor file that is read. Chosen: far above ten numbers with comments."""
+"""Size of the largest sensor file that is read. Chosen: far above ten numbers with comments."""
 
 
 _IS_AHEAD = np.array([role.endswith(("leader", "oncoming")) for role in NEIGHBOUR_ROLES])
@@ -39,12 +39,12 @@ _GAP_AHEAD_OF_LEADER_COLUMN = PassingColumns._fields.index("gap_ahead_of_leader"
 class Sensor:
     """Properties of the ego's sensor system, which a user states for a product.
 
-    The sensor detects the vehicle in a role if its centre is within range and field of view, or
-    within `range_around`, except for random misses. Ranges shrink in rain and fog.
+    The sensor detects a neighbour of the ego if its centre is within range and field of view, or
+    within `range_around`, except for random misses. Rain and fog shorten all ranges.
 
     Attributes:
         range_ahead: Range ahead, from centre to centre [m].
-        range_behind: Range behind [m].
+        range_behind: Range behind, from centre to centre [m].
         range_around: Range in every direction, also outside the field of view [m].
         field_of_view: Full angle of the view ahead, and full angle of the view behind [rad].
         latency: Age of the reported measurements, rounded to decisions of 0.05 s [s].
@@ -156,16 +156,16 @@ class SensorArray:
         share_in_rain = 1.0 - sensor.rain_loss * weather.rain / 100.0
         share_in_fog = 1.0 - sensor.fog_loss * weather.fog / 100.0
         self._range_share = (share_in_rain * share_in_fog).astype(np.float32)
-        self._delay = round(sensor.latency * float(DECISIONS_PER_SECOND))
-        # Decisions with their measurements, oldest first.
-        self._measurements = deque[tuple[int, F32]](maxlen=self._delay + 1)
+        self._latency_decisions = round(sensor.latency * float(DECISIONS_PER_SECOND))
+        # Numbers of decisions with their measurements, oldest first.
+        self._measurements = deque[tuple[int, F32]](maxlen=self._latency_decisions + 1)
 
     def measure(self, neighbours: F32, is_running: Mask, decision_index: int) -> F32:
         """Measure the neighbours now, and report the measurements that are as old as the latency.
 
-        Before the latency has passed for the first time, the first measurements are reported. The
-        sensor does not measure while an action of the external driver holds for several decisions;
-        reported measurements can then be older than the latency.
+        Before the latency has passed for the first time, the sensor reports its first measurements.
+        It does not measure while an action of the external driver holds for several decisions; its
+        reports can then be older than the latency.
 
         Args:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
@@ -178,8 +178,9 @@ class SensorArray:
         """
         measurements = self._measurements
         measurements.append((decision_index, self._measure_now(neighbours, decision_index)))
-        # The first entry becomes the youngest one that is as old as the latency.
-        while len(measurements) > 1 and measurements[1][0] <= decision_index - self._delay:
+        # Afterwards the first entry is the newest of those that are at least as old as the latency.
+        newest_reported = decision_index - self._latency_decisions
+        while len(measurements) > 1 and measurements[1][0] <= newest_reported:
             measurements.popleft()
         _, reported = measurements[0]
         return np.where(is_running[:, None, None], reported, np.float32(0.0))
@@ -188,8 +189,8 @@ class SensorArray:
     def clear_gap_ahead_of_leader(passing: F32) -> None:
         """Set the gap ahead of the leader, which sensors do not measure, to zero.
 
-        Zero means that there is no space ahead of the leader; `unseen_gap` would mean that the road
-        there is free.
+        The driver then assumes no space ahead of the leader. The gap of undetected neighbours,
+        1000 m (`perception.unseen_gap` in `model.toml`), would state that the road there is free.
 
         Args:
             passing: Columns about a pass, shape (simulation, `PASSING_COLUMNS`).
@@ -202,11 +203,12 @@ class SensorArray:
         Only gap and closing speed have errors; the other columns of a detected vehicle are true.
         """
         sensor = self._sensor
-        # Each role has its own stream of four numbers: the first decides whether the vehicle is
-        # missed, the next two give the errors, the last is unused. `Stream` leaves 256 numbers to
-        # `SENSOR`.
+        # Each role has its own stream of four numbers: the first decides whether the sensor misses
+        # the vehicle, the next two give the errors, the last is unused. `Stream` reserves 256
+        # streams from `SENSOR` on.
         streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
         draws = self._draw_uniform_numbers(streams, decision_index)
+        # Two independent numbers with the standard normal distribution.
         gap_deviation, speed_deviation = box_muller(draws[..., 1], draws[..., 2])
         is_detected = self._is_in_range(neighbours) & (draws[..., 0] >= np.float32(sensor.missed))
         measured = np.where(is_detected[..., None], neighbours, np.float32(0.0))
@@ -229,17 +231,16 @@ class SensorArray:
     def _is_in_range(self, neighbours: F32) -> Mask:
         """Whether each neighbour exists and is within range and field of view.
 
-        Distances are between centres and angles from the direction of the road, not from the ego's
-        heading.
+        Distances are between centres. Angles are measured from the direction of the road, not from
+        the heading of the ego.
         """
         sensor, neighbour = self._sensor, _columns_of(neighbours)
         half_lengths = self._ego_half_length[:, None] + np.float32(0.5) * neighbour.length
         # Ahead for leaders and oncoming vehicles, behind for followers.
         distance_along = neighbour.gap + half_lengths
         lateral_distance = np.abs(neighbour.lateral_distance)
-        # The last bits of NumPy's hypot and arctan2 may differ between processors. They need no
-        # twins in `core.float32_math`: a drive is repeated from its recorded actions, without the
-        # sensor.
+        # The last bits of NumPy's hypot and arctan2 may differ between processors. That does no
+        # harm: simulations are repeated from their recorded actions, without the sensor.
         distance = np.hypot(distance_along, lateral_distance)
         angle = np.arctan2(lateral_distance, distance_along)
         range_share = self._range_share[:, None]
