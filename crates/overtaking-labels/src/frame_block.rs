@@ -1,10 +1,10 @@
-//! Sixteen consecutive frames of one simulation side by side, in two forms.
+//! Sixteen consecutive frames of one simulation in the lanes of SIMD vectors, in two forms.
 //!
 //! `FrameBlock` computes signals in whole blocks, also after the last recorded frame: rows usually have memory for
 //! them, and nothing reads these results. Where the memory of a row ends, zeros fill up the block.
 //!
-//! `SpanBlock` reads a span of frames for minima and counts. The last frame of the span fills it up, so that a minimum
-//! over all sixteen lanes is the minimum over the frames of the span.
+//! `SpanBlock` reads a span of frames for minima and counts. The last frame of the span fills up the block, so that a
+//! minimum over all sixteen lanes is the minimum over the frames of the span.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -14,10 +14,10 @@ use overtaking_core::prefetch;
 use crate::recording::{METRES_PER_MM, PackedRecording};
 use crate::vectors::{F32, Mask, SIMD_LANES};
 
-/// Number of frames by which rows are loaded into the cache ahead of their use. The CPU's own prefetcher does not
-/// follow the rows of many vehicles at once.
+/// Number of frames by which rows are loaded into the cache ahead of their use: two blocks, a choice. The CPU's own
+/// prefetcher does not follow the rows of many vehicles at once.
 const PREFETCH_DISTANCE: usize = 2 * SIMD_LANES;
-/// Radians in a recorded unit of a heading.
+/// Unit of recorded headings [rad].
 const RADIANS_PER_UNIT: f32 = 1e-4;
 
 /// Sixteen frames of one simulation, to compute signals.
@@ -35,23 +35,24 @@ pub(crate) struct FrameBlock<'a, S: Simd> {
 
 /// The part of the road's width that the turned body of a vehicle covers, frame by frame.
 pub(crate) struct Footprint<S: Simd> {
-    /// Lateral position of the centre, positive to the left [m].
+    /// Lateral position of the centre, positive to the left, the overtaking side [m].
     pub(crate) lateral_position: F32<S>,
     /// Half of the covered width [m].
     pub(crate) half_width: F32<S>,
 }
 
-/// Evaluate an expression for each block of the first frames of a simulation, with the SIMD features of the CPU.
+/// Evaluate `$body` for each block of the first `$num_frames` frames, with the SIMD features of the CPU.
 ///
-/// A macro, because a closure that the compiler does not inline would lose these features.
+/// `$block` is any block of the simulation, and `$current` names each block in `$body`. This is a macro, because a
+/// closure that the compiler does not inline would lose these features.
 macro_rules! for_each_frame_block {
-    ($block:expr, $num_frames:expr, |$at:ident| $body:expr) => {{
+    ($block:expr, $num_frames:expr, |$current:ident| $body:expr) => {{
         let block = $block;
         for first_frame in (0..$num_frames).step_by($crate::vectors::SIMD_LANES) {
             block.simd.vectorize(
                 #[inline(always)]
                 || {
-                    let $at = $crate::frame_block::FrameBlock {
+                    let $current = $crate::frame_block::FrameBlock {
                         first_frame,
                         ..block
                     };
@@ -165,7 +166,7 @@ impl<S: Simd> FrameBlock<'_, S> {
     }
 }
 
-/// At most sixteen frames of a span, to find minima and count; the last frame of the span fills the block up.
+/// At most sixteen frames of a span, for minima and counts.
 #[derive(Clone, Copy)]
 pub(crate) struct SpanBlock<S: Simd> {
     /// Token of the SIMD level.
@@ -188,7 +189,7 @@ impl<S: Simd> SpanBlock<S> {
         }
     }
 
-    /// The frames of a row.
+    /// The frames of a row; after the span its last frame repeats.
     #[inline(always)]
     pub(crate) fn array<T: Copy>(&self, row: &[T]) -> [T; SIMD_LANES] {
         if let Some(whole) = row[self.first_frame..].first_chunk::<SIMD_LANES>()
@@ -218,13 +219,13 @@ impl<S: Simd> SpanBlock<S> {
     #[inline(always)]
     pub(crate) fn for_each_frame(&self, values: F32<S>, mut visit: impl FnMut(f32, usize)) {
         let values: [f32; SIMD_LANES] = values.to_array();
-        for (lane, value) in values.iter().enumerate().take(self.len) {
-            visit(*value, self.first_frame + lane);
+        for (simd_lane, value) in values.iter().enumerate().take(self.len) {
+            visit(*value, self.first_frame + simd_lane);
         }
     }
 }
 
-/// The smallest of sixteen numbers without NaN; infinity if all are NaN.
+/// The smallest of sixteen numbers, except NaN; infinity if all are NaN.
 #[inline(always)]
 pub(crate) fn min_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     let values: [f32; SIMD_LANES] = values.to_array();
@@ -233,7 +234,7 @@ pub(crate) fn min_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     })
 }
 
-/// The largest of sixteen numbers without NaN; minus infinity if all are NaN.
+/// The largest of sixteen numbers, except NaN; minus infinity if all are NaN.
 #[inline(always)]
 pub(crate) fn max_of_lanes<S: Simd>(values: F32<S>) -> f32 {
     let values: [f32; SIMD_LANES] = values.to_array();

@@ -1,5 +1,7 @@
 //! Duties towards the vehicles around the ego: its distance to the leader, its return to the original lane, and the
 //! braking that it forces on its follower.
+//!
+//! The *lawful gap* is the gap that the law asks of the following vehicle, `LawNumbers::lawful_gap`.
 
 use std::ops::Range;
 
@@ -37,14 +39,15 @@ impl TrackScan<'_> {
         if span.is_empty() {
             return minimum;
         }
-        cut_ins.note_all(0..span.start);
+        // A cut-in before the span can still excuse its first frames.
+        cut_ins.add_from(0..span.start);
         simd.vectorize(
             #[inline(always)]
             || {
                 let mut smallest = splat(simd, minimum.min_margin);
                 for first_frame in span.clone().step_by(SIMD_LANES) {
                     let block = SpanBlock::new(simd, first_frame, span.end);
-                    cut_ins.note_all(first_frame..first_frame + block.len);
+                    cut_ins.add_from(first_frame..first_frame + block.len);
                     let Some(LeaderMargin { margin, has_leader }) = self.leader_margin(block)
                     else {
                         continue;
@@ -55,10 +58,12 @@ impl TrackScan<'_> {
                         cut_ins.without_recent(block, margin)
                     };
                     smallest = min(margin, smallest);
+                    // A loop over single frames is slow; only negative margins need it.
                     if margin.simd_lt(0.0).any_true() {
                         block.for_each_frame(margin, |margin, frame| minimum.take(margin, frame));
                     }
                 }
+                // `take` saw only the blocks with a negative margin.
                 minimum.min_margin = min_of_lanes(smallest);
             },
         );
@@ -83,7 +88,7 @@ impl TrackScan<'_> {
     pub(crate) fn return_opportunity<S: Simd>(
         &self,
         simd: S,
-        target: u8,
+        target_slot: u8,
         original_lane: u8,
         span: Range<usize>,
     ) -> FrameRun {
@@ -104,7 +109,7 @@ impl TrackScan<'_> {
                         current_length = 0;
                         continue;
                     }
-                    let margin = self.return_margin(block, target);
+                    let margin = self.return_margin(block, target_slot);
                     block.for_each_frame(margin, |margin, frame| {
                         current_length = if is_in_other_lane(frame) && margin >= 0.0 {
                             current_length + 1
@@ -124,12 +129,14 @@ impl TrackScan<'_> {
         longest_run
     }
 
-    /// Gaps in the right lane minus the gaps that a return needs, -1 while the target is not far enough behind [m].
+    /// The smaller of the gaps to both vehicles in the right lane, each minus the gap that a return needs [m]. It is -1
+    /// while the target is not far enough behind the ego.
     #[inline(always)]
-    fn return_margin<S: Simd>(&self, block: SpanBlock<S>, target: u8) -> F32<S> {
+    fn return_margin<S: Simd>(&self, block: SpanBlock<S>, target_slot: u8) -> F32<S> {
         let (law, signals) = (self.law, &self.track.signals);
         let speed = block.load(signals.speed);
         let decel = law.assumed_decel(block.load(signals.friction));
+        // Margins are at most this distance, which is also the margin of an empty lane.
         let mut margin = splat(block.simd, law.return_range);
         for role in [RIGHT_LEADER, RIGHT_FOLLOWER] {
             let Some(neighbour) = self.track.neighbour(block, role) else {
@@ -138,6 +145,7 @@ impl TrackScan<'_> {
             let closing_speed = neighbour.closing_speed;
             let needed_gap = if role == RIGHT_LEADER {
                 let lawful_gap = law.lawful_gap(speed, closing_speed, decel);
+                // An ego that would soon have to pull out again may stay in its lane.
                 max(lawful_gap, law.free_time * closing_speed)
             } else {
                 let follower_speed = speed + closing_speed;
@@ -149,22 +157,22 @@ impl TrackScan<'_> {
                 margin,
             );
         }
-        let has_passed = self.target_is_far_behind(block, target, speed, decel);
-        select(has_passed, margin, splat(block.simd, -1.0))
+        let is_target_far_behind = self.is_target_far_behind(block, target_slot, speed, decel);
+        select(is_target_far_behind, margin, splat(block.simd, -1.0))
     }
 
-    /// Whether the target is behind the ego by the time gap and the lawful gap of a return.
+    /// Whether the target is behind the ego, by the time gap of a return and the lawful gap at least.
     #[inline(always)]
-    fn target_is_far_behind<S: Simd>(
+    fn is_target_far_behind<S: Simd>(
         &self,
         block: SpanBlock<S>,
-        target: u8,
+        target_slot: u8,
         speed: F32<S>,
         decel: F32<S>,
     ) -> Mask<S> {
         let track = &self.track;
-        let slot = match target {
-            // The ego's own slot, whose lead of 0 is never positive.
+        let slot = match target_slot {
+            // The slot of the ego: its lead over itself is 0, so the result is false.
             NO_VEHICLE => 0,
             slot => usize::from(slot),
         };
@@ -180,18 +188,19 @@ impl TrackScan<'_> {
         ego_lead.simd_gt(0.0) & gap.simd_ge(needed_gap)
     }
 
-    /// Allowed braking minus the braking forced on the follower, after each lane change [m/s^2].
+    /// Allowed braking minus the braking (DRAC) forced on the follower, for some time after each lane change [m/s^2].
     pub(crate) fn forced_braking_margin<S: Simd>(
         &self,
         simd: S,
         span: Range<usize>,
     ) -> MarginMinimum {
         let mut minimum = MarginMinimum::UNCONSTRAINED;
+        // From frame 1 on, because a lane change needs a frame before it.
         let (mut search_from, mut scanned_until) = (span.start.max(1), 0);
         let lane = self.track.signals.lane;
         while let Some(change) = next_lane_change(lane, search_from..span.end) {
             let end = span.end.min(change + self.law.obstruction_frames + 1);
-            // The times after two lane changes can overlap; each frame is taken once.
+            // The times after two lane changes can overlap, and each frame must count once.
             let frames = change.max(scanned_until)..end;
             simd.vectorize(
                 #[inline(always)]
@@ -216,6 +225,7 @@ impl TrackScan<'_> {
                 continue;
             };
             let braking = drac(follower.gap, follower.closing_speed);
+            // The DRAC is infinite where no gap is left.
             let braking = at_most(braking, self.law.max_braking);
             let margin = self.law.allowed_braking - braking;
             let margin = select(follower.exists, margin, splat(simd, UNCONSTRAINED));
@@ -224,14 +234,14 @@ impl TrackScan<'_> {
     }
 }
 
-/// First of some frames in which the lane differs from the frame before; the frames begin at 1 or later.
+/// First of `frames` in which the lane differs from the frame before. `frames` begins at 1 or later.
 fn next_lane_change(lane: &[u8], frames: Range<usize>) -> Option<usize> {
     // Most frames keep their lane, so sixteen of them are compared at once.
     let has_one_lane = |frames: Range<usize>| {
-        let first = lane[frames.start];
+        let first_lane = lane[frames.start];
         lane[frames]
             .iter()
-            .fold(true, |all, &lane| all & (lane == first))
+            .fold(true, |all, &lane| all & (lane == first_lane))
     };
     let mut begin = frames.start;
     while begin + SIMD_LANES <= frames.end && has_one_lane(begin - 1..begin + SIMD_LANES) {
@@ -240,7 +250,7 @@ fn next_lane_change(lane: &[u8], frames: Range<usize>) -> Option<usize> {
     (begin..frames.end).find(|&frame| lane[frame] != lane[frame - 1])
 }
 
-/// Vehicles that have cut in ahead of the ego.
+/// Vehicles that have cut in ahead of the ego: from another lane they became the leader of an ego that kept its lane.
 struct RecentCutIns<'a> {
     /// The simulation.
     scan: &'a TrackScan<'a>,
@@ -251,7 +261,7 @@ struct RecentCutIns<'a> {
 }
 
 impl<'a> RecentCutIns<'a> {
-    /// Before the first frame.
+    /// No cut-ins yet.
     fn new(scan: &'a TrackScan<'a>) -> Self {
         Self {
             scan,
@@ -260,12 +270,12 @@ impl<'a> RecentCutIns<'a> {
         }
     }
 
-    /// Note the cut-ins within some frames.
+    /// Add the cut-ins of some frames, which are later than all frames so far.
     #[inline(always)]
-    fn note_all(&mut self, frames: Range<usize>) {
+    fn add_from(&mut self, frames: Range<usize>) {
         let start = frames.start.max(1);
         let leaders = self.leader_slots[start - 1..frames.end.max(start)].iter();
-        // In most blocks the leader stays the same, which this loop finds without a branch for each frame.
+        // In most blocks the leader stays the same. This loop has no branch for each frame, so it is fast.
         let leader_changes = leaders
             .clone()
             .zip(leaders.skip(1))
@@ -273,12 +283,12 @@ impl<'a> RecentCutIns<'a> {
         if leader_changes {
             frames
                 .filter(|&frame| frame > 0)
-                .for_each(|frame| self.note(frame));
+                .for_each(|frame| self.add_if_cut_in(frame));
         }
     }
 
-    /// Note a cut-in: a vehicle from another lane becomes the leader while the ego keeps its lane.
-    fn note(&mut self, frame: usize) {
+    /// Add the leader of a frame if it cuts in there.
+    fn add_if_cut_in(&mut self, frame: usize) {
         let track = &self.scan.track;
         let (leader, before, ego_lane) = (self.leader_slots[frame], frame - 1, track.signals.lane);
         if leader == self.leader_slots[before]
@@ -293,10 +303,10 @@ impl<'a> RecentCutIns<'a> {
         }
     }
 
-    /// Whether, from a frame on, the time to regain the gap is over for every cut-in so far.
+    /// Whether the time to regain the gap has ended before a frame, for all cut-ins so far.
     fn are_all_over(&self, frame: usize) -> bool {
-        let last = self.cut_ins.last();
-        last.is_none_or(|&(_, cut_in)| cut_in + self.scan.law.regain_frames < frame)
+        let last_cut_in = self.cut_ins.last();
+        last_cut_in.is_none_or(|&(_, cut_in)| cut_in + self.scan.law.regain_frames < frame)
     }
 
     /// The margins of frames whose leader has not cut in recently, `UNCONSTRAINED` in the others.
@@ -311,11 +321,11 @@ impl<'a> RecentCutIns<'a> {
         F32::simd_from(block.simd, margins)
     }
 
-    /// Whether the ego may still regain the gap that a vehicle has taken by cutting in.
-    fn has_cut_in_recently(&self, vehicle: u8, frame: usize) -> bool {
+    /// Whether the time in which the ego may regain its gap after a cut-in of the vehicle is not over yet.
+    fn has_cut_in_recently(&self, vehicle_slot: u8, frame: usize) -> bool {
         let is_recent =
             |cut_in: usize| cut_in <= frame && frame - cut_in <= self.scan.law.regain_frames;
         let mut cut_ins = self.cut_ins.iter();
-        cut_ins.any(|&(slot, cut_in)| slot == vehicle && is_recent(cut_in))
+        cut_ins.any(|&(slot, cut_in)| slot == vehicle_slot && is_recent(cut_in))
     }
 }

@@ -1,4 +1,4 @@
-//! Movements of the ego across the road: unbroken runs of frames, how far they lead, and how fast.
+//! Movements of the ego across the road: unbroken runs of frames with lateral motion, their width and their speed.
 
 use crate::recording::{NO_VEHICLE, PackedRecording, SignalViews};
 use crate::track::Track;
@@ -13,21 +13,21 @@ macro_rules! with_event_thresholds {
         $then! {
             /// Fewest frames of a wide movement.
             min_frames: usize,
-            /// Frames before a movement over which the position of the ego is averaged, by the median.
+            /// Frames before a movement whose median position is the position from which it starts.
             window: usize,
             /// Lateral speed above which the ego moves across the road [m/s].
             min_speed: f32,
             /// Smallest shift of a wide movement [m].
             min_shift: f32,
-            /// Remaining shift at which a movement counts as undone [m].
+            /// Shift at which a movement counts as undone, after it has reached `min_shift` [m].
             settled_shift: f32,
             /// Lanes, from lane 0 on, that have a driving lane to their left.
             lanes_with_left: usize,
-            /// Distance of a corner beyond the line at which it counts as over the line [m].
+            /// Distance beyond a line above which a corner counts as over the line [m].
             over_line: f32,
-            /// Frames in which a fast movement advances by `min_advance`.
+            /// Frames within which a fast movement advances by `min_advance`.
             advance: usize,
-            /// Frames after a fast movement within which it leads out of the lane or is undone.
+            /// Frames after a fast movement in which the ego may still leave its lane or come back.
             follow_up: usize,
             /// Time gap below which the ego follows its leader closely [s].
             follow_time_gap: f32,
@@ -43,7 +43,8 @@ macro_rules! declare_event_thresholds {
     ($($(#[$doc:meta])* $field:ident: $kind:ty,)*) => {
         /// Thresholds of `event_detection.toml`, and the lanes of the road; times are numbers of frames.
         pub struct EventThresholds<'a> {
-            /// Advance to the left within `advance` frames that gusts and wandering do not reach, for each ego [m].
+            /// Smallest shift to the left of a fast movement within `advance` frames, for each ego [m]. Gusts and
+            /// wandering in the lane cause smaller shifts.
             pub min_advance: &'a [f32],
             /// Lane borders from right to left [m].
             pub borders: Vec<f32>,
@@ -68,7 +69,8 @@ impl EventThresholds<'_> {
 
 /// First frame in which a condition holds.
 fn first_frame<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
-    // The condition mostly holds in no frame. Without a branch for each frame the compiler tests many at once.
+    // In most rows the condition holds in no frame. Without branches in a chunk, whose size is a choice, the compiler
+    // tests many frames at once.
     const CHUNK: usize = 64;
     let holds_in_any = |chunk: &[T]| chunk.iter().fold(false, |any, &value| any | holds(value));
     let begin = CHUNK * row.chunks(CHUNK).position(holds_in_any)?;
@@ -76,8 +78,8 @@ fn first_frame<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
     Some(begin + offset)
 }
 
-/// First frame in which a condition holds after a frame in which it does not hold. A recording may begin with a
-/// vehicle beside the lanes, which is no departure from them.
+/// First frame in which a condition holds after a frame in which it does not hold. So a vehicle that is beside the
+/// lanes when the recording begins does not count as leaving them.
 fn first_change<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
     let start = row.iter().position(|&value| !holds(value))?;
     Some(start + first_frame(&row[start..], holds)?)
@@ -145,13 +147,13 @@ impl<'a> EgoDrive<'a> {
         }
     }
 
-    /// Left border of a lane; the last border for a place beyond the lanes.
+    /// Left border of a lane; the last border for a place beyond the lanes [m].
     pub(crate) fn left_line(&self, lane: u8) -> f32 {
         let borders = &self.thresholds.borders;
         borders[(usize::from(lane) + 1).min(borders.len() - 1)]
     }
 
-    /// Right border of a lane; the last border for a place beyond the lanes.
+    /// Right border of a lane; the last border for a place beyond the lanes [m].
     pub(crate) fn right_line(&self, lane: u8) -> f32 {
         let borders = &self.thresholds.borders;
         borders[usize::from(lane).min(borders.len() - 1)]
@@ -174,8 +176,10 @@ impl<'a> EgoDrive<'a> {
         signals.left_edge[frame] > line + self.thresholds.over_line
     }
 
-    /// Whether the whole left side was inside the lane: for `min_frames` since the centre entered it, or from the first
-    /// frame on. A recording that begins while the ego moves to the left also counts.
+    /// Whether the whole left side was inside the lane for `min_frames` successive frames since the centre entered it.
+    ///
+    /// If the recording begins in this lane, it suffices that the left side was inside in the first frame, or that the
+    /// ego moved to the left there.
     fn has_been_inside(&self, frame: usize) -> bool {
         let (lane, thresholds) = (self.track.signals.lane, self.thresholds);
         let mut num_inside = 0;
@@ -195,7 +199,7 @@ impl<'a> EgoDrive<'a> {
         num_inside > 0 || self.track.signals.lateral_speed[0] > thresholds.min_speed
     }
 
-    /// The leader, or the last leader within `window` frames in this lane, if that vehicle still has a state.
+    /// The last leader within `window` frames in the present lane, if that vehicle still has a state.
     pub(crate) fn recent_leader(&self, frame: usize) -> Option<u8> {
         let lane = self.track.signals.lane;
         let earliest = frame.saturating_sub(self.thresholds.window);
@@ -212,7 +216,7 @@ impl<'a> EgoDrive<'a> {
             (self.track.signals.lateral_speed, self.thresholds.min_speed);
         self.next_movement(search_from, |frame| {
             let speed = lateral_speed[frame];
-            // Over the line any speed counts: the ego leaves its lane, however slowly.
+            // Over the line any speed to the left counts, because the ego is leaving its lane.
             speed > min_speed || (speed > 0.0 && self.is_over_left_line(frame))
         })
     }
@@ -272,7 +276,7 @@ impl<'a> EgoDrive<'a> {
     fn median_position(&self, frame: usize) -> f32 {
         let lateral_position = self.track.signals.lateral_position;
         let earliest = frame.saturating_sub(self.thresholds.window);
-        // Frames before the recording have the first recorded position.
+        // Frames before the recording count with the first recorded position.
         let num_missing = self.thresholds.window - (frame - earliest);
         let mut positions = vec![lateral_position[0]; num_missing];
         positions.extend_from_slice(&lateral_position[earliest..=frame]);

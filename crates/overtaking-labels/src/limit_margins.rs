@@ -1,4 +1,6 @@
 //! Margins of one signal to a limit, and flags such as lamps, over a span of frames.
+//!
+//! A margin is negative where the signal exceeds a maximum or falls below a minimum.
 
 use std::ops::Range;
 
@@ -72,6 +74,7 @@ impl LimitQuery<'_> {
                         value - limit
                     };
                     smallest = min(margin, smallest);
+                    // A loop over single frames is slow; only blocks with margins of both signs need it.
                     let is_negative = margin.simd_lt(0.0);
                     if is_negative.all_true() {
                         minimum.take_negative_frames(first_frame..first_frame + block.len);
@@ -79,6 +82,7 @@ impl LimitQuery<'_> {
                         block.for_each_frame(margin, |margin, frame| minimum.take(margin, frame));
                     }
                 }
+                // `take` saw only some blocks, and `take_negative_frames` leaves the minimum to its caller.
                 minimum.min_margin = min_of_lanes(smallest);
                 minimum
             },
@@ -86,7 +90,8 @@ impl LimitQuery<'_> {
     }
 }
 
-/// Bits that are set in any frame of a span, then bits that are set in all of its frames: two rows of `out`.
+/// Bits that are set in any frame of a span, then bits that are set in all of its frames: two rows of `out`, (row,
+/// simulation).
 ///
 /// A span without frames has no bit in the first row and all bits in the second.
 pub fn flag_bits(rows: &[&[u8]], span: &[i32], out: &mut [u8]) {

@@ -15,9 +15,10 @@ use crate::recording::{
 };
 use crate::vectors::{F32, SIMD_LANES, select, splat};
 
-/// Distance ahead and behind over which the occupancy of the left lane is counted [mm].
+/// Distance ahead of and behind the ego over which the occupancy of the left lane is measured [mm]. It has the value of
+/// `OCCUPANCY_REACH_MM` in `overtaking.labels.snapshots`.
 const OCCUPANCY_REACH_MM: i32 = 100_000;
-/// Simulations that a thread takes at a time; one takes less than a microsecond.
+/// Smallest number of simulations that a thread takes at a time, a choice: one takes less than a microsecond.
 const SIMULATIONS_PER_TASK: usize = 64;
 
 signal_outputs! {
@@ -28,11 +29,11 @@ signal_outputs! {
     gap: f32, NUM_ROLES;
     /// Speed at which the gap shrinks [m/s].
     closing_speed: f32, NUM_ROLES;
-    /// Gap between the sides [m].
+    /// Gap between the sides, negative where the vehicles overlap across the road [m].
     lateral_gap: f32, NUM_ROLES;
-    /// Share of the left lane that vehicles cover, within `OCCUPANCY_REACH_MM`.
+    /// Share of the left lane within `OCCUPANCY_REACH_MM` that vehicles cover [1].
     left_occupancy: f32, 1;
-    /// Number of vehicles in the left lane.
+    /// Number of vehicles in the left lane, at any distance.
     left_count: u8, 1;
 }
 
@@ -50,7 +51,7 @@ signal_outputs! {
     gap: f32, 1;
     /// Lateral position, positive to the left [m].
     lateral_position: f32, 1;
-    /// Gap between the sides [m].
+    /// Gap between the sides, negative where both overlap across the road [m].
     lateral_gap: f32, 1;
     /// Lane index.
     lane: u8, 1;
@@ -72,7 +73,7 @@ pub fn neighbour_signals(
     out: &mut NeighbourSignals<'_>,
 ) {
     let len = NUM_ROLES * recording.max_frames;
-    // The arrays come with undefined contents, so all frames after the recorded ones have to be cleared.
+    // The arrays come with undefined contents, so no frame of them is known to be zero.
     let mut zero_from = vec![i32::MAX; recording.num_frames.len()];
     out.fill(
         recording,
@@ -109,6 +110,7 @@ impl<S: Simd> FrameBlock<'_, S> {
                 .select(other_lead, -other_lead)
                 .to_float();
             let half_length_sum = recording.length[ego] * 0.5 + recording.length[row] * 0.5;
+            // Speed of the ego minus speed of the other vehicle [mm/s].
             let ego_excess = ego_speed - self.load(recording.speed[row]);
             let lateral_gap = lateral_gap(&ego_footprint, &self.footprint(row));
             for (role, result) in results.iter_mut().enumerate() {
@@ -145,7 +147,8 @@ impl<S: Simd> FrameBlock<'_, S> {
     fn left_lane(&self, out: &mut NeighbourSignals<'_>) {
         let (recording, ego) = (self.recording, self.row(0));
         let (ego_s, ego_lane) = (self.load(recording.s[ego]), self.load(recording.lane[ego]));
-        let limit = self.int(2 * OCCUPANCY_REACH_MM);
+        // In half-millimetres.
+        let reach = self.int(2 * OCCUPANCY_REACH_MM);
         let (mut total, mut count) = (self.int(0), self.int(0));
         for slot in 1..recording.num_slots {
             let row = self.row(slot);
@@ -159,23 +162,24 @@ impl<S: Simd> FrameBlock<'_, S> {
             // Half of a length has as many half-millimetres as the whole length has millimetres.
             let half_length = recording.length[row] * 1000.0;
             let half_length = self.int(half_length.round_ties_even() as i32);
-            // The first limit keeps the double of a long distance within 32 bits.
+            // A vehicle beyond twice the reach covers nothing. The limit keeps the doubled number within 32 bits.
             let other_lead = self.load(recording.s[row]) - ego_s;
-            let other_lead = other_lead.max(-limit).min(limit) * 2;
-            let front = (other_lead + half_length).min(limit);
-            let rear = (other_lead - half_length).max(-limit);
+            let other_lead = other_lead.max(-reach).min(reach) * 2;
+            let front = (other_lead + half_length).min(reach);
+            let rear = (other_lead - half_length).max(-reach);
             let covered = (front - rear).max(self.int(0));
             total = is_in_left_lane.select(total + covered, total);
             count = is_in_left_lane.select(count + 1, count);
         }
         let total: F32<S> = total.to_float();
+        // The whole stretch is twice the reach: `4 * OCCUPANCY_REACH_MM` half-millimetres.
         let share = total * (1.0 / (4 * OCCUPANCY_REACH_MM) as f32);
         self.store(out.left_occupancy, share);
         self.store_bytes(out.left_count, count);
     }
 }
 
-/// Compute the signals of the overtaken vehicles.
+/// Compute the signals of the targets.
 ///
 /// `target_slot` has the slot of the target of each simulation, `NO_VEHICLE` without one.
 pub fn target_signals(
@@ -199,11 +203,11 @@ pub fn target_signals(
                 0
             };
             let row = recording.row(simulation, slot);
-            let speed = &mut out.lateral_speed[..num_computed];
+            let speeds = &mut out.lateral_speed[..num_computed];
             if recording.is_recorded.is_some() {
-                lateral_speed_between_gaps(recording, row, speed);
+                lateral_speed_between_gaps(recording, row, speeds);
             } else {
-                lateral_speed(recording, row, speed);
+                lateral_speed(recording, row, speeds);
             }
             dispatch!(level, |simd| for_each_frame_block!(
                 FrameBlock::new(simd, recording, simulation),
@@ -223,8 +227,8 @@ pub fn target_signals(
     );
 }
 
-/// Lateral speed of a vehicle without a state in some frames: a central difference, one-sided beside such a frame
-/// [m/s].
+/// Lateral speed of a vehicle without a state in some frames, positive to the left: a central difference, one-sided
+/// beside such a frame [m/s].
 fn lateral_speed_between_gaps(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
     let (d, half) = (recording.d[row], recording.half_window);
     let num_recorded = recording.num_recorded(row / recording.num_slots);
@@ -233,6 +237,7 @@ fn lateral_speed_between_gaps(recording: &PackedRecording<'_>, row: usize, out: 
         let later = frame + (frame + 1..=frame + half).take_while(has_state).count();
         let earlier_frames = (frame.saturating_sub(half)..frame).rev();
         let earlier = frame - earlier_frames.take_while(has_state).count();
+        // Wraps as NumPy does. Millimetres in milliseconds are metres in seconds.
         let d_change = d[later].wrapping_sub(d[earlier]) as f32;
         let elapsed = ((later - earlier) as i32 * recording.interval_ms).max(1) as f32;
         *speed = recording.overtaking_sign * (d_change / elapsed);
@@ -305,11 +310,11 @@ pub struct FramesAlongside {
     pub accel: Vec<f32>,
 }
 
-/// Find the frames of a batch in which ego and target overlap.
+/// Find the frames of a batch in which ego and target overlap along the road.
 ///
 /// # Arguments
 /// * `target_slot` - Slots of the targets by simulation, `NO_VEHICLE` without one.
-/// * `span` - First frames, then last frames to look at, (end, simulation); both ends are included.
+/// * `span` - First and last frames of the search, (end, simulation); both belong to it.
 #[must_use]
 pub fn frames_alongside(
     recording: &PackedRecording<'_>,
@@ -370,12 +375,12 @@ impl FramesAlongside {
             },
         );
         for frame in first_frame..end.min(first_frame + SIMD_LANES) {
-            let lane = frame - first_frame;
-            if gap[lane] < 0.0 && recording.has_state(row, frame) {
+            let simd_lane = frame - first_frame;
+            if gap[simd_lane] < 0.0 && recording.has_state(row, frame) {
                 self.simulation.push(block.simulation as i64);
                 self.frame.push(frame as i64);
                 self.lane.push(recording.lane[row][frame]);
-                self.lateral_gap.push(lateral_gap[lane]);
+                self.lateral_gap.push(lateral_gap[simd_lane]);
                 self.accel
                     .push(f32::from(recording.accel[row][frame]) * METRES_PER_MM);
             }

@@ -10,10 +10,10 @@ use crate::recording::{
 };
 use crate::vectors::{F32, Mask, SIMD_LANES};
 
-/// Smallest speed by which a time gap is computed; it keeps the time gap of a standing ego finite [m/s].
+/// Slower egos count with this speed in time gaps, so that the time gap of a standing ego is finite [m/s].
 const MIN_SPEED: f32 = 0.1;
 
-/// One simulation; recorded states are rows of frames by slot, the ego in slot 0.
+/// One simulation. Recorded states have a row of frames for each slot; the ego has slot 0.
 #[derive(Clone, Copy)]
 pub(crate) struct Track<'a> {
     /// Number of recorded frames.
@@ -87,7 +87,8 @@ impl<'a> Track<'a> {
         gap_between(self.s[0][frame], self.s[slot][frame], half_length_sum)
     }
 
-    /// The vehicle that an ego without an attempt might have overtaken: its first close leader, else its first leader.
+    /// Slot of the vehicle that an ego without an attempt might have overtaken: its first close leader, else its first
+    /// leader.
     pub(crate) fn likely_target(&self, max_time_gap: f32) -> Option<u8> {
         let frames = 0..self.num_frames;
         let close = frames
@@ -96,7 +97,7 @@ impl<'a> Track<'a> {
         close.or_else(|| frames.clone().find_map(|frame| self.leader(frame)))
     }
 
-    /// First frame, up to `last`, in which the ego is close behind the target; 0 if it never is.
+    /// First frame, up to `last`, in which the target is the leader and closer than `max_time_gap`; 0 without one.
     pub(crate) fn following_begin(&self, target: u8, last: usize, max_time_gap: f32) -> usize {
         let end = self.num_frames.min(last + 1);
         (0..end)
@@ -131,7 +132,7 @@ impl<'a> Track<'a> {
         (0..self.s.len()).filter(is_passed).count() as i32
     }
 
-    /// `arrival_frame` of the follower in the left lane, `NEVER` without one.
+    /// `arrival_frame` of the vehicle that is the follower in the left lane at `frame`; `NEVER` without one.
     pub(crate) fn left_follower_arrival(&self, frame: i32) -> i32 {
         let slots = self.signals.neighbour(LEFT_FOLLOWER);
         let begin = usize::try_from(frame).ok();
@@ -171,6 +172,7 @@ impl<'a> Track<'a> {
         let exists = slots.map(|slot| f32::from(u8::from(slot != NO_VEHICLE)));
         let slots = SlotsPerFrame::new(slots);
         let neighbour_lead = slots.gather(block, self.s) - block.load_ints(self.s[0]);
+        // Speed of the ego minus speed of the neighbour [mm/s].
         let ego_excess = block.load_ints(self.speed[0]) - slots.gather(block, self.speed);
         let closing_speed = if is_ahead(role) {
             ego_excess
@@ -209,12 +211,12 @@ pub(crate) struct NeighbourFrames<S: Simd> {
 pub(crate) struct SlotsPerFrame {
     /// The slot in each frame.
     slots: [u8; SIMD_LANES],
-    /// The slot of all frames, if they have the same one: one row then has the numbers of all frames.
+    /// The slot of all frames if they have the same one: their numbers are then in one row, which loads faster.
     common: Option<usize>,
 }
 
 impl SlotsPerFrame {
-    /// Slots of the block; the ego's slot in place of `NO_VEHICLE`.
+    /// Slots of a block, with the ego's slot in place of `NO_VEHICLE`.
     fn new(slots: [u8; SIMD_LANES]) -> Self {
         let slots = slots.map(|slot| if slot == NO_VEHICLE { 0 } else { slot });
         let common = (slots == [slots[0]; SIMD_LANES]).then_some(usize::from(slots[0]));
@@ -241,8 +243,8 @@ impl SlotsPerFrame {
             return block.load_ints(rows[slot]);
         }
         let mut values = [0; SIMD_LANES];
-        for (lane, (value, slot)) in values.iter_mut().zip(self.slots).enumerate() {
-            let frame = block.first_frame + lane.min(block.len - 1);
+        for (simd_lane, (value, slot)) in values.iter_mut().zip(self.slots).enumerate() {
+            let frame = block.first_frame + simd_lane.min(block.len - 1);
             *value = rows[usize::from(slot)][frame].into();
         }
         i32x16::simd_from(block.simd, values)
